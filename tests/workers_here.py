@@ -2,15 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator, Mapping
-from typing import Any
-
 from mapmore_cli.domain.errors import MapmoreError
 
 
-def in_turn(
-    work: Callable[[Any], Any], jobs: Mapping[int, Any], *_: object
-) -> Generator[tuple[int, Any], None, None]:
+def in_turn(work, jobs, *_):
     """Do all jobs in this process."""
     for number, job in jobs.items():
         try:

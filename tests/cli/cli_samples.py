@@ -7,14 +7,11 @@ from __future__ import annotations
 import json
 import re
 import time
-from collections.abc import Callable, Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import yaml
 
-from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.fits import Scaling
 from mapmore_cli.domain.models import CurveFunction, Fusion, Model, Pieces, SegmentFunction
 from mapmore_cli.domain.recording import Quantity
@@ -36,12 +33,12 @@ report: {{figures: [], formats: [html, csv], published: {{source: a paper,
 
 
 def write_study(
-    folder: Path,
-    name: str = "bench",
-    levels: Sequence[int] = (100, 200, 300),
-    held_out: Sequence[int] = (200,),
-    samples: int = 40,
-) -> Path:
+    folder,
+    name="bench",
+    levels=(100, 200, 300),
+    held_out=(200,),
+    samples=40,
+):
     """A spec with one recording for each pressure; the force is `2 P (1 - 3 eps) - 40`, slightly
     noisy.
     """
@@ -61,14 +58,14 @@ def write_study(
     return spec
 
 
-def write_slow_study(folder: Path, name: str) -> Path:
+def write_slow_study(folder, name):
     """A study whose segmentation takes many seconds, so that a test can end it at work."""
     spec = write_study(folder, name, samples=15_000)
     edit(spec, "method: even", "method: optimal")
     return spec
 
 
-def wait_until(true: Callable[[], bool], seconds: float = 30.0):
+def wait_until(true, seconds=30.0):
     """Wait for something that another process does."""
     deadline = time.monotonic() + seconds
     while not true():
@@ -76,13 +73,13 @@ def wait_until(true: Callable[[], bool], seconds: float = 30.0):
         time.sleep(0.01)
 
 
-def write_recording(folder: Path, name, level: int, strain: Array, force: Array):
+def write_recording(folder, name, level, strain, force):
     """The recording of one pressure."""
     lines = [f"{level},{e:.5f},{f:.3f}" for e, f in zip(strain, force, strict=True)]
     (folder / f"{name}_{level}.csv").write_text("\n".join(["P,eps,F", *lines]) + "\n")
 
 
-def change_forces(path: Path, change: Callable[[Array], Array], to: Path | None = None):
+def change_forces(path, change, to=None):
     """Write a recording, in its place or `to` another, with other forces."""
     header, *rows = path.read_text().splitlines()
     cells = [row.split(",") for row in rows]
@@ -98,14 +95,14 @@ def change_forces(path: Path, change: Callable[[Array], Array], to: Path | None 
     )
 
 
-def edit(path: Path, old, new):
+def edit(path, old, new):
     """Replace a text of a file, which is there."""
     text = path.read_text()
     assert old in text
     path.write_text(text.replace(old, new, 1))
 
 
-def thinned(recordings: Path, folder: Path, every: int):
+def thinned(recordings, folder, every):
     """The load cycles of a shipped muscle in another folder, with one sample in so many, which is
     quicker.
     """
@@ -114,9 +111,7 @@ def thinned(recordings: Path, folder: Path, every: int):
         (folder / path.name).write_text("\n".join([head, *rows[::every]]) + "\n")
 
 
-def without_figures(
-    study, folder: Path, but: str = "", figures: Sequence[str] | None = None
-) -> Path:
+def without_figures(study, folder, but="", figures=None):
     """A shipped study in another folder, with those that it needs, without figures, which take most
     of the time of a run.
 
@@ -139,7 +134,7 @@ def without_figures(
     return folder / study.name
 
 
-def line(curve: str, level: float, slope: float, height: float, end: float) -> CurveFunction:
+def line(curve, level, slope, height, end):
     """One segment `height + slope strain` over [0, end]."""
     scaling = Scaling("none", "-", ("strain",), np.ones(1), np.zeros(1), 1.0, height)
     one = np.ones(1)
@@ -160,7 +155,7 @@ def line(curve: str, level: float, slope: float, height: float, end: float) -> C
     return CurveFunction(curve, level, (np.array([0.0, end]),), limits, (segment,))
 
 
-def hand_model() -> Model:
+def hand_model():
     """`100 - 400 eps` at 100 kPa up to 0.1, `200 - 500 eps` at 200 kPa up to 0.2, triangles
     between; both continue outside.
     """
@@ -177,13 +172,13 @@ def hand_model() -> Model:
     )
 
 
-def by_hand(pressure: float, strain: float) -> float:
+def by_hand(pressure, strain):
     """What `hand_model` says, in plain arithmetic."""
     t = min(max((pressure - 100) / 100, 0.0), 1.0)
     return (1 - t) * (100 - 400 * strain) + t * (200 - 500 * strain)
 
 
-def held_out(document: dict[str, Any]) -> dict[str, Any]:
+def held_out(document):
     """The scores of every model on all held-out data, of a document with `scores`."""
     return {
         row["model"]: row
@@ -192,9 +187,7 @@ def held_out(document: dict[str, Any]) -> dict[str, Any]:
     }
 
 
-def scored_run(
-    mapmore, spec: Path, runs: Path, *arguments: object
-) -> tuple[dict[str, float], dict[str, str]]:
+def scored_run(mapmore, spec, runs, *arguments):
     """RMSE of every model on the held-out data, and what was done, of one `mapmore run`."""
     result = mapmore("run", spec, "--runs", runs, "--json", "-q", *arguments, code=0)
     document = json.loads(result.stdout)

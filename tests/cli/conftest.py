@@ -6,10 +6,8 @@ import json
 import shutil
 import subprocess
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable
 from functools import cache
-from pathlib import Path
-from typing import Any
 
 import pytest
 import typer.testing
@@ -24,7 +22,7 @@ Call = Callable[..., Result]
 
 
 @pytest.fixture(scope="session", autouse=True)
-def one_command() -> Iterator[None]:
+def one_command():
     """The command is put together once, not for every call: the options of all subcommands take a
     while.
     """
@@ -34,17 +32,17 @@ def one_command() -> Iterator[None]:
 
 
 @pytest.fixture(scope="session")
-def mapmore() -> Call:
+def mapmore():
     """Calls the command in this process; it has to end with the `code` and to tell on stderr what
     it `says`, where these are given.
     """
 
     def call(
-        *args: object,
-        stdin: str | bytes | None = None,
-        code: int | None = None,
-        says: str | Sequence[str] = (),
-    ) -> Result:
+        *args,
+        stdin=None,
+        code=None,
+        says=(),
+    ):
         result = CliRunner().invoke(
             app, [str(arg) for arg in args], input=stdin, prog_name="mapmore"
         )
@@ -57,12 +55,12 @@ def mapmore() -> Call:
 
 
 @pytest.fixture(scope="session")
-def document(mapmore) -> Callable[..., Any]:
+def document(mapmore):
     """Calls the command with `--json` where stderr has to stay empty, and reads the one document
     that it prints.
     """
 
-    def call(*args: object) -> Any:
+    def call(*args):
         result = mapmore(*args, "--json")
         assert (result.exit_code, result.stderr) == (0, "")
         return json.loads(result.stdout)
@@ -71,10 +69,10 @@ def document(mapmore) -> Callable[..., Any]:
 
 
 @pytest.fixture(scope="session")
-def shell() -> Callable[..., subprocess.CompletedProcess[str]]:
+def shell():
     """Calls the command in a process of its own."""
 
-    def call(*args: object, **options: Any) -> subprocess.CompletedProcess[str]:
+    def call(*args, **options):
         command = [sys.executable, "-m", "mapmore_cli", *map(str, args)]
         return subprocess.run(command, capture_output=True, text=True, check=False, **options)
 
@@ -88,13 +86,13 @@ def batch_here(monkeypatch):
 
 
 @pytest.fixture
-def study(tmp_path) -> Path:
+def study(tmp_path):
     """A study that has not run yet."""
     return write_study(tmp_path)
 
 
 @pytest.fixture(scope="session")
-def finished(tmp_path_factory: pytest.TempPathFactory, mapmore) -> tuple[Path, Path]:
+def finished(tmp_path_factory, mapmore):
     """A study that has run: its spec and its folder of runs; not to be changed."""
     folder = tmp_path_factory.mktemp("finished")
     spec = write_study(folder)
@@ -103,7 +101,7 @@ def finished(tmp_path_factory: pytest.TempPathFactory, mapmore) -> tuple[Path, P
 
 
 @pytest.fixture
-def copied(finished, tmp_path) -> tuple[Path, Path]:
+def copied(finished, tmp_path):
     """A copy of `finished`, which a test may change: its spec and its folder of runs."""
     spec, runs = finished
     shutil.copytree(spec.parent, tmp_path, dirs_exist_ok=True)
@@ -111,7 +109,7 @@ def copied(finished, tmp_path) -> tuple[Path, Path]:
 
 
 @pytest.fixture(scope="session")
-def model_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def model_file(tmp_path_factory):
     """`hand_model` as a file."""
     from mapmore_cli.storage.artefacts import write_model
 

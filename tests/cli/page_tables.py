@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import re
-from pathlib import Path
 
 from pages import DOCS, read_rows
 
 PAGE, MEMORY = DOCS / "measured-static.md", DOCS / "memory.md"
 
 
-def page_table(name: str, page: Path = PAGE) -> dict[str, dict[str, str]]:
+def page_table(name, page=PAGE):
     """The table called `name`: its rows by their first cell, each by heading (a unit and a repeated
     heading left out).
     """
@@ -19,19 +18,19 @@ def page_table(name: str, page: Path = PAGE) -> dict[str, dict[str, str]]:
     return {first: dict(reversed(list(zip(keys, cells, strict=True)))) for first, *cells in rows}
 
 
-def rows_of(name: str, page: Path) -> list[list[str]]:
+def rows_of(name, page):
     """The cells of a table whose first cells repeat, without its headings."""
     return read_rows(page, name)[1:]
 
 
-def block_of(page: Path, language: str = "yaml") -> str:
+def block_of(page, language="yaml"):
     """The first block of a language on a page."""
     block = re.search(rf"```{language}\n(.*?)```", page.read_text(encoding="utf-8"), re.DOTALL)
     assert block
     return block[1]
 
 
-def numbers(row: dict[str, str]) -> dict[str, float]:
+def numbers(row):
     """The cells that are numbers."""
     return {
         key: float(text) for key, text in row.items() if re.fullmatch(r"-?[\d.]+(e[+-]?\d+)?", text)

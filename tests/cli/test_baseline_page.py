@@ -16,7 +16,7 @@ PROJECT = Path(__file__).parents[2]
 
 
 @pytest.mark.long
-def test_the_page_says_what_a_gaussian_process_gets(tmp_path: Path, mapmore) -> None:
+def test_the_page_says_what_a_gaussian_process_gets(tmp_path, mapmore):
     pytest.importorskip("sklearn")
     printed = numbers(page_table("baselines", DOCS / "baselines.md")["peano-static"])
     names = ("sarosi", "gaussian_process")
@@ -29,7 +29,7 @@ def test_the_page_says_what_a_gaussian_process_gets(tmp_path: Path, mapmore) -> 
 
 
 @pytest.mark.parametrize("study", ["m1/peano-m1-static", "m1/peano-m1-hysteresis"])
-def test_polynomials_beside_the_studies_of_papers(study: str, tmp_path: Path) -> None:
+def test_polynomials_beside_the_studies_of_papers(study, tmp_path):
     """One that pieces win and one that they lose; every study has its row, and the note counts
     them.
     """

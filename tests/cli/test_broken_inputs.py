@@ -6,8 +6,6 @@ from __future__ import annotations
 
 import gzip
 import hashlib
-from collections.abc import Callable
-from pathlib import Path
 
 import pytest
 from cli_samples import edit, write_study
@@ -15,13 +13,13 @@ from cli_samples import edit, write_study
 SPEC_WRONG, DATA_WRONG, CANNOT_WRITE = 3, 4, 7
 
 
-def packed_and_cut(path: Path):
+def packed_and_cut(path):
     packed = gzip.compress(path.read_bytes())
     path.unlink()
     path.with_name(f"{path.name}.gz").write_bytes(packed[: len(packed) // 2])
 
 
-def with_lines(path: Path, keep: Callable[[list[str]], list[str]]):
+def with_lines(path, keep):
     path.write_text("\n".join(keep(path.read_text().splitlines())))
 
 
@@ -55,7 +53,7 @@ CASES: dict[str, tuple[str, str, int, list[str]]] = {
 }
 
 
-def spoil(folder: Path, name):
+def spoil(folder, name):
     edit(folder / "bench.yaml", *CASES[name][:2])
     if name == "text in a number column":
         with_lines(folder / "bench_200.csv", lambda lines: [*lines[:7], "200,abc,12.5", *lines[8:]])
@@ -65,7 +63,7 @@ def spoil(folder: Path, name):
         packed_and_cut(folder / "bench_300.csv")
 
 
-def results(folder: Path) -> dict[str, str]:
+def results(folder):
     """Content of every result; stages before the one that fails may have committed theirs, and the
     record says so.
     """

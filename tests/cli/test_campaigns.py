@@ -29,7 +29,7 @@ runs:
 
 
 @pytest.fixture
-def campaign(tmp_path) -> Path:
+def campaign(tmp_path):
     write_study(tmp_path)
     path = tmp_path / "sweep.yaml"
     path.write_text(CAMPAIGN)

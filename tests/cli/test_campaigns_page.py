@@ -4,8 +4,6 @@ numbers are made again.
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import campaign_tables
 import pytest
 from page_tables import DOCS, rows_of
@@ -15,7 +13,7 @@ from mapmore_cli.modelling.validation.comparison import compare
 PAGE = DOCS / "campaigns.md"
 
 
-def test_few_false_alarms_and_a_change_of_three_per_cent_is_found() -> None:
+def test_few_false_alarms_and_a_change_of_three_per_cent_is_found():
     called = {
         (int(row[0]), float(row[1])): int(row[2].split()[0]) for row in rows_of("detection", PAGE)
     }
@@ -27,7 +25,7 @@ def test_few_false_alarms_and_a_change_of_three_per_cent_is_found() -> None:
         assert called[count, 1.03] >= 18
 
 
-def test_what_did_not_change_is_shown_to_be_the_same() -> None:
+def test_what_did_not_change_is_shown_to_be_the_same():
     """The three answers add up, and pairs without a change are seldom left open."""
     for row in rows_of("detection", PAGE):
         changed, same, unclear = (int(cell.split()[0]) for cell in row[2:5])
@@ -36,7 +34,7 @@ def test_what_did_not_change_is_shown_to_be_the_same() -> None:
             assert same >= 18
 
 
-def test_the_sentences_follow_from_the_tables() -> None:
+def test_the_sentences_follow_from_the_tables():
     text = PAGE.read_text(encoding="utf-8")
     found = {
         (int(row[0]), float(row[1])): [int(cell.split()[0]) for cell in row[2:5]]
@@ -66,13 +64,13 @@ def test_the_sentences_follow_from_the_tables() -> None:
     assert f"called changed in all {len(answers) - len(repeats)} pairs" in text
 
 
-def test_measured_repeats_are_no_change_and_other_lengths_are() -> None:
+def test_measured_repeats_are_no_change_and_other_lengths_are():
     for before, after, *_, called in rows_of("festo", PAGE):
         same = before.split(",")[0] == after.split(",")[0]
         assert (called == "changed") != same, (before, after)
 
 
-def test_the_first_pairs_are_the_ones_of_the_page() -> None:
+def test_the_first_pairs_are_the_ones_of_the_page():
     told = [[float(cell) for cell in row[1:]] for row in rows_of("first", PAGE)]
     found = [[one.ratio, *one.interval] for one in campaign_tables.pairs(4, 1.03, len(told))]
     for mine, theirs in zip(found, told, strict=True):
@@ -81,7 +79,7 @@ def test_the_first_pairs_are_the_ones_of_the_page() -> None:
 
 @pytest.mark.long  # simulated campaigns are compared above
 @pytest.mark.usefixtures("measured_data")
-def test_a_measured_repeat_is_the_one_of_the_page(tmp_path: Path) -> None:
+def test_a_measured_repeat_is_the_one_of_the_page(tmp_path):
     found = compare(
         campaign_tables.festo(30, "9", tmp_path), campaign_tables.festo(30, "10", tmp_path)
     )

@@ -5,14 +5,12 @@ from __future__ import annotations
 import json
 import shutil
 import stat
-from pathlib import Path
-from typing import Any
 
 import pytest
 from cli_samples import change_forces, write_study
 
 
-def scaled_study(folder: Path, factor: float) -> Path:
+def scaled_study(folder, factor):
     """The study with all forces multiplied."""
     folder.mkdir()
     spec = write_study(folder, held_out=())
@@ -22,7 +20,7 @@ def scaled_study(folder: Path, factor: float) -> Path:
 
 
 @pytest.fixture(scope="module")
-def campaigns(tmp_path_factory: pytest.TempPathFactory, mapmore) -> Path:
+def campaigns(tmp_path_factory, mapmore):
     """Runs of the study as it was, and with 2 % and 6 % more force; the first is frozen."""
     folder = tmp_path_factory.mktemp("campaigns")
     for name, factor in (("first", 1.0), ("second", 1.02), ("third", 1.06)):
@@ -42,7 +40,7 @@ def campaigns(tmp_path_factory: pytest.TempPathFactory, mapmore) -> Path:
     return folder
 
 
-def compared(mapmore, folder: Path, *arguments: object, **expected: Any) -> Any:
+def compared(mapmore, folder, *arguments, **expected):
     return mapmore(
         "compare",
         *arguments,

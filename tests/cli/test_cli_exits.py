@@ -12,7 +12,6 @@ import sys
 import time
 from pathlib import Path
 from subprocess import PIPE
-from typing import NoReturn
 
 import numpy as np
 import pytest
@@ -34,8 +33,8 @@ MENDABLE = [
 ]
 
 
-def failing(monkeypatch, error: BaseException):
-    def fail(*_: object, **__: object) -> NoReturn:
+def failing(monkeypatch, error):
+    def fail(*_, **__):
         raise error
 
     monkeypatch.setattr(runner, "bring_up_to_date", fail)
@@ -62,7 +61,7 @@ def test_internal_fault_is_one_line(study, mapmore, monkeypatch):
     )
 
 
-def without_memory() -> list[BaseException]:
+def without_memory():
     """What comes of too little memory: in Python, in NumPy, from the system, from a library, and of
     a file that was to be read.
     """
@@ -97,7 +96,7 @@ def test_debug_shows_the_traceback(place, study, mapmore, monkeypatch):
     assert "in fail" in result.stderr
 
 
-def within_c() -> SystemError:
+def within_c():
     """What comes of Ctrl-C while a function in C calls one of Python, as libraries do."""
     error = SystemError("<class 'float'> returned a result with an exception set")
     error.__cause__ = KeyboardInterrupt()

@@ -5,8 +5,6 @@ from __future__ import annotations
 import csv
 import io
 import json
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -29,7 +27,7 @@ report: {figures: [], formats: [csv]}
 """
 
 
-def force(pressure: np.ndarray, strain: float, length: float) -> np.ndarray:
+def force(pressure, strain, length):
     return (
         300
         * np.arctan(19 * (length - 7.5) / 1000)
@@ -39,7 +37,7 @@ def force(pressure: np.ndarray, strain: float, length: float) -> np.ndarray:
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory, mapmore) -> Path:
+def folder(tmp_path_factory, mapmore):
     """Three muscles that have run as a family."""
     path = tmp_path_factory.mktemp("family")
     pressure = np.linspace(0, 600, 15)
@@ -57,12 +55,12 @@ def folder(tmp_path_factory: pytest.TempPathFactory, mapmore) -> Path:
     return path
 
 
-def predicted(mapmore, model: Path, table: Path, *arguments: object) -> list[dict[str, str]]:
+def predicted(mapmore, model, table, *arguments):
     result = mapmore("predict", model, table, "-q", *arguments, code=0)
     return list(csv.DictReader(io.StringIO(result.stdout)))
 
 
-def test_a_new_length_is_given_on_the_line(folder: Path, mapmore) -> None:
+def test_a_new_length_is_given_on_the_line(folder, mapmore):
     model, table = folder / "runs" / "muscles" / "model.h5", folder / "table.csv"
     table.write_text("pressure,strain\n600,0\n400,0.08\n")
     short, unit = (
@@ -81,7 +79,7 @@ def test_a_new_length_is_given_on_the_line(folder: Path, mapmore) -> None:
     assert grid.stdout.splitlines()[1].split(",")[3] == short[0]["force_predicted"]
 
 
-def test_a_specimen_is_adapted_to_a_model_of_its_own(folder: Path, tmp_path: Path, mapmore) -> None:
+def test_a_specimen_is_adapted_to_a_model_of_its_own(folder, tmp_path, mapmore):
     model, few, out = (
         folder / "runs" / "muscles" / "model.h5",
         tmp_path / "few.csv",
@@ -132,9 +130,7 @@ def test_a_specimen_is_adapted_to_a_model_of_its_own(folder: Path, tmp_path: Pat
         (("--set", "width=3"), "no input 'width'"),
     ],
 )
-def test_what_cannot_be_adapted(
-    folder: Path, tmp_path: Path, mapmore, arguments: Any, words: str
-) -> None:
+def test_what_cannot_be_adapted(folder, tmp_path, mapmore, arguments, words):
     mapmore(
         "adapt",
         folder / "runs" / "muscles" / "model.h5",
@@ -146,7 +142,7 @@ def test_what_cannot_be_adapted(
     )
 
 
-def test_a_table_that_has_the_column_keeps_it(folder: Path, tmp_path: Path, mapmore) -> None:
+def test_a_table_that_has_the_column_keeps_it(folder, tmp_path, mapmore):
     (tmp_path / "table.csv").write_text("pressure,strain,rest\n600,0,200\n")
     result = mapmore(
         "predict",
@@ -168,12 +164,12 @@ def test_a_table_that_has_the_column_keeps_it(folder: Path, tmp_path: Path, mapm
         ("family: {of: rest, scale: cubic}", "saturating"),
     ],
 )
-def test_what_is_no_family(tmp_path: Path, mapmore, model: str, words: str) -> None:
+def test_what_is_no_family(tmp_path, mapmore, model, words):
     (tmp_path / "muscles.yaml").write_text(SPEC.replace("family: {of: rest}", model))
     mapmore("run", tmp_path / "muscles.yaml", "--runs", tmp_path / "runs", code=3, says=words)
 
 
-def test_two_specimens_have_no_intervals(folder: Path, mapmore) -> None:
+def test_two_specimens_have_no_intervals(folder, mapmore):
     two = folder / "two.yaml"
     two.write_text(SPEC.replace('    - {path: "300_*.csv", set: {rest: 300 mm}}\n', ""))
     mapmore("run", two, "--runs", folder / "of-two", code=4, says="2 are too few")

@@ -12,7 +12,7 @@ from mapmore_cli.pipeline.records import grid_lines
 INPUTS = ("pressure", "strain")
 
 
-def points(text, inputs: tuple[str, ...] = INPUTS) -> list[tuple[float, ...]]:
+def points(text, inputs=INPUTS):
     return [tuple(map(float, line.split(","))) for line in list(grid_lines(text, inputs))[1:]]
 
 

@@ -13,7 +13,7 @@ pytestmark = pytest.mark.usefixtures("quick_families")
 
 
 @pytest.fixture
-def rig(tmp_path: Path) -> Path:
+def rig(tmp_path):
     """A folder with the load cycles of both shipped muscles, in fewer samples."""
     for muscle in ("mckibben", "peano"):
         (tmp_path / "rig" / muscle).mkdir(parents=True)
@@ -23,8 +23,8 @@ def rig(tmp_path: Path) -> Path:
 
 @pytest.mark.parametrize("muscle", ["mckibben", pytest.param("peano", marks=pytest.mark.long)])
 def test_a_spec_for_the_shipped_recordings_checks_and_runs(
-    muscle: str, tmp_path: Path, mapmore, rig: Path, fewer_families: None
-) -> None:
+    muscle, tmp_path, mapmore, rig, fewer_families
+):
     assert started(mapmore, rig / muscle, tmp_path) == []
     result = mapmore(
         "run",
@@ -48,9 +48,7 @@ def test_a_spec_for_the_shipped_recordings_checks_and_runs(
     "source",
     ["festo_datasheet", pytest.param("bellows_tensile/four1.csv.gz", marks=pytest.mark.long)],
 )
-def test_a_spec_for_measured_recordings_checks_and_runs(
-    source: str, tmp_path: Path, mapmore, measured_data: Path
-) -> None:
+def test_a_spec_for_measured_recordings_checks_and_runs(source, tmp_path, mapmore, measured_data):
     assert started(mapmore, measured_data / source, tmp_path) == []
     mapmore(
         "run",
@@ -64,27 +62,25 @@ def test_a_spec_for_measured_recordings_checks_and_runs(
     )
 
 
-def started(mapmore, source: Path, place: Path) -> list[dict[str, str]]:
+def started(mapmore, source, place):
     """What `check` has to say, beyond hints, of the spec that `init` writes."""
     spec = place / "spec.yaml"
     assert mapmore("init", source, "-o", spec, code=0).stdout == f"{spec}\n"
     return serious(mapmore, spec)
 
 
-def serious(mapmore, spec: Path | str) -> list[dict[str, str]]:
+def serious(mapmore, spec):
     """What `check` has to say beyond hints."""
     checked = mapmore("check", spec, "--json", "-q", code=0)
     return [issue for issue in json.loads(checked.stdout)["issues"] if issue["severity"] != "hint"]
 
 
-def test_a_folder_of_several_studies_with_one_output_says_what_is_left_out(
-    tmp_path: Path, mapmore, rig: Path
-) -> None:
+def test_a_folder_of_several_studies_with_one_output_says_what_is_left_out(tmp_path, mapmore, rig):
     mapmore("init", rig, "-o", tmp_path / "one.yaml", code=0, says="left out: peano")
     assert [path.name for path in tmp_path.glob("*.yaml")] == ["one.yaml"]
 
 
-def test_stdout_has_the_spec_alone(tmp_path: Path, mapmore, monkeypatch, rig: Path) -> None:
+def test_stdout_has_the_spec_alone(tmp_path, mapmore, monkeypatch, rig):
     monkeypatch.chdir(tmp_path)
     printed = mapmore("init", rig / "mckibben", "-o", "-", "--name", "bench", "-q")
     assert printed.stderr == ""
@@ -92,7 +88,7 @@ def test_stdout_has_the_spec_alone(tmp_path: Path, mapmore, monkeypatch, rig: Pa
     assert json.loads(mapmore("check", "spec.yaml", "--json", "-q").stdout)["name"] == "bench"
 
 
-def test_nothing_is_replaced_without_force(tmp_path: Path, mapmore, rig: Path) -> None:
+def test_nothing_is_replaced_without_force(tmp_path, mapmore, rig):
     spec = tmp_path / "mine.yaml"
     spec.write_text("mine")
     mapmore("init", rig / "mckibben", "-o", spec, code=7, says="--force")
@@ -102,20 +98,20 @@ def test_nothing_is_replaced_without_force(tmp_path: Path, mapmore, rig: Path) -
 
 
 @pytest.mark.parametrize("name", ["a/b", "", "-x y"])
-def test_a_name_that_is_no_name_is_a_usage_error(name: str, tmp_path: Path, mapmore) -> None:
+def test_a_name_that_is_no_name_is_a_usage_error(name, tmp_path, mapmore):
     mapmore(
         "init", PROJECT / "datasets/mckibben", "-o", tmp_path / "a.yaml", f"--name={name}", code=2
     )
     assert not list(tmp_path.iterdir())
 
 
-def test_nothing_usable_is_a_data_error(tmp_path: Path, mapmore) -> None:
+def test_nothing_usable_is_a_data_error(tmp_path, mapmore):
     (tmp_path / "diary.csv").write_text("dear diary\n")
     for path in (tmp_path, tmp_path / "diary.csv", tmp_path / "none"):
         assert mapmore("init", path, "-o", "-", code=4, says="error: ").stdout == ""
 
 
-def test_check_prints_issues_with_their_remedies(tmp_path: Path, mapmore) -> None:
+def test_check_prints_issues_with_their_remedies(tmp_path, mapmore):
     spec = write_study(tmp_path)
     assert mapmore("check", spec, code=0).stdout.splitlines()[-1] == "No issues."
     outside = mapmore("check", spec, "--set", "data.split.validate.pressure=[300]", code=0)
@@ -125,7 +121,7 @@ def test_check_prints_issues_with_their_remedies(tmp_path: Path, mapmore) -> Non
     )
 
 
-def test_check_ends_with_the_code_of_what_has_to_be_mended(tmp_path: Path, mapmore) -> None:
+def test_check_ends_with_the_code_of_what_has_to_be_mended(tmp_path, mapmore):
     spec = write_study(tmp_path)
     for setting, code, found in (
         ("data.columns.strain.scale=100", 3, "strain-in-per-cent"),
@@ -135,18 +131,16 @@ def test_check_ends_with_the_code_of_what_has_to_be_mended(tmp_path: Path, mapmo
         assert {issue["id"] for issue in json.loads(wrong.stdout)["issues"]} == {found}
 
 
-def test_shipped_studies_are_clean_of_errors_and_warnings(mapmore) -> None:
+def test_shipped_studies_are_clean_of_errors_and_warnings(mapmore):
     for spec in sorted((PROJECT / "configs/m2").glob("*-static.yaml")):
         assert json.loads(mapmore("check", spec, "--json", "-q").stdout)["issues"] == [], spec
 
 
-def test_a_measured_study_is_clean_of_errors_and_warnings(mapmore, measured_data: Path) -> None:
+def test_a_measured_study_is_clean_of_errors_and_warnings(mapmore, measured_data):
     assert serious(mapmore, PROJECT / "configs/festo/festo_10mm_20cm_strain.yaml") == []
 
 
-def test_one_that_exists_stops_no_other_and_each_has_a_page(
-    tmp_path: Path, mapmore, rig: Path, monkeypatch
-) -> None:
+def test_one_that_exists_stops_no_other_and_each_has_a_page(tmp_path, mapmore, rig, monkeypatch):
     monkeypatch.chdir(tmp_path)
     Path("peano.yaml").write_text("mine")
     started = mapmore("init", rig, code=7)

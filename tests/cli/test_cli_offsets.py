@@ -5,7 +5,6 @@ how little an NRMSE of it says.
 from __future__ import annotations
 
 import json
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -26,7 +25,7 @@ validate: {{simple: false}}
 """
 
 
-def study(folder: Path, column: str, fit: str = "") -> Path:
+def study(folder, column, fit=""):
     """A muscle that follows the square of a slow pressure, by its displacement x and by its length
     L.
     """

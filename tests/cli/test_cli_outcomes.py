@@ -7,7 +7,6 @@ from __future__ import annotations
 import json
 import xml.etree.ElementTree as ET
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -131,7 +130,7 @@ def test_a_level_that_was_measured_at_one_place_is_cut_into_one_segment(tmp_path
     assert float(table.splitlines()[1].split(",")[2]) == pytest.approx(380)
 
 
-def reverse_held_out(folder: Path):
+def reverse_held_out(folder):
     """The held-out muscle pushes where the others pull."""
     change_forces(folder / "bench_200.csv", lambda force: -0.5 * force)
 

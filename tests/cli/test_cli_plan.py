@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Callable
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 from cli_samples import write_recording, write_study
 
 
-def write(folder: Path, levels: list[int], held_out: tuple[int, ...] = ()) -> Path:
+def write(folder, levels, held_out=()):
     """The force bends sharply over the pressure above 300 kPa."""
     spec = write_study(folder, levels=levels, held_out=held_out)
     strain = np.linspace(0.0, 0.2, 15)
@@ -28,7 +25,7 @@ def write(folder: Path, levels: list[int], held_out: tuple[int, ...] = ()) -> Pa
 
 
 @pytest.fixture
-def planned(document) -> Callable[..., Any]:
+def planned(document):
     """What a plan prints as JSON."""
     return lambda spec, *more: document("plan", spec, "--runs", spec.parent / "runs", "-q", *more)
 

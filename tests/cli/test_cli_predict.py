@@ -7,7 +7,6 @@ import gzip
 import io
 import math
 import tracemalloc
-from collections.abc import Iterator
 
 import pytest
 from cli_samples import by_hand, hand_model
@@ -27,7 +26,7 @@ texts = st.text(st.characters(exclude_categories=["Cs"], exclude_characters="\r\
 rows = st.lists(st.tuples(cells, cells, texts), max_size=25)
 
 
-def table_of(content: list[tuple[str, str, str]], end: str = "\n") -> list[str]:
+def table_of(content, end="\n"):
     text = io.StringIO()
     writer = csv.writer(text, lineterminator=end)
     writer.writerow(["strain", "pressure", "remark"])
@@ -66,7 +65,7 @@ def test_every_row_stays_as_it_was_and_gains_two_fields(content):
 
 @given(st.lists(st.tuples(numbers, numbers, st.just("x")), min_size=2, max_size=20), st.randoms())
 def test_rows_know_nothing_of_each_other(content, random):
-    def predicted(of: list[tuple[str, str, str]]) -> list[str]:
+    def predicted(of):
         return list(predicted_lines(MODEL, table_of(of), "t"))[1:]
 
     order = list(range(len(content)))
@@ -137,11 +136,11 @@ def test_broken_tables(text, place, remedy):
 
 
 def test_memory_is_bounded():
-    def endless(n: int) -> Iterator[str]:
+    def endless(n):
         yield "pressure,strain\n"
         yield from ("150,0.05\n" for _ in range(n))
 
-    def peak(n: int) -> int:
+    def peak(n):
         tracemalloc.start()
         assert sum(1 for _ in predicted_lines(MODEL, endless(n), "t", 200)) == n + 1
         high = tracemalloc.get_traced_memory()[1]

@@ -17,12 +17,12 @@ class Clock:
     def __init__(self):
         self.now = 100.0
 
-    def monotonic(self) -> float:
+    def monotonic(self):
         return self.now
 
 
 @pytest.fixture
-def clock(monkeypatch) -> Clock:
+def clock(monkeypatch):
     stopped = Clock()
     monkeypatch.setattr(progress, "time", stopped)
     return stopped
@@ -34,7 +34,7 @@ def terminal(capsys, monkeypatch):
     monkeypatch.setenv("TERM", "xterm-256color")
 
 
-def work(reporter: Reporter, clock: Clock, seconds: float, steps: int = 100):
+def work(reporter, clock, seconds, steps=100):
     for done in range(steps + 1):
         reporter.progress("fit", done, steps)
         clock.now += seconds / steps

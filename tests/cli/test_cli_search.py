@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -26,7 +25,7 @@ report: {figures: [], formats: [csv, html]}
 """
 
 
-def write_bare(folder: Path, permuted: bool = False) -> Path:
+def write_bare(folder, permuted=False):
     """Sixty points of a cubic surface with a little noise; the held-out forces may be in another
     order.
     """

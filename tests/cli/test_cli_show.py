@@ -12,7 +12,6 @@ import yaml
 from cli_samples import by_hand
 
 import mapmore_cli
-from mapmore_cli.pipeline.notebooks import LoadedModel
 from mapmore_cli.storage.artefacts import read_fit
 
 SEGMENT_KEYS = {"id", "terms", "theta", "g", "err", "scaling", "stop", "condition"}
@@ -128,7 +127,7 @@ PROJECT = Path(__file__).resolve().parents[2]
 
 
 @pytest.fixture(scope="module")
-def example(tmp_path_factory: pytest.TempPathFactory, mapmore) -> Path:
+def example(tmp_path_factory, mapmore):
     """The folder of the example, with its run; `test_shipped_studies` makes the page of the same
     study.
     """
@@ -153,7 +152,7 @@ def test_the_example_is_the_static_study_that_is_shipped(example):
 
 
 @pytest.fixture
-def model(example) -> LoadedModel:
+def model(example):
     return mapmore_cli.load_model(example / "runs" / "example" / "model.h5")
 
 

@@ -54,7 +54,7 @@ COMMANDS = [
 ]
 
 
-def modules_loaded_by(option: str) -> set[str]:
+def modules_loaded_by(option):
     code = f"""
 import sys
 sys.argv = ["mapmore", {option!r}]
@@ -72,28 +72,28 @@ print(*{{name.split(".")[0] for name in sys.modules}}, file=sys.stderr)
 @pytest.mark.parametrize(
     ("option", "heavy"), [("--version", {*HEAVY, "rich"}), ("--help", {*HEAVY})]
 )
-def test_what_is_asked_first_loads_nothing_heavy(option: str, heavy: set[str]) -> None:
+def test_what_is_asked_first_loads_nothing_heavy(option, heavy):
     assert modules_loaded_by(option).isdisjoint(heavy)
 
 
-def test_version_is_that_of_the_project(shell) -> None:
+def test_version_is_that_of_the_project(shell):
     assert shell("--version").stdout == f"mapmore {version('mapmore')}\n"
     assert mapmore_cli.__version__ == version("mapmore")
 
 
-def test_help_lists_the_commands_in_the_order_of_the_work(mapmore) -> None:
+def test_help_lists_the_commands_in_the_order_of_the_work(mapmore):
     listed = mapmore("--help").stdout.split("Commands:")[1]
     assert [line.split()[0] for line in listed.strip().splitlines()] == COMMANDS
     assert "..." not in listed  # every summary is short enough to be shown whole
 
 
 @pytest.mark.parametrize("command", COMMANDS)
-def test_every_command_has_help(command: str, mapmore) -> None:
+def test_every_command_has_help(command, mapmore):
     result = mapmore(command, "--help", code=0)
     assert result.stdout.startswith(f"Usage: mapmore {command}")
 
 
-def test_shell_completion_knows_the_commands() -> None:
+def test_shell_completion_knows_the_commands():
     environment = {
         **os.environ,
         "_MAPMORE_COMPLETE": "complete_bash",

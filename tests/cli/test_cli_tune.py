@@ -5,21 +5,17 @@ from __future__ import annotations
 import csv
 import json
 import shlex
-from collections.abc import Callable
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 from cli_samples import change_forces, write_recording, write_study
 
-from mapmore_cli.domain.arrays import Array
 from mapmore_cli.modelling.validation.significance import simplest_of
 
 LEVELS = (100, 200, 300, 400, 500, 600)
 
 
-def write_bench(folder: Path, held_out: tuple[int, ...] = (300,)) -> Path:
+def write_bench(folder, held_out=(300,)):
     """Six pressures; the force is straight on both sides of a kink in the middle, slightly
     noisy.
     """
@@ -34,7 +30,7 @@ def write_bench(folder: Path, held_out: tuple[int, ...] = (300,)) -> Path:
     return spec
 
 
-def write_record(folder: Path, pressure: Array, force: Array, lags: int) -> Path:
+def write_record(folder, pressure, force, lags):
     """A record over time, whose force is a sum of lags of the pressure."""
     record = np.column_stack([np.arange(len(force)) / 100, pressure, force])
     np.savetxt(
@@ -50,7 +46,7 @@ def write_record(folder: Path, pressure: Array, force: Array, lags: int) -> Path
 
 
 @pytest.fixture
-def tuned(document) -> Callable[..., Any]:
+def tuned(document):
     """What tuning a spec prints as JSON."""
     return lambda spec, *more: document("tune", spec, "--runs", spec.parent / "runs", "-q", *more)
 
@@ -87,7 +83,7 @@ def test_the_simplest_that_is_as_good_as_the_best_is_named(tmp_path, tuned):
     assert found["set"] == [f"{key}={value}" for key, value in found["chosen"].items()]
 
 
-def test_twice_the_error_is_never_as_good() -> None:
+def test_twice_the_error_is_never_as_good():
     """With three folds that scatter, 10.9 % lies within one standard error of 5.2 %."""
     assert simplest_of([3, 8], np.array([[0.052, 0.06, 0.215], [0.052, 0.05, 0.055]])).chosen == 1
 

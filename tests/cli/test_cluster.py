@@ -6,7 +6,6 @@ import json
 import os
 import signal
 import sys
-from collections.abc import Iterator
 from pathlib import Path
 from subprocess import PIPE, Popen
 
@@ -36,7 +35,7 @@ for command, arguments in ((dask_worker, worker), (dask_worker, worker), (dask_s
 
 
 @pytest.fixture
-def scheduler_file(tmp_path) -> Iterator[Path]:
+def scheduler_file(tmp_path):
     """A scheduler and two workers, one thread each, that nobody starts again."""
     file = tmp_path / "scheduler.json"
     common = ["--scheduler-file", str(file), "--host", "127.0.0.1", "--no-dashboard"]
@@ -59,7 +58,7 @@ def scheduler_file(tmp_path) -> Iterator[Path]:
             os.killpg(dask.pid, signal.SIGKILL)
 
 
-def holder_of(lock: Path) -> int | None:
+def holder_of(lock):
     """The process that has a file open."""
     for link in Path("/proc").glob("[0-9]*/fd/*"):
         try:
@@ -70,12 +69,12 @@ def holder_of(lock: Path) -> int | None:
     return None
 
 
-def is_done(run_dir: Path) -> bool:
+def is_done(run_dir):
     """True where a run has come to its end, and nobody writes it any more."""
     return (run_dir / "report").is_dir() and holder_of(run_dir / ".lock") is None
 
 
-def batch(specs: list[Path], runs: Path, file: Path) -> Popen[str]:
+def batch(specs, runs, file):
     command = [
         sys.executable,
         "-m",
@@ -139,10 +138,10 @@ def test_workers_that_differ_are_refused(tmp_path):
 
 def test_variables_of_the_client_are_set_for_a_job_alone(tmp_path, monkeypatch):
     class Worker:
-        def log_event(self, *_: object):
+        def log_event(self, *_):
             pass
 
-    def variables(_job: Job) -> list[str | None]:
+    def variables(_job):
         return [os.environ.get(name) for name in ("MAPMORE_HERE", "MAPMORE_DATA")]
 
     monkeypatch.setattr("distributed.get_worker", Worker)
@@ -160,7 +159,7 @@ def test_variables_of_the_client_are_set_for_a_job_alone(tmp_path, monkeypatch):
 
 
 def test_a_cluster_that_is_not_there(tmp_path, monkeypatch):
-    def silent(*_: object):
+    def silent(*_):
         pass
 
     monkeypatch.setattr("mapmore_cli.annexes.campaigns.cluster.CONNECT", "50ms")

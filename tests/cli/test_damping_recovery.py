@@ -4,8 +4,6 @@ subtraction, rates and the full dictionary.
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -53,7 +51,7 @@ MUSCLES = {
 }
 
 
-def static_force(pressure: np.ndarray, strain: np.ndarray) -> np.ndarray:
+def static_force(pressure, strain):
     return (
         (3.0 * pressure + 5.0) * np.exp(-6.0 * strain)
         - 2.0 * strain * pressure
@@ -62,13 +60,13 @@ def static_force(pressure: np.ndarray, strain: np.ndarray) -> np.ndarray:
     )
 
 
-def course(rng: np.random.Generator) -> tuple[np.ndarray, ...]:
+def course(rng):
     """Pressure and strain of a step at 0.3 s and a release at 2.5 s, smooth, with their exact
     rates.
     """
     height, stroke = rng.uniform(300, 400), rng.uniform(0.1, 0.14)
 
-    def ramp(start: float, width: float) -> tuple[np.ndarray, np.ndarray]:
+    def ramp(start, width):
         x = np.clip((TIME - start) / width, 0, 1)
         return x**3 * (10 - 15 * x + 6 * x**2), 30 * x**2 * (1 - x) ** 2 / width
 
@@ -85,7 +83,7 @@ def course(rng: np.random.Generator) -> tuple[np.ndarray, ...]:
     )
 
 
-def write_record(folder: Path, terms: dict[str, tuple[str, float]], seed: int) -> None:
+def write_record(folder, terms, seed):
     rng = np.random.default_rng(seed)
     pressure, strain, pressure_rate, strain_rate = course(rng)
     values = {
@@ -122,7 +120,7 @@ def write_record(folder: Path, terms: dict[str, tuple[str, float]], seed: int) -
         for number, name in enumerate(MUSCLES)
     ],
 )
-def test_table_5_is_found_again(muscle: str, tmp_path: Path) -> None:
+def test_table_5_is_found_again(muscle, tmp_path):
     p, e = (
         grid.ravel() for grid in np.meshgrid(np.linspace(0, 420, 12), np.linspace(-0.005, 0.15, 20))
     )
@@ -147,7 +145,7 @@ def test_table_5_is_found_again(muscle: str, tmp_path: Path) -> None:
     assert len(good) >= len(SEEDS) - 1, found
 
 
-def _agrees(equation: str, term: str, size: float) -> bool:
+def _agrees(equation, term, size):
     """True where an equation reads `size*term`, its coefficient within 5 %."""
     coefficient, _, found = equation.partition("*")
     return found == term and abs(float(coefficient) / size - 1) < 0.05

@@ -10,7 +10,6 @@ import shlex
 import shutil
 import subprocess
 import sys
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -32,7 +31,7 @@ FENCE = re.compile(r"^```(\w*)\n(.*?)^```", re.MULTILINE | re.DOTALL)
 COMMAND = re.compile(r"(?:\s*|\s*- run: |.*\$\()(mapmore .*)")
 
 
-def commands(page: Path) -> Iterator[list[str]]:
+def commands(page):
     """The words of every command in the blocks of a page, or in a script, without `mapmore` and
     without what the shell does.
     """
@@ -47,7 +46,7 @@ def commands(page: Path) -> Iterator[list[str]]:
             yield words(found[1])
 
 
-def words(command) -> list[str]:
+def words(command):
     """A line of a shell as arguments: without comment, pipe, redirection and command
     substitution.
     """
@@ -105,7 +104,7 @@ def test_the_tutorial_from_beginning_to_end(tmp_path, mapmore, monkeypatch):
     assert any((tmp_path / "controller").glob("*.c"))
 
 
-def thin_out(folder: Path):
+def thin_out(folder):
     """One sample in 20 of every recording, which is quicker."""
     for path in folder.glob("*/load_cycle_*.csv"):
         head, *rows = path.read_text().splitlines()
@@ -113,11 +112,11 @@ def thin_out(folder: Path):
             path.write_text("\n".join([head, *rows[::20]]) + "\n")
 
 
-def spec_of_tutorial() -> str:
+def spec_of_tutorial():
     return block_of(ROOT / "docs" / "tutorial.md")
 
 
-def write_recordings(folder: Path):
+def write_recordings(folder):
     """Three slow load cycles, the upper branch on the way back."""
     for pressure in (100, 200, 300):
         strain = np.concatenate(
@@ -132,7 +131,7 @@ def write_recordings(folder: Path):
 
 
 @pytest.fixture(scope="module")
-def workshop(tmp_path_factory: pytest.TempPathFactory, mapmore) -> Path:
+def workshop(tmp_path_factory, mapmore):
     """The study of the tutorial, run without figures and frozen, and a `mapmore` on the path of
     scripts.
     """
@@ -160,7 +159,7 @@ def workshop(tmp_path_factory: pytest.TempPathFactory, mapmore) -> Path:
     return folder
 
 
-def run(folder: Path, *command: object) -> subprocess.CompletedProcess[str]:
+def run(folder, *command):
     """A command in the workshop's folder."""
     places = [str(folder / "bin"), str(Path(sys.executable).parent), os.environ["PATH"]]
     environment = {**os.environ, "PATH": os.pathsep.join(places), "PYTHONPATH": str(ROOT)}

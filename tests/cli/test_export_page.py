@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import shutil
-from pathlib import Path
-from typing import Any
 
 import pytest
 from agreement import POINTS, agreement
@@ -21,7 +19,7 @@ M2_NANOSECONDS = 50.0
 LARGEST_ERROR = 1e-6
 
 
-def test_every_shipped_study_agrees_by_the_page() -> None:
+def test_every_shipped_study_agrees_by_the_page():
     rows = page_table("agreement", PAGE)
     assert 60 < sum(int(row["studies"]) for row in rows.values()) <= len(STUDIES), (
         "tests/exporting/agreement.py makes the rows"
@@ -35,7 +33,7 @@ def test_every_shipped_study_agrees_by_the_page() -> None:
 @pytest.mark.parametrize(
     "study", [pytest.param("peano-static", marks=pytest.mark.long), "dmsp-20-400-sections"]
 )
-def test_a_study_made_anew_is_what_the_page_says(mapmore, tmp_path: Path, study: str) -> None:
+def test_a_study_made_anew_is_what_the_page_says(mapmore, tmp_path, study):
     """One without memory and one with; at fewer points, so that the difference is below the page's
     or as rounding has it.
     """
@@ -59,9 +57,7 @@ REPLAYED = [
 
 @pytest.mark.skipif(shutil.which("gcc") is None, reason="there is no C compiler here")
 @pytest.mark.parametrize("study", REPLAYED)
-def test_held_out_recordings_replayed_by_others(
-    mapmore, tmp_path: Path, study: str, request: Any
-) -> None:
+def test_held_out_recordings_replayed_by_others(mapmore, tmp_path, study, request):
     """Tables differ by their grid, as the page says; everything else by rounding alone."""
     if study in MEASURED:
         request.getfixturevalue("measured_data")
@@ -79,7 +75,7 @@ def test_held_out_recordings_replayed_by_others(
         )
 
 
-def test_the_sentence_of_replays_follows_from_its_table() -> None:
+def test_the_sentence_of_replays_follows_from_its_table():
     rows = [numbers(row) for row in page_table("replays", PAGE).values()]
     assert (
         max(
@@ -94,7 +90,7 @@ def test_the_sentence_of_replays_follows_from_its_table() -> None:
     assert f"differ by {min(off):.2f} to {max(off):.2f} %" in PAGE.read_text(encoding="utf-8")
 
 
-def test_what_a_call_costs() -> None:
+def test_what_a_call_costs():
     rows = {name: numbers(row) for name, row in page_table("calls", PAGE).items()}
     assert {
         "sarosi",
@@ -109,7 +105,7 @@ def test_what_a_call_costs() -> None:
     assert all(row["NumPy, ns a call"] > row["C, ns a call"] > 0 for row in rows.values())
 
 
-def test_the_inverse_misses_nothing_by_the_page() -> None:
+def test_the_inverse_misses_nothing_by_the_page():
     rows = {name: numbers(row) for name, row in page_table("inverse", PAGE).items()}
     assert {"dmsp-20-88-static", "peano-static", "pgm_force"} < set(rows)
     for row in rows.values():

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import family_tables
 import pytest
 from page_tables import DOCS, numbers, page_table
@@ -13,9 +11,7 @@ PAGE = DOCS / "families.md"
 
 @pytest.mark.long
 @pytest.mark.parametrize("name", ["lengths", "adapt"])
-def test_a_table_made_anew(
-    name: str, tmp_path_factory: pytest.TempPathFactory, measured_data: Path
-) -> None:
+def test_a_table_made_anew(name, tmp_path_factory, measured_data):
     table = family_tables.TABLES[name](tmp_path_factory.getbasetemp() / "family-runs")
     shown = page_table(name, PAGE)
     for first, *cells in table.rows:

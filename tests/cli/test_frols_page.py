@@ -24,14 +24,14 @@ SOLVERS = ("ours", "sysidentpy", "fastcan", "pysindy")
 CASES = {name: (P, y, k) for name, P, y, k in cases()}
 
 
-def test_the_example_prints_what_the_page_says() -> None:
+def test_the_example_prints_what_the_page_says():
     with contextlib.redirect_stdout(io.StringIO()) as printed:
         exec(block_of(PAGE, "python"), {})
     assert f"prints `{printed.getvalue().strip()}`" in TEXT
 
 
 @pytest.mark.parametrize("name", CASES)
-def test_our_columns_are_true(name: str) -> None:
+def test_our_columns_are_true(name):
     P, y, k = CASES[name]
     row = page_table("cases", PAGE)[name]
     found = frols(P, y, k)
@@ -42,7 +42,7 @@ def test_our_columns_are_true(name: str) -> None:
     assert found.err.sum() <= largest(P, y) + 1e-12
 
 
-def test_the_sentences_are_those_of_the_table() -> None:
+def test_the_sentences_are_those_of_the_table():
     rows = page_table("cases", PAGE)
     shares = {
         name: {key: float(row[key].split(": ")[-1]) for key in ("largest", *SOLVERS)}

@@ -40,49 +40,49 @@ BY_NUMBER = {
 class Frame:
     """What pandas and polars frames have in common; labels may be anything."""
 
-    def __init__(self, columns: dict[Any, Any], labels: Any = None):
+    def __init__(self, columns, labels=None):
         self._columns, self.columns = columns, list(columns) if labels is None else labels
 
-    def __getitem__(self, label) -> Any:
+    def __getitem__(self, label):
         return self._columns[label]
 
 
 class Table:
     """As pyarrow has it: `columns` are the arrays themselves."""
 
-    def __init__(self, columns: dict[str, Any]):
+    def __init__(self, columns):
         self._columns = columns
 
     column_names = property(lambda self: list(self._columns))
     columns = property(lambda self: list(self._columns.values()))
 
-    def __getitem__(self, name) -> Any:
+    def __getitem__(self, name):
         return self._columns[name]
 
 
 class Labelled:
     """As xarray has it: an array with dimensions and attributes."""
 
-    def __init__(self, data: Any, **attrs: str):
+    def __init__(self, data, **attrs):
         self.data, self.attrs, self.dims = data, attrs, ("i",)
 
-    def __array__(self, dtype=None, copy=None) -> Any:
+    def __array__(self, dtype=None, copy=None):
         return np.asarray(self.data, dtype)
 
 
 class Resolved:
     """As a DatetimeIndex of pandas has it: a `unit` that is the resolution of the clock."""
 
-    def __init__(self, stamps: Any):
+    def __init__(self, stamps):
         self.stamps, self.dtype = stamps, stamps.dtype
 
     unit = property(lambda self: np.datetime_data(self.stamps.dtype)[0])
 
-    def __array__(self, dtype=None, copy=None) -> Any:
+    def __array__(self, dtype=None, copy=None):
         return np.asarray(self.stamps, dtype)
 
 
-def read(values: Any, name: str = "pressure", unit: str = "kPa") -> np.ndarray:
+def read(values, name="pressure", unit="kPa"):
     return given_numbers(values, "it", name, unit)
 
 
@@ -236,7 +236,7 @@ def test_all_else_is_refused_with_its_place(values, told):
 
 
 @pytest.fixture(scope="module")
-def fitted() -> Any:
+def fitted():
     return mm.fit({"pressure": P, "strain": E, "force": F}, **SECTIONS)
 
 
@@ -276,10 +276,10 @@ class Lazy:
     """A query of polars: it has no values, and is slow to tell its columns."""
 
     @property
-    def columns(self) -> Any:
+    def columns(self):
         raise AssertionError("was asked")
 
-    def collect(self) -> Any:
+    def collect(self):
         raise AssertionError("was computed")
 
 

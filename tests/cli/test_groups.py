@@ -5,8 +5,6 @@ predicts it.
 from __future__ import annotations
 
 import re
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -34,7 +32,7 @@ report: {formats: [csv]}
 
 
 @pytest.fixture
-def campaign(tmp_path) -> Path:
+def campaign(tmp_path):
     """Three specimens at three pressures; the third pulls by a fifth more."""
     for name, factor in (("a", 1.0), ("b", 1.03), ("c", 1.2)):
         write(tmp_path, name, (0.0, 0.2), factor=factor)
@@ -42,7 +40,7 @@ def campaign(tmp_path) -> Path:
 
 
 @pytest.fixture
-def sessions(tmp_path) -> Path:
+def sessions(tmp_path):
     """Two sessions whose load cells were zeroed apart: 8 N; each measured other strains, which
     overlap.
     """
@@ -51,14 +49,14 @@ def sessions(tmp_path) -> Path:
     return tmp_path
 
 
-def write(folder: Path, name, ends: tuple[float, float], factor: float = 1.0, offset: float = 0.0):
+def write(folder, name, ends, factor=1.0, offset=0.0):
     rng, strain = np.random.default_rng(ord(name)), np.linspace(*ends, 40)
     for level in (100, 200, 300):
         force = factor * level * (2 - 8 * strain) + offset + rng.normal(0, 0.3, 40)
         write_recording(folder, name, level, strain, force)
 
 
-def rows(document, folder: Path, split: str) -> dict[tuple[str, str], dict[str, Any]]:
+def rows(document, folder, split):
     spec = folder / "specimens.yaml"
     spec.write_text(SPEC.replace("SPLIT", split))
     scores = document("validate", spec, "--runs", folder / "runs", "-q")["scores"]
@@ -92,7 +90,7 @@ def test_contradictions_are_refused(campaign, mapmore):
     mapmore("check", spec, code=3, says="no recording has the quantity `session`")
 
 
-def of_sessions(folder: Path, split: str, groups: str) -> Path:
+def of_sessions(folder, split, groups):
     spec = folder / "sessions.yaml"
     files = '[{path: "a_*.csv", set: {specimen: 1}}, {path: "b_*.csv", set: {specimen: 2}}]'
     lines = SPEC.replace("SPLIT", split).replace("groups: {of: specimen}", groups).splitlines()
@@ -132,7 +130,7 @@ def test_offsets_do_not_depend_on_held_out_outputs_and_move_with_the_target():
     x, group, out = rng.uniform(-1, 1, 300), np.repeat([1.0, 2.0, 5.0], 100), rng.random(300) < 0.3
     y = np.exp(x) + np.select([group == 1, group == 2], [1.0, -2.0], 0.0)
 
-    def found(target: np.ndarray) -> dict[float, float]:
+    def found(target):
         return offsets_of(
             [Curve("all", None, {"x": x, "g": group, "y": target}, out, ("a",))], "g", "y"
         ).by_group

@@ -33,7 +33,7 @@ from mapmore_cli.storage.tables import reading
 from mapmore_cli.storage.tables.lines import lines_of, replaced
 
 
-def read(path: Path, *columns: str, **keys: object) -> object:
+def read(path, *columns, **keys):
     request = TableRequest(path.name, columns, **keys)  # type: ignore[arg-type]
     return READERS["csv"].read(path, request)
 
@@ -124,7 +124,7 @@ def test_a_pipe_is_written_into_and_not_replaced(tmp_path):
     assert pipe.is_fifo()
 
 
-def _stream(path: Path):
+def _stream(path):
     with replaced(path) as text:
         text.write("a\n")
 
@@ -169,7 +169,7 @@ def test_a_closed_stdin_asks_nobody(tmp_path, shell):
     assert "Traceback" not in done.stderr
 
 
-def without_privileges(*arguments: str, folder: Path) -> subprocess.CompletedProcess[str]:
+def without_privileges(*arguments, folder):
     """The command as a user whom permissions bind: root is not."""
     drop = (
         []
@@ -209,7 +209,7 @@ def test_what_may_not_be_read_is_no_internal_fault(dark, command, tmp_path):
     assert str(Path(dark)) in done.stderr
 
 
-def cut_log(end: str, decimal: str = ".") -> str:
+def cut_log(end, decimal="."):
     rows = [f"{i};{(20 * i % 113 + 101.25):.2f}".replace(".", decimal) for i in range(30)]
     return "\n".join(["n;F", *rows, f"30;{end}"])
 
@@ -383,11 +383,11 @@ def limited(tmp_path, shell):
     )
 
 
-def endless(folder: Path):
+def endless(folder):
     (folder / "a.csv").symlink_to("/proc/self/pagemap")
 
 
-def unpacking(folder: Path):
+def unpacking(folder):
     with h5py.File(folder / "a.h5", "w") as file:
         for name in ("P", "eps", "F"):
             file.create_dataset(
@@ -395,7 +395,7 @@ def unpacking(folder: Path):
             )
 
 
-def packed(folder: Path):
+def packed(folder):
     scipy.io.savemat(
         folder / "a.mat",
         {name: np.zeros(20_000_000) for name in ("P", "eps", "F")},
@@ -403,7 +403,7 @@ def packed(folder: Path):
     )
 
 
-def named(folder: Path):
+def named(folder):
     (folder / "a\n.csv").write_text("P,eps,F\n1,2,3\n")
 
 

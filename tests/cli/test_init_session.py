@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import gzip
 import json
-from collections.abc import Sequence
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,7 +13,7 @@ SHORT = ("--budget", "1s")
 """Of a search in a process of its own: what is asked does not depend on what it finds."""
 
 
-def save(path: Path, columns: Sequence[np.ndarray]) -> None:
+def save(path, columns):
     rows = "\n".join(
         "\t".join(f"{value:.6g}" for value in row) for row in zip(*columns, strict=True)
     )
@@ -23,7 +21,7 @@ def save(path: Path, columns: Sequence[np.ndarray]) -> None:
 
 
 @pytest.fixture
-def cylinder(tmp_path: Path) -> Path:
+def cylinder(tmp_path):
     """A cylinder at four pressures, with its load cell's volts between 1 and 8 beside them."""
     rng = np.random.default_rng(0)
     t = np.arange(600) * 10.0
@@ -46,9 +44,7 @@ def cylinder(tmp_path: Path) -> Path:
 COLUMNS = "time=0:ms,displacement=2:mm,pressure=3:bar,force=4:N"
 
 
-def test_who_says_the_columns_has_a_model_without_an_open_question(
-    tmp_path: Path, cylinder: Path, mapmore
-) -> None:
+def test_who_says_the_columns_has_a_model_without_an_open_question(tmp_path, cylinder, mapmore):
     shown, asked, code = session(tmp_path, cylinder, ("pressure=17:bar,force=4:N", COLUMNS), *SHORT)
     assert code == 0, shown
     assert asked == 2
@@ -65,7 +61,7 @@ def test_who_says_the_columns_has_a_model_without_an_open_question(
     assert "not confirmed" not in page.read_text()
 
 
-def test_the_target_is_asked_where_names_leave_a_choice(tmp_path: Path, cylinder: Path) -> None:
+def test_the_target_is_asked_where_names_leave_a_choice(tmp_path, cylinder):
     shown, asked, code = session(
         tmp_path, cylinder, ("time=0:ms,a=2,b=3,c=4", "d", "2", "no"), *SHORT
     )
@@ -79,8 +75,8 @@ def test_the_target_is_asked_where_names_leave_a_choice(tmp_path: Path, cylinder
 
 @pytest.mark.usefixtures("quick_families")
 def test_without_a_terminal_nothing_is_asked_and_questions_stay_open_until_confirmed(
-    tmp_path: Path, cylinder: Path, mapmore
-) -> None:
+    tmp_path, cylinder, mapmore
+):
     spec = tmp_path / "piped.yaml"
     mapmore("init", cylinder, "-o", spec, code=2, says="do not say what is to be predicted")
     for file in cylinder.iterdir():
@@ -101,9 +97,7 @@ def test_without_a_terminal_nothing_is_asked_and_questions_stay_open_until_confi
 
 
 @pytest.mark.usefixtures("fewer_families")
-def test_one_who_knows_the_columns_needs_one_command(
-    tmp_path: Path, cylinder: Path, mapmore
-) -> None:
+def test_one_who_knows_the_columns_needs_one_command(tmp_path, cylinder, mapmore):
     spec = tmp_path / "told.yaml"
     columns = "time:ms,_,displacement:mm,pressure:bar,force:N"
     mapmore("init", cylinder, "-o", spec, "--columns", columns, code=0)
@@ -113,19 +107,19 @@ def test_one_who_knows_the_columns_needs_one_command(
     mapmore("init", cylinder, "-o", spec, "--force", "--columns", "time:parrots,_", code=2)
 
 
-def test_every_session_is_shown_and_has_at_most_six_answers() -> None:
+def test_every_session_is_shown_and_has_at_most_six_answers():
     for name in SAID:
         told = (SESSIONS / f"{name}.txt").read_text(encoding="utf-8").partition("\n")[0]
         assert int(told.split()[0]) <= 6
         assert told.endswith(" 0 open questions.")
 
 
-def test_a_session_is_what_the_terminal_shows(measured_data: Path) -> None:
+def test_a_session_is_what_the_terminal_shows(measured_data):
     shown = (SESSIONS / "printed_cylinder.txt").read_text(encoding="utf-8")
     assert transcript("printed_cylinder", measured_data / "printed_cylinder") == shown
 
 
-def test_bars_and_colours_do_not_stay_on_the_screen() -> None:
+def test_bars_and_colours_do_not_stay_on_the_screen():
     assert (
         as_text("\x1b[1mWhich?\x1b[0m\r\nstructures \u2501\u2501 5%\r\x1b[2Kdone\r\n")
         == "Which?\ndone"

@@ -17,7 +17,7 @@ from mapmore_cli.modelling.validation.intervals import FEW, few_levels, left_out
 PAGE = DOCS / "intervals.md"
 
 
-def test_a_simulated_row() -> None:
+def test_a_simulated_row():
     name, *values = interval_tables.simulated_row("mckibben", "sarosi", 4)
     row = numbers(page_table("simulated", PAGE)[name])
     assert [row[key] for key in ("inside", "±", "RMSE", "± over RMSE")] == pytest.approx(
@@ -29,7 +29,7 @@ def test_a_simulated_row() -> None:
     "config",
     [pytest.param("coiled/coiled_loops", marks=pytest.mark.long), "muscle-like/antagonist-pam"],
 )
-def test_a_measured_row(config: str, tmp_path: Path, measured_data: Path) -> None:
+def test_a_measured_row(config, tmp_path, measured_data):
     name, _, *values, _ = interval_tables.measured_row(config, tmp_path)
     row = numbers(page_table("measured", PAGE)[name])
     assert [
@@ -37,7 +37,7 @@ def test_a_measured_row(config: str, tmp_path: Path, measured_data: Path) -> Non
     ] == pytest.approx(values, rel=0.02)
 
 
-def test_constants_that_do_not_know_a_family_cover_it() -> None:
+def test_constants_that_do_not_know_a_family_cover_it():
     rows = rows_of("families", PAGE)
     assert len({row[0] for row in rows}) == 11
     assert {row[1] for row in rows} == {"3", "4", "5", "7"}
@@ -47,7 +47,7 @@ def test_constants_that_do_not_know_a_family_cover_it() -> None:
     assert np.median(width) < 4.5
 
 
-def test_the_sentences_follow_from_the_tables() -> None:
+def test_the_sentences_follow_from_the_tables():
     text = PAGE.read_text(encoding="utf-8")
     families = [float(row[4]) for row in rows_of("families", PAGE)]
     assert (
@@ -56,13 +56,13 @@ def test_the_sentences_follow_from_the_tables() -> None:
     )
 
 
-def test_the_constants_are_those_of_all_families() -> None:
+def test_the_constants_are_those_of_all_families():
     assert numbers(page_table("constants", PAGE)["none"]) == {
         f"{count} levels": scale for count, scale in FEW.items()
     }
 
 
-def test_a_calibration_finds_the_constants_that_errors_were_drawn_with() -> None:
+def test_a_calibration_finds_the_constants_that_errors_were_drawn_with():
     """Errors of a known rule, spread evenly up to its half width over `AIMED`: so many lie inside
     of it.
     """
@@ -89,11 +89,11 @@ def test_a_calibration_finds_the_constants_that_errors_were_drawn_with() -> None
 
 
 @pytest.mark.long
-def test_the_constants_are_calibrated_anew(tmp_path: Path, measured_data: Path) -> None:
+def test_the_constants_are_calibrated_anew(tmp_path, measured_data):
     assert interval_tables.scales(tmp_path)["none"] == pytest.approx(FEW, rel=0.02)
 
 
-def test_every_study_of_the_table_is_there() -> None:
+def test_every_study_of_the_table_is_there():
     assert list(page_table("measured", PAGE)) == [
         Path(config).name for config in interval_tables.MEASURED
     ]

@@ -4,8 +4,6 @@ figures, notebooks.
 
 import csv
 import io
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -30,7 +28,7 @@ KINDS = {
 }
 
 
-def asked(spec: Path, *changes: tuple[str, str], more: str = "") -> Path:
+def asked(spec, *changes, more=""):
     """The study, asked for intervals."""
     text = spec.read_text().replace(
         "validate: {against: [polynomial_2]}", "validate: {intervals: true}"
@@ -42,16 +40,14 @@ def asked(spec: Path, *changes: tuple[str, str], more: str = "") -> Path:
     return spec
 
 
-def fused(mapmore, spec: Path, runs: Path) -> Any:
+def fused(mapmore, spec, runs):
     """The model of a study."""
     mapmore("fuse", spec, "--runs", runs, "-q", code=0)
     return read_model(runs / spec.stem / "model.h5")
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_an_inner_level_is_missed_as_by_a_run_that_holds_it_out(
-    kind: str, tmp_path: Path, mapmore
-) -> None:
+def test_an_inner_level_is_missed_as_by_a_run_that_holds_it_out(kind, tmp_path, mapmore):
     spec = asked(write_study(tmp_path), more=KINDS[kind])
     held = tmp_path / "held.yaml"
     held.write_text(
@@ -70,7 +66,7 @@ def test_an_inner_level_is_missed_as_by_a_run_that_holds_it_out(
     )
 
 
-def test_held_out_data_are_in_nothing_of_it(tmp_path: Path, mapmore) -> None:
+def test_held_out_data_are_in_nothing_of_it(tmp_path, mapmore):
     spec = asked(write_study(tmp_path))
     before = fused(mapmore, spec, tmp_path / "runs").left_out
     assert (before.kind, before.curves, len(before.parts)) == ("blocks", 5, 3)
@@ -79,7 +75,7 @@ def test_held_out_data_are_in_nothing_of_it(tmp_path: Path, mapmore) -> None:
     assert np.array_equal(before.sizes, after.sizes)
 
 
-def test_recordings_are_left_out_where_there_are_no_levels(tmp_path: Path, mapmore) -> None:
+def test_recordings_are_left_out_where_there_are_no_levels(tmp_path, mapmore):
     levels = "  levels: {of: pressure, at: [100, 200, 300]}\n"
     polynomial = (
         "{polynomial: {of: [strain], order: 3}}",
@@ -97,7 +93,7 @@ def test_recordings_are_left_out_where_there_are_no_levels(tmp_path: Path, mapmo
     assert ["bench_100" in part for part in left_out.parts] == [True, False, False]
 
 
-def test_a_model_with_memory_is_told_by_free_runs_over_blocks(tmp_path: Path, mapmore) -> None:
+def test_a_model_with_memory_is_told_by_free_runs_over_blocks(tmp_path, mapmore):
     spec = memory.write_study(tmp_path, "narx", memory.NARX, memory.narx)
     spec.write_text(
         spec.read_text().replace("validate: {normaliser", "validate: {intervals: true, normaliser")
@@ -115,7 +111,7 @@ def test_a_model_with_memory_is_told_by_free_runs_over_blocks(tmp_path: Path, ma
     assert np.abs(errors).max() <= many_curves(model.left_out, 0.999)
 
 
-def test_runs_that_are_added_up_are_fitted_anew_without_a_level(tmp_path: Path, mapmore) -> None:
+def test_runs_that_are_added_up_are_fitted_anew_without_a_level(tmp_path, mapmore):
     """A run added to itself misses the level by what is left of twice the run that holds it out."""
     spec = write_study(tmp_path)
     whole = spec.read_text().replace(
@@ -138,7 +134,7 @@ def test_runs_that_are_added_up_are_fitted_anew_without_a_level(tmp_path: Path, 
     assert left_out.offset == pytest.approx([errors.mean()], rel=1e-9)
 
 
-def test_runs_of_one_recording_are_added_up_without_intervals(tmp_path: Path) -> None:
+def test_runs_of_one_recording_are_added_up_without_intervals(tmp_path):
     choices = model_choices(load(write_study(tmp_path)).spec)
     columns = {"pressure": np.ones(9), "strain": np.arange(9.0), "force": np.ones(9)}
     one = Dataset(
@@ -148,7 +144,7 @@ def test_runs_of_one_recording_are_added_up_without_intervals(tmp_path: Path) ->
         residuals(choices, one, {"part.yaml": tmp_path}, lambda _what, _done, _total: None, None)
 
 
-def test_a_part_that_the_fit_cannot_do_without_is_named(tmp_path: Path, mapmore) -> None:
+def test_a_part_that_the_fit_cannot_do_without_is_named(tmp_path, mapmore):
     levels = "  levels: {of: pressure, at: [100, 200, 300]}\n"
     formula = "model: {type: literature, name: sarosi}\n"
     spec = asked(
@@ -167,7 +163,7 @@ def test_a_part_that_the_fit_cannot_do_without_is_named(tmp_path: Path, mapmore)
 
 
 @pytest.fixture(scope="module")
-def model_file(tmp_path_factory: pytest.TempPathFactory, mapmore) -> Path:
+def model_file(tmp_path_factory, mapmore):
     """A run that holds 200 kPa out, with intervals; its page as well."""
     folder = tmp_path_factory.mktemp("intervals")
     spec = asked(
@@ -182,7 +178,7 @@ def model_file(tmp_path_factory: pytest.TempPathFactory, mapmore) -> Path:
 TABLE = "pressure,strain\n100,0.01\n150,0.02\n400,0.02\n,0.02\n"
 
 
-def test_a_table_gains_the_ends(model_file: Path, mapmore) -> None:
+def test_a_table_gains_the_ends(model_file, mapmore):
     result = mapmore(
         "predict", model_file, "-", "--interval", "0.9", "--derivatives", stdin=TABLE, code=0
     )
@@ -208,7 +204,7 @@ def test_a_table_gains_the_ends(model_file: Path, mapmore) -> None:
     assert rows[2]["force_by_strain"] != ""
 
 
-def test_a_notebook_has_them_too(model_file: Path) -> None:
+def test_a_notebook_has_them_too(model_file):
     model = mapmore_cli.load_model(model_file)
     low, high = model.interval(pressure=[[100.0, 150.0]], strain=0.02)
     assert low.shape == (1, 2)
@@ -216,7 +212,7 @@ def test_a_notebook_has_them_too(model_file: Path) -> None:
     assert (model.interval(0.99, pressure=100.0, strain=0.02)[1] > high[0, 0]).all()
 
 
-def test_the_page_shows_the_band(model_file: Path) -> None:
+def test_the_page_shows_the_band(model_file):
     page = (model_file.parent / "report" / "index.html").read_text()
     assert "The band holds a sample of a new curve with a probability of 95%" in page
     assert "95% interval" in (model_file.parent / "report" / "fit.svg").read_text()
@@ -229,9 +225,7 @@ BAD = {
 
 
 @pytest.mark.parametrize("what", [*BAD, "a model without"])
-def test_bad_asks_are_refused(
-    what: str, model_file: Path, mapmore, finished: tuple[Path, Path]
-) -> None:
+def test_bad_asks_are_refused(what, model_file, mapmore, finished):
     model = finished[1] / "bench" / "model.h5" if what == "a model without" else model_file
     arguments, table, code = BAD.get(what, (["0.95"], TABLE, 4))
     result = mapmore("predict", model, "-", "--interval", *arguments, stdin=table)

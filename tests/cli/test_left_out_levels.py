@@ -3,8 +3,6 @@ backbone is chosen.
 """
 
 import json
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -16,9 +14,7 @@ HELD = "{validate: {pressure: [200]}}"
 AGAINST = "against: [polynomial_2, {set: {fit.max_terms: 2}, as: two_terms}]"
 
 
-def rows(
-    mapmore, spec: Path, runs: Path, command: str = "validate"
-) -> dict[tuple[str, str, str], dict[str, Any]]:
+def rows(mapmore, spec, runs, command="validate"):
     result = mapmore(command, spec, "--runs", runs, "--json", "-q", code=0)
     return {
         (row["model"], row["split"], row["curve"]): row
@@ -34,9 +30,7 @@ def rows(
         ("model: {type: literature, name: sarosi}\n", ("polynomial_2",), (300,)),
     ],
 )
-def test_every_level_is_predicted_as_by_a_run_without_it(
-    model: str, rivals: tuple[str, ...], levels: tuple[int, ...], tmp_path: Path, mapmore
-) -> None:
+def test_every_level_is_predicted_as_by_a_run_without_it(model, rivals, levels, tmp_path, mapmore):
     """All levels once; an inner one and an end of other models."""
     spec = write_study(tmp_path)
     text = spec.read_text() + model
@@ -66,7 +60,7 @@ def test_every_level_is_predicted_as_by_a_run_without_it(
             assert left_out["rmse"] == pytest.approx(held["rmse"], rel=1e-9)
 
 
-def test_the_saved_model_and_the_training_rows_are_of_all_data(tmp_path: Path, mapmore) -> None:
+def test_the_saved_model_and_the_training_rows_are_of_all_data(tmp_path, mapmore):
     spec = write_study(tmp_path)
     plain = spec.read_text()
     spec.write_text(plain.replace(HELD, "{leave_one_level_out: true}"))
@@ -86,7 +80,7 @@ def test_the_saved_model_and_the_training_rows_are_of_all_data(tmp_path: Path, m
     assert "Every level is left out in turn" in page
 
 
-def test_models_over_time_have_no_levels_to_leave_out(tmp_path: Path, mapmore) -> None:
+def test_models_over_time_have_no_levels_to_leave_out(tmp_path, mapmore):
     spec = write_study(tmp_path)
     text = spec.read_text().replace(HELD, "{leave_one_level_out: true}")
     spec.write_text(
@@ -102,7 +96,7 @@ def test_models_over_time_have_no_levels_to_leave_out(tmp_path: Path, mapmore) -
     )
 
 
-def test_the_run_tells_what_it_chose(tmp_path: Path, mapmore) -> None:
+def test_the_run_tells_what_it_chose(tmp_path, mapmore):
     """The study has three training levels: too few for a choice, which is said."""
     spec, runs = write_study(tmp_path), tmp_path / "runs"
     mapmore(
@@ -133,9 +127,7 @@ def test_the_run_tells_what_it_chose(tmp_path: Path, mapmore) -> None:
         ),
     ],
 )
-def test_a_choice_that_cannot_be_made_is_refused(
-    settings: list[str], words: str, tmp_path: Path, mapmore
-) -> None:
+def test_a_choice_that_cannot_be_made_is_refused(settings, words, tmp_path, mapmore):
     spec = write_study(tmp_path)
     given = [part for setting in ["model.backbone=auto", *settings] for part in ("--set", setting)]
     mapmore("fit", spec, "--runs", tmp_path / "runs", *given, code=3, says=words)

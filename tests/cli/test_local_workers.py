@@ -20,7 +20,7 @@ from mapmore_cli.domain.processors import in_processes
 PROC = Path("/proc/self/task")
 
 
-def die_at_first(mark: Path | None) -> int:
+def die_at_first(mark):
     """A job that kills its worker where the mark is not there yet; without one, always."""
     if mark is None or not mark.exists():
         if mark is not None:
@@ -29,7 +29,7 @@ def die_at_first(mark: Path | None) -> int:
     return os.getpid()
 
 
-def fail_if_none(mark: Path | None) -> str:
+def fail_if_none(mark):
     if mark is None:
         raise MapmoreError("wrong", "mend it")
     return mark.name
@@ -90,11 +90,11 @@ def test_no_worker_outlives_its_parent(name, code, tmp_path):
             pass
 
 
-def children_of(pid: int) -> list[int]:
+def children_of(pid):
     return [int(child) for child in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
 
 
-def is_alive(pid: int) -> bool:
+def is_alive(pid):
     try:
         state = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0]
     except OSError:

@@ -7,7 +7,6 @@ are run again.
 from __future__ import annotations
 
 import json
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -22,7 +21,7 @@ CLOSING = ("ratio, geometric mean", "ratio, worst", "runs better", "below the be
 DIGITS = 0.006  # three of them
 
 
-def test_the_gel_muscle_is_what_its_recordings_say(measured_data: Path) -> None:
+def test_the_gel_muscle_is_what_its_recordings_say(measured_data):
     """The polynomials, left out by least squares of their own; the means of all models."""
     table = {model: numbers(row) for model, row in page_table("pgm").items()}
     files = sorted((measured_data / "pgm_mckibben").glob("pgm_*kPa.csv"))
@@ -49,7 +48,7 @@ def test_the_gel_muscle_is_what_its_recordings_say(measured_data: Path) -> None:
         )
 
 
-def test_the_piston_of_the_printed_cylinder(tmp_path: Path, mapmore, measured_data: Path) -> None:
+def test_the_piston_of_the_printed_cylinder(tmp_path, mapmore, measured_data):
     mapmore(
         "fuse", CONFIGS / "cylinder" / "printed_cylinder.yaml", "--runs", tmp_path, "-q", code=0
     )
@@ -61,7 +60,7 @@ def test_the_piston_of_the_printed_cylinder(tmp_path: Path, mapmore, measured_da
     assert slope in PAGE.read_text(encoding="utf-8")
 
 
-def test_the_simulated_studies_are_those_that_run() -> None:
+def test_the_simulated_studies_are_those_that_run():
     for name, row in page_table("m1").items():
         if name not in CLOSING:
             for model, nrmse in NRMSE[name].items():
@@ -69,7 +68,7 @@ def test_the_simulated_studies_are_those_that_run() -> None:
 
 
 @pytest.mark.parametrize("step", [5, pytest.param(1, marks=pytest.mark.long)])
-def test_the_sweep_of_terms_gives_its_table(step: int, tmp_path: Path, mapmore) -> None:
+def test_the_sweep_of_terms_gives_its_table(step, tmp_path, mapmore):
     """Every fifth entry is one of each study and of each column."""
     _, entries = load_campaign(CONFIGS / "campaigns" / "m1_terms.yaml")
     table = page_table("m1-terms")

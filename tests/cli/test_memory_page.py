@@ -6,14 +6,13 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Any
 
 import pytest
 from cli_samples import held_out
 from page_tables import MEMORY, numbers, page_table
 from test_shipped_studies import CONFIGS, NRMSE
 
-from mapmore_cli.spec.campaign import Campaign, Entry, load_campaign
+from mapmore_cli.spec.campaign import load_campaign
 from mapmore_cli.storage.artefacts import read_fit, read_model
 
 REVERSALS = ("dmsp-20-88-inner-reversals", "peano-inner-reversals")
@@ -28,7 +27,7 @@ another load.
 """
 
 
-def campaign(name: str) -> tuple[Campaign, dict[str, Entry]]:
+def campaign(name):
     """A shipped campaign, its runs by their names."""
     spec, entries = load_campaign(CONFIGS / "campaigns" / f"{name}.yaml")
     return spec, {
@@ -36,14 +35,14 @@ def campaign(name: str) -> tuple[Campaign, dict[str, Entry]]:
     }
 
 
-def rows_of(table: str) -> dict[str, dict[str, float]]:
+def rows_of(table):
     """NRMSE in per cent of the runs of a campaign, by run and model."""
     _, runs = campaign(table)
     found = page_table(table, MEMORY)
     return {name: numbers(found[name]) for name in runs}
 
 
-def nrmse(mapmore, entry: Entry, runs: Path) -> float:
+def nrmse(mapmore, entry, runs):
     """NRMSE in per cent of a run's own model on what was held out."""
     overrides = [part for override in entry.overrides for part in ("--set", override)]
     result = mapmore(
@@ -61,7 +60,7 @@ def nrmse(mapmore, entry: Entry, runs: Path) -> float:
     return float(100 * held_out(json.loads(result.stdout))["mapmore"]["nrmse"])
 
 
-def test_the_campaign_has_every_record_and_one_fragment() -> None:
+def test_the_campaign_has_every_record_and_one_fragment():
     spec, runs = campaign("coiled")
     assert [
         sum(variant.group == group for variant in spec.runs) for group in ("steps", "loops")
@@ -76,9 +75,7 @@ def test_the_campaign_has_every_record_and_one_fragment() -> None:
 @pytest.mark.parametrize(
     ("table", "name"), [(table, name) for table, names in AGAIN.items() for name in names]
 )
-def test_a_run_gives_what_the_page_says(
-    table: str, name: str, tmp_path: Path, mapmore, measured_data: Path
-) -> None:
+def test_a_run_gives_what_the_page_says(table, name, tmp_path, mapmore, measured_data):
     _, runs = campaign(table)
     told = (
         numbers(page_table("uncut", MEMORY)[name])["cut"]
@@ -88,9 +85,7 @@ def test_a_run_gives_what_the_page_says(
     assert nrmse(mapmore, runs[name], tmp_path) == pytest.approx(told, rel=0.02)
 
 
-def test_the_true_terms_of_the_simulated_record(
-    tmp_path: Path, mapmore, measured_data: Path
-) -> None:
+def test_the_true_terms_of_the_simulated_record(tmp_path, mapmore, measured_data):
     mapmore(
         "fuse",
         CONFIGS / "identification" / "data_for_testing.yaml",
@@ -111,7 +106,7 @@ def test_the_true_terms_of_the_simulated_record(
     assert dict(zip(model.terms, model.theta, strict=True)) == pytest.approx(truth, abs=1e-6)
 
 
-def test_identification_records_run_as_freely_as_the_peers(measured_data: Path) -> None:
+def test_identification_records_run_as_freely_as_the_peers(measured_data):
     """`test_shipped_studies` holds our figures against runs; the peer's are those of its file."""
     peer = json.loads(
         (measured_data / "system_identification" / "peer_sysidentpy.json").read_text()
@@ -128,7 +123,7 @@ def test_identification_records_run_as_freely_as_the_peers(measured_data: Path) 
         assert row["RRSE, one step"] == pytest.approx(row["peer's one step"], rel=0.005)
 
 
-def test_inner_reversals_are_shown_as_they_run() -> None:
+def test_inner_reversals_are_shown_as_they_run():
     table = page_table("reversals", MEMORY)
     for name in REVERSALS:
         errors = numbers(table[name])
@@ -140,7 +135,7 @@ def test_inner_reversals_are_shown_as_they_run() -> None:
 STUDIES = Path(__file__).parents[2] / "configs" / "identification"
 
 
-def scores(mapmore, *arguments: str) -> dict[tuple[str, str], dict[str, Any]]:
+def scores(mapmore, *arguments):
     result = mapmore("validate", *arguments, "--json", "-q", code=0)
     return {
         (row["model"], row["split"]): row
@@ -149,9 +144,7 @@ def scores(mapmore, *arguments: str) -> dict[tuple[str, str], dict[str, Any]]:
     }
 
 
-def test_the_terms_of_the_tanks_run_as_the_page_says(
-    tmp_path: Path, mapmore, measured_data: Path
-) -> None:
+def test_the_terms_of_the_tanks_run_as_the_page_says(tmp_path, mapmore, measured_data):
     told = numbers(page_table("tanks", MEMORY)["coefficients in free run"])
     terms = page_table("tanks_terms", MEMORY)
     assert len(terms) == told["terms"]
@@ -176,7 +169,7 @@ def test_the_terms_of_the_tanks_run_as_the_page_says(
     )
 
 
-def test_what_is_decided_in_free_run_runs_better() -> None:
+def test_what_is_decided_in_free_run_runs_better():
     """On the last quarter, which was held out to choose the number of terms."""
     errors = {
         name: numbers(row)["RMSE, last quarter, held out"]
@@ -189,8 +182,8 @@ def test_what_is_decided_in_free_run_runs_better() -> None:
     "model", ["linear_one_step", "linear", pytest.param("mapmore", marks=pytest.mark.long)]
 )
 def test_the_oscillator_trained_on_little_runs_as_the_page_says(
-    model: str, tmp_path: Path, mapmore, measured_data: Path
-) -> None:
+    model, tmp_path, mapmore, measured_data
+):
     told = numbers(page_table("bouc_wen", MEMORY)[model])["RRSE, free run, trained on 2048 samples"]
     linear = (
         "dictionary=[{lags: {of: [y, u], steps: [1, 2], constant: false}}]",

@@ -35,7 +35,7 @@ MODELS = {
 
 
 @cache
-def log(name: str) -> dict[str, np.ndarray]:
+def log(name):
     table = np.loadtxt(DATASETS / "waveforms" / f"{name}.csv", delimiter=",", skiprows=1)[::5]
     return {"time": table[:, 0], "input": table[:, 1], "displacement": table[:, 3] / 10}
 
@@ -54,7 +54,7 @@ def table(name):
     return page_table(name, PAGE)
 
 
-def test_poles_and_gains_are_those_of_the_published_rows() -> None:
+def test_poles_and_gains_are_those_of_the_published_rows():
     with (DATASETS / "published" / "p_table_1.csv").open(newline="") as lines:
         rows = list(csv.DictReader(lines))
     for model, told in table("poles").items():
@@ -75,7 +75,7 @@ def test_poles_and_gains_are_those_of_the_published_rows() -> None:
 
 
 @pytest.mark.parametrize("model", MODELS)
-def test_errors_by_waveform_are_made_again_from_the_recordings(model: str) -> None:
+def test_errors_by_waveform_are_made_again_from_the_recordings(model):
     motion = fitted(*MODELS[model])
     rows = table("waveforms")
     assert len(rows) == 14
@@ -92,7 +92,7 @@ def test_errors_by_waveform_are_made_again_from_the_recordings(model: str) -> No
 
 
 @pytest.mark.parametrize(("row", "slowest"), [("0.5 s", 0.5), ("1 s", None), ("1000 s", 1000.0)])
-def test_a_section_may_not_be_too_slow(row: str, slowest: float | None) -> None:
+def test_a_section_may_not_be_too_slow(row, slowest):
     """The default is a quarter of the wavelength."""
     motion = fitted(PARTS, {"sections": BOUNDARIES, "slowest": slowest})
     logs = [log(path.stem) for path in sorted((DATASETS / "waveforms").glob("waveform_*.csv"))]
@@ -103,7 +103,7 @@ def test_a_section_may_not_be_too_slow(row: str, slowest: float | None) -> None:
 
 
 @pytest.mark.parametrize("count", [1, 3])
-def test_errors_by_the_number_of_sections_are_made_again(count: int) -> None:
+def test_errors_by_the_number_of_sections_are_made_again(count):
     motion = fitted((*FULL, *PARTS), {"sections": count, "direction": True, "offset": True})
     names = (
         "full_stroke",
@@ -121,7 +121,7 @@ def test_errors_by_the_number_of_sections_are_made_again(count: int) -> None:
     assert int(row["sections, rise and fall"]) == 2 * count
 
 
-def test_what_is_said_of_the_best_models() -> None:
+def test_what_is_said_of_the_best_models():
     rows, least = table("coiled_motion"), []
     for group in ("steps", "loops"):
         errors = numbers(rows[f"{group}: median"])

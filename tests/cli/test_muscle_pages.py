@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator
 from pathlib import Path
 
 import muscle_figures
@@ -15,7 +14,6 @@ import numpy as np
 import pytest
 from page_tables import DOCS, numbers, page_table
 
-from mapmore_cli.reporting.table import Table
 from mapmore_cli.spec.loader import load
 
 WRIST, MUSCLE_LIKE = DOCS / "wrist.md", DOCS / "muscle-like.md"
@@ -23,7 +21,7 @@ CONFIGS = DOCS.parent / "configs"
 
 
 @pytest.fixture(scope="module")
-def runs(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+def runs(tmp_path_factory):
     """A folder of runs whose pages, where a run needs another with its page, have no figures:
     nobody looks at them here.
     """
@@ -32,7 +30,7 @@ def runs(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
         yield tmp_path_factory.mktemp("runs")
 
 
-def assert_shown(found: Table, page: Path) -> None:
+def assert_shown(found, page):
     """The page has the same rows, and numbers that agree within their printed digits."""
     shown = page_table(found.name, page)
     keys = [re.sub(r" \[.*\]$", "", heading) for heading in found.headings[1:]]
@@ -50,7 +48,7 @@ def assert_shown(found: Table, page: Path) -> None:
                 ), (first, key)
 
 
-def test_the_wrist_page(runs: Path) -> None:
+def test_the_wrist_page(runs):
     for name, table in muscle_tables.WRIST_TABLES.items():
         made = table(runs)
         assert made.name == name
@@ -60,18 +58,18 @@ def test_the_wrist_page(runs: Path) -> None:
 @pytest.mark.parametrize(
     "name", ["table-1", pytest.param("joint", marks=pytest.mark.long), "closed-valves"]
 )
-def test_the_muscle_like_page(name: str, runs: Path) -> None:
+def test_the_muscle_like_page(name, runs):
     assert_shown(muscle_tables.MUSCLE_LIKE_TABLES[name](runs), MUSCLE_LIKE)
 
 
-def test_the_splits_begin_with_what_the_study_says(runs: Path) -> None:
+def test_the_splits_begin_with_what_the_study_says(runs):
     found = muscle_tables.scores(muscle_tables.run("muscle-like/muscle-like-16cm", runs))
     row = numbers(page_table("splits", MUSCLE_LIKE)["blocks of 8 s"])
     for model, score in found.items():
         assert row[f"{model}, RMSE"] == pytest.approx(score.rmse, rel=0.01)
 
 
-def test_the_measured_pair(runs: Path, measured_data: Path) -> None:
+def test_the_measured_pair(runs, measured_data):
     """And MAPMORE's error is no larger than that of the best formula, from a spec of less than
     forty lines.
     """
@@ -82,7 +80,7 @@ def test_the_measured_pair(runs: Path, measured_data: Path) -> None:
     assert len((CONFIGS / "muscle-like" / "antagonist-pam.yaml").read_text().splitlines()) < 40
 
 
-def test_a_k_was_inert() -> None:
+def test_a_k_was_inert():
     found = muscle_tables.inert_table(Path())
     assert_shown(found, WRIST)
     assert f"{muscle_tables.size_of_eq_3():.1f} times too small" in WRIST.read_text(
@@ -90,7 +88,7 @@ def test_a_k_was_inert() -> None:
     )
 
 
-def test_biological_curves_are_those_of_h() -> None:
+def test_biological_curves_are_those_of_h():
     """Eq 2 is 5 % at a width from the optimum; eq 3 is one at rest, zero at the fastest shortening,
     about 1.5 far into lengthening.
     """
@@ -104,7 +102,7 @@ def test_biological_curves_are_those_of_h() -> None:
     assert math.exp(muscle_figures.STIFFNESS) == pytest.approx(0.05)
 
 
-def test_every_study_of_both_folders_is_named_on_its_page_or_made_for_it() -> None:
+def test_every_study_of_both_folders_is_named_on_its_page_or_made_for_it():
     for folder, page in (("wrist", WRIST), ("muscle-like", MUSCLE_LIKE)):
         studies = sorted(
             path for path in (CONFIGS / folder).glob("*.yaml") if not path.name.startswith("_")

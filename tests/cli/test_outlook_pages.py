@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 import warnings
-from pathlib import Path
 
 import outlook_tables
 import pytest
@@ -15,19 +14,17 @@ from test_muscle_pages import assert_shown
 H, EXPORT, W = DOCS / "muscle-like.md", DOCS / "export.md", DOCS / "wrist.md"
 
 
-def page(name: str, path: Path) -> dict[str, dict[str, float]]:
+def page(name, path):
     return {row: numbers(cells) for row, cells in page_table(name, path).items()}
 
 
 @pytest.mark.long
-def test_valves_tendon_and_random_pressures(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_valves_tendon_and_random_pressures(tmp_path, monkeypatch):
     monkeypatch.setattr("mapmore_cli.reporting.figures.drawing.drawings", lambda _name, _inputs: [])
     assert_shown(outlook_tables.outlook(tmp_path), H)
 
 
-def test_what_is_said_of_h() -> None:
+def test_what_is_said_of_h():
     r2 = {name: row["R²"] for name, row in page("outlook", H).items()}
     for record in ("closed valves, common lengths", "controlled valves"):
         found = [value for name, value in r2.items() if name.startswith(f"{record}: identified")]
@@ -46,7 +43,7 @@ def test_what_is_said_of_h() -> None:
 
 
 @needs_compiler
-def test_two_units_turn_a_joint(tmp_path: Path) -> None:
+def test_two_units_turn_a_joint(tmp_path):
     """They are both models one after the other; a short part of the record is enough for that."""
     for row in outlook_tables.actuators(tmp_path, 400).rows[:2]:
         assert isinstance(row[1], float)
@@ -60,18 +57,18 @@ def test_two_units_turn_a_joint(tmp_path: Path) -> None:
 
 @needs_compiler
 @pytest.mark.long
-def test_the_joint_moves_as_the_page_says(tmp_path: Path) -> None:
+def test_the_joint_moves_as_the_page_says(tmp_path):
     assert_shown(outlook_tables.actuators(tmp_path), EXPORT)
 
 
-def test_a_measured_regulator(tmp_path: Path, measured_data: Path) -> None:
+def test_a_measured_regulator(tmp_path, measured_data):
     with warnings.catch_warnings(
         action="ignore", category=UserWarning
     ):  # held-out samples beyond the training range
         assert_shown(outlook_tables.regulators(tmp_path), EXPORT)
 
 
-def test_what_a_model_foretells_of_the_loop(tmp_path: Path) -> None:
+def test_what_a_model_foretells_of_the_loop(tmp_path):
     """The simulation by Sárosi's formula alone; at twice the gains it swings where the rig does
     not.
     """
@@ -82,7 +79,7 @@ def test_what_a_model_foretells_of_the_loop(tmp_path: Path) -> None:
         )
 
 
-def test_what_is_said_of_w() -> None:
+def test_what_is_said_of_w():
     """The rig stays calm at twice the gains, where what is foretold without friction swings."""
     rows = page("wrist-loop", W)
     alone = rows.pop("nothing")["rig: RMSE"]
@@ -102,6 +99,6 @@ def test_what_is_said_of_w() -> None:
 
 
 @pytest.mark.long
-def test_the_rig_in_the_loop(tmp_path: Path) -> None:
+def test_the_rig_in_the_loop(tmp_path):
     row = page("wrist-loop", W)["sarosi"]
     assert outlook_tables.loops("sarosi", tmp_path)[0] == pytest.approx(row["rig: RMSE"], rel=0.02)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import re
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -46,18 +45,18 @@ STUDY: dict[str, Any] = {
 }
 
 
-def rows(fitted: Any, model: str) -> list[float]:
+def rows(fitted, model):
     return [row["rmse"] for row in fitted.scores if row["model"] == model]
 
 
-def test_it_is_fitted_as_the_built_in_one() -> None:
+def test_it_is_fitted_as_the_built_in_one():
     found = mm.fit(
         FRAME, formulas=[SAROSI], validate={"against": ["sarosi", "our_sarosi"]}, **STUDY
     )
     assert rows(found, "our_sarosi") == pytest.approx(rows(found, "sarosi"), rel=1e-6)
 
 
-def test_it_is_a_backbone_and_a_model_that_stands_alone(tmp_path: Path, mapmore) -> None:
+def test_it_is_a_backbone_and_a_model_that_stands_alone(tmp_path, mapmore):
     """The file needs no spec: prediction, derivatives and exports agree with those of the built-in
     formula.
     """
@@ -75,7 +74,7 @@ def test_it_is_a_backbone_and_a_model_that_stands_alone(tmp_path: Path, mapmore)
     np.testing.assert_allclose(code["evaluate"](**points), own(**points), rtol=1e-12)
 
 
-def test_a_formula_as_the_model_and_in_a_sum() -> None:
+def test_a_formula_as_the_model_and_in_a_sum():
     alone = mm.fit(
         FRAME,
         formulas=[SAROSI],
@@ -103,7 +102,7 @@ def test_a_formula_as_the_model_and_in_a_sum() -> None:
     assert both.scores.of_model(split="train")["r2"] > 0.999
 
 
-def test_it_may_be_written_in_other_units() -> None:
+def test_it_may_be_written_in_other_units():
     """In bar: the same predictions, and parameters in those units."""
     in_bar = {**SAROSI, "name": "in_bar", "units": {"pressure": "bar"}}
     found = mm.fit(
@@ -112,7 +111,7 @@ def test_it_may_be_written_in_other_units() -> None:
     assert rows(found, "in_bar") == pytest.approx(rows(found, "our_sarosi"), rel=1e-6)
 
 
-def test_units_of_parameters_are_shown(tmp_path: Path, mapmore) -> None:
+def test_units_of_parameters_are_shown(tmp_path, mapmore):
     """In `show`, of a model and of a competitor, and on the page; a parameter without one has
     none.
     """
@@ -141,7 +140,7 @@ def test_units_of_parameters_are_shown(tmp_path: Path, mapmore) -> None:
     )
 
 
-def test_a_changed_file_makes_the_fits_stale(tmp_path: Path) -> None:
+def test_a_changed_file_makes_the_fits_stale(tmp_path):
     (tmp_path / "own.json").write_text(json.dumps(SAROSI))
     study = {**STUDY, "formulas": "own.json", "model": {"backbone": "our_sarosi"}}
     spec = mm.fit(FRAME, **{**study, "formulas": [SAROSI]}).to_yaml(tmp_path / "study.yaml")
@@ -178,13 +177,13 @@ def test_a_changed_file_makes_the_fits_stale(tmp_path: Path) -> None:
         ({"author": "me"}, "unknown key"),
     ],
 )
-def test_what_is_wrong_is_told(change: dict[str, Any], message: str) -> None:
+def test_what_is_wrong_is_told(change, message):
     own = {**SAROSI, **change}
     with pytest.raises(SpecError, match=message):
         mm.fit(FRAME, formulas=[own], validate={"against": [own["name"]]}, **STUDY)
 
 
-def test_a_file_that_is_not_there() -> None:
+def test_a_file_that_is_not_there():
     with pytest.raises(SpecError, match="there is no file"):
         mm.fit(FRAME, formulas=["nowhere.yaml"], **STUDY)
 
@@ -198,12 +197,12 @@ def test_a_file_that_is_not_there() -> None:
         '{"name": "a", "reference": "", "text": "((", "bounds": {}, "units": {}, "starts": null}',
     ],
 )
-def test_a_damaged_definition_is_refused(text: str) -> None:
+def test_a_damaged_definition_is_refused(text):
     with pytest.raises(ValueError):  # noqa: PT011 - the reader tells it
         formula_of(text)
 
 
-def test_a_model_file_with_another_definition_is_refused(tmp_path: Path) -> None:
+def test_a_model_file_with_another_definition_is_refused(tmp_path):
     path = mm.fit(FRAME, formulas=[SAROSI], model={"backbone": "our_sarosi"}, **STUDY).save(
         tmp_path / "model.h5"
     )

@@ -6,7 +6,6 @@ import math
 import re
 from pathlib import Path
 from statistics import fmean
-from typing import Any
 
 import pytest
 import yaml
@@ -19,7 +18,7 @@ WORDS, ROWS = 25_100, 15
 """What the documentation may have at most: in all, and in a table of a page."""
 
 
-def test_every_table_file_has_its_page_and_every_excerpt_its_file() -> None:
+def test_every_table_file_has_its_page_and_every_excerpt_its_file():
     asked = set()
     for page in sorted(DOCS.glob("*.md")):
         for _, name, kept, text, _ in BLOCK.findall(page.read_text(encoding="utf-8")):
@@ -32,7 +31,7 @@ def test_every_table_file_has_its_page_and_every_excerpt_its_file() -> None:
     assert asked == {path.relative_to(DOCS).as_posix() for path in (DOCS / "tables").rglob("*.csv")}
 
 
-def test_the_site_shows_every_row() -> None:
+def test_the_site_shows_every_row():
     page = DOCS / "intervals.md"
     text = in_full(page.read_text(encoding="utf-8"), page.name)
     for row in read_rows(page, "families"):
@@ -56,7 +55,7 @@ def test_the_worked_spec_is_one(page, of_kind, tmp_path):
     assert of_kind(load(tmp_path / "spec.yaml").spec)
 
 
-def test_the_documentation_is_short() -> None:
+def test_the_documentation_is_short():
     pages = [
         page.read_text(encoding="utf-8") for page in (DOCS.parent / "README.md", *DOCS.glob("*.md"))
     ]
@@ -67,7 +66,7 @@ def test_the_documentation_is_short() -> None:
     assert max(len(re.findall(r"^\|", block, re.MULTILINE)) - 2 for block in evidence) <= ROWS
 
 
-def of_file(name: str) -> Any:
+def of_file(name):
     """The rows of a file beside this one, by page."""
     return yaml.safe_load(Path(__file__).with_name(name).read_text(encoding="utf-8"))
 
@@ -75,7 +74,7 @@ def of_file(name: str) -> Any:
 SENTENCES = [(page, one) for page, rows in of_file("sentences.yaml").items() for one in rows]
 
 
-def told(cell: Any, page: Path) -> str:
+def told(cell, page):
     """The text of a cell, or of what is taken over a column."""
     if isinstance(cell, list):
         table, row, column = cell
@@ -91,7 +90,7 @@ def told(cell: Any, page: Path) -> str:
 @pytest.mark.parametrize(
     ("page", "sentence"), SENTENCES, ids=[f"{page}: {one['says']}" for page, one in SENTENCES]
 )
-def test_sentences_say_what_stands_in_the_tables(page: str, sentence: dict[str, Any]) -> None:
+def test_sentences_say_what_stands_in_the_tables(page, sentence):
     template, path = sentence["says"], DOCS / f"{page}.md"
     cells = [told(cell, path) for cell in sentence["of"]]
     values = [float(cell) for cell in cells] if "{:" in template else cells
@@ -103,7 +102,7 @@ CLAIMS = [(page, claim) for page, claims in of_file("claims.yaml").items() for c
 TAKEN = {"least": min, "greatest": max, "mean": fmean}
 
 
-def number_of(cell: Any, page: Path) -> float:
+def number_of(cell, page):
     """A number of a table, or what is taken over a column or a row."""
     if isinstance(cell, list):
         table, row, column = cell
@@ -131,7 +130,7 @@ def number_of(cell: Any, page: Path) -> float:
 
 
 @pytest.mark.parametrize(("page", "claim"), CLAIMS, ids=str)
-def test_tables_keep_what_pages_claim(page: str, claim: dict[str, Any]) -> None:
+def test_tables_keep_what_pages_claim(page, claim):
     path = DOCS / f"{page}.md"
     number, times = number_of(claim["number"], path), claim.get("times", 1)
     assert number >= times * number_of(claim.get("least", -math.inf), path)

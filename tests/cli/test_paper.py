@@ -119,7 +119,7 @@ items:
 
 
 @pytest.fixture
-def paper(tmp_path) -> Path:
+def paper(tmp_path):
     """A paper whose only table is to be written by the test."""
     write_study(tmp_path)
     (tmp_path / "x.yaml").write_text(PAPER)
@@ -146,7 +146,7 @@ def test_wrong_papers(paper, old, new, words, mapmore):
     mapmore("paper", paper, code=3, says=words)
 
 
-def write_table(paper, rmse: dict[str, float], nrmse: dict[str, float]):
+def write_table(paper, rmse, nrmse):
     rows = [f"bench,{model},{rmse[model]!r},{nrmse[model]!r}" for model in rmse]
     (paper.parent / "table.csv").write_text("\n".join(["study,model,rmse,nrmse", *rows]) + "\n")
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import shlex
-from pathlib import Path
 
 import yaml
 from cli_samples import write_study
@@ -12,7 +11,7 @@ from page_tables import DOCS, block_of
 PAGE = DOCS / "figures-for-papers.md"
 
 
-def test_what_the_page_says_works(tmp_path: Path, mapmore) -> None:
+def test_what_the_page_says_works(tmp_path, mapmore):
     report = yaml.safe_load(block_of(PAGE))["report"]
     spec = write_study(tmp_path)
     document = yaml.safe_load(spec.read_text())

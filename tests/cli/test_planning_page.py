@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from pathlib import Path
 
 import numpy as np
 import planning_tables
@@ -13,7 +12,7 @@ from page_tables import DOCS, rows_of
 PAGE = DOCS / "planning.md"
 
 
-def means_of(name: str) -> list[float]:
+def means_of(name):
     """What the note of a table says."""
     block = (
         PAGE.read_text(encoding="utf-8")
@@ -23,7 +22,7 @@ def means_of(name: str) -> list[float]:
     return [float(text) for text in re.findall(r"\d\.\d\d", block.split("Geometric mean")[1])]
 
 
-def test_equal_distances_are_as_good_as_is_said() -> None:
+def test_equal_distances_are_as_good_as_is_said():
     errors = np.array([[float(cell) for cell in row[2:]] for row in rows_of("levels", PAGE)])
     ratios = np.exp(np.log(errors[:, 1:] / errors[:, [0]]).mean(axis=0))
     assert ratios == pytest.approx(means_of("levels"), abs=0.01)
@@ -32,7 +31,7 @@ def test_equal_distances_are_as_good_as_is_said() -> None:
     assert len({row[0] for row in rows_of("levels", PAGE)}) == 6
 
 
-def test_what_is_said_of_stopping() -> None:
+def test_what_is_said_of_stopping():
     rows = [[int(cell) for cell in row[1:4]] for row in rows_of("stopping", PAGE)]
     assert all(campaigns == 6 and stopped == reached for campaigns, stopped, reached in rows)
     words = {0: "none", 3: "three", 4: "four"}
@@ -42,7 +41,7 @@ def test_what_is_said_of_stopping() -> None:
     assert said.format(*stopped) in PAGE.read_text(encoding="utf-8")
 
 
-def test_a_campaign_by_equal_distances_is_made_anew(tmp_path: Path, measured_data: Path) -> None:
+def test_a_campaign_by_equal_distances_is_made_anew(tmp_path, measured_data):
     name = "datasheet, pressures"
     choices, dataset = planning_tables.study(name, tmp_path)
     found = planning_tables.campaign(
@@ -53,7 +52,7 @@ def test_a_campaign_by_equal_distances_is_made_anew(tmp_path: Path, measured_dat
 
 
 @pytest.mark.long
-def test_a_map_is_made_anew(tmp_path: Path, measured_data: Path) -> None:
+def test_a_map_is_made_anew(tmp_path, measured_data):
     found = [
         planning_tables.points_by("datasheet, pressures", tmp_path, "plan", seed)
         for seed in range(planning_tables.STARTS)

@@ -9,7 +9,6 @@ import json
 import locale
 import time
 from contextlib import suppress
-from pathlib import Path
 from typing import Any
 
 import h5py
@@ -19,7 +18,7 @@ from cli_samples import change_forces, write_study
 LATER = ["fuse", "validate", "report"]
 
 
-def arrays(path: Path) -> dict[str, np.ndarray]:
+def arrays(path):
     found: dict[str, np.ndarray] = {}
     with h5py.File(path) as file:
         file.visititems(
@@ -48,7 +47,7 @@ def test_permuted_held_out_forces_leave_the_model_unchanged(tmp_path, mapmore):
         assert (model.parent / "scores.json").read_bytes() != scores
 
 
-def stages(mapmore, spec: Path, runs: Path, *more: str) -> dict[str, str]:
+def stages(mapmore, spec, runs, *more):
     result = mapmore("run", spec, "--runs", runs, "--json", "-q", *more, code=0)
     return dict(json.loads(result.stdout)["stages"])
 

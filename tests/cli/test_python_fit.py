@@ -20,14 +20,14 @@ from mapmore_cli.ingestion.files import expand
 CONFIGS = Path(__file__).resolve().parents[2] / "configs"
 
 
-def columns_of(path: Path, names: bool, delimiter: str | None = ",") -> dict[str, np.ndarray]:
+def columns_of(path, names, delimiter=","):
     """The table as a notebook would have it: arrays by title, or by number."""
     head = path.read_text().split("\n", 1)[0].split(delimiter)
     values = np.loadtxt(path, delimiter=delimiter, skiprows=1 if names else 0, ndmin=2)
     return {title if names else f"c{i}": values[:, i] for i, title in enumerate(head)}
 
 
-def sections_of(config: Path) -> dict[str, Any]:
+def sections_of(config):
     document: dict[str, Any] = yaml.safe_load(config.read_text())
     base = (
         yaml.safe_load((config.parent / document.pop("extends")).read_text())
@@ -40,7 +40,7 @@ def sections_of(config: Path) -> dict[str, Any]:
     return document
 
 
-def scored(config: Path, runs: Path, mapmore) -> list[dict[str, Any]]:
+def scored(config, runs, mapmore):
     mapmore("validate", config, "--runs", runs, "-q", code=0)
     rows: list[dict[str, Any]] = json.loads((runs / config.stem / "scores.json").read_text())[
         "scores"
@@ -48,7 +48,7 @@ def scored(config: Path, runs: Path, mapmore) -> list[dict[str, Any]]:
     return rows
 
 
-def agree(found: Any, command: list[dict[str, Any]], measured: bool = False):
+def agree(found, command, measured=False):
     """Row for row the same to 1e-12; a recording that came as a frame has another id."""
     assert len(found) == len(command) > 2
     for row, other in zip(found, command, strict=True):
@@ -183,18 +183,18 @@ SECTIONS: dict[str, Any] = {
 
 
 @pytest.fixture(scope="module")
-def fitted() -> Any:
+def fitted():
     return mm.fit(FRAME, segment={"strain": {"method": "even", "count": 4}}, **SECTIONS)
 
 
 class Frame:
     """What pandas and polars frames have in common."""
 
-    def __init__(self, columns: dict[str, Any]):
+    def __init__(self, columns):
         self._columns = columns
         self.columns = list(columns)
 
-    def __getitem__(self, name) -> Any:
+    def __getitem__(self, name):
         return self._columns[name]
 
 

@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import json
 import re
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -30,7 +29,7 @@ LOW = (
 )
 
 
-def test_an_error_of_check_ends_a_run_with_its_place_and_its_code(tmp_path: Path, mapmore) -> None:
+def test_an_error_of_check_ends_a_run_with_its_place_and_its_code(tmp_path, mapmore):
     spec, runs = write_study(tmp_path), tmp_path / "runs"
     for command in ("run", "segment", "fit", "batch", "run"):  # again and again
         ended = mapmore(
@@ -50,7 +49,7 @@ def test_an_error_of_check_ends_a_run_with_its_place_and_its_code(tmp_path: Path
     )  # what went on once is no permission
 
 
-def test_a_constant_target_is_wrong_data(tmp_path: Path, mapmore) -> None:
+def test_a_constant_target_is_wrong_data(tmp_path, mapmore):
     mapmore(
         "run",
         write_study(tmp_path),
@@ -63,15 +62,13 @@ def test_a_constant_target_is_wrong_data(tmp_path: Path, mapmore) -> None:
     )
 
 
-def test_warnings_are_told_each_time_and_data_are_not_read_again(
-    tmp_path: Path, mapmore, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_warnings_are_told_each_time_and_data_are_not_read_again(tmp_path, mapmore, monkeypatch):
     spec, runs = write_study(tmp_path), tmp_path / "runs"
     first = mapmore("run", spec, "--runs", runs, *LOW, code=0)
     assert first.stderr.count(BAR) == 1
     assert (runs / "bench" / "report" / "index.html").read_text().count(BAR) == 1
 
-    def refuse(*_: object, **__: object) -> None:
+    def refuse(*_, **__):
         raise AssertionError("an up-to-date run applies no rule")
 
     monkeypatch.setattr(applied, "issues_of", refuse)
@@ -83,7 +80,7 @@ def test_warnings_are_told_each_time_and_data_are_not_read_again(
         bring_up_to_date(load(spec, LOW[1::2]), runs)
 
 
-def test_a_batch_warns_of_every_run_once(tmp_path: Path, mapmore) -> None:
+def test_a_batch_warns_of_every_run_once(tmp_path, mapmore):
     spec = write_study(tmp_path)
     again = tmp_path / "again.yaml"
     again.write_text(spec.read_text().replace("name: bench", "name: again"))
@@ -94,14 +91,14 @@ def test_a_batch_warns_of_every_run_once(tmp_path: Path, mapmore) -> None:
     assert [sum(BAR in warning for warning in run["warnings"]) for run in runs] == [1, 1]
 
 
-def test_variations_repeat_no_warning(tmp_path: Path, mapmore) -> None:
+def test_variations_repeat_no_warning(tmp_path, mapmore):
     spec = write_study(tmp_path)
     against = "validate.against=[{as: other, set: {fit.max_terms: 1}}]"
     ended = mapmore("run", spec, "--runs", tmp_path / "runs", *LOW, "--set", against, code=0)
     assert ended.stderr.count(BAR) == 1
 
 
-def test_what_made_levels_impossible_is_told(tmp_path: Path, mapmore) -> None:
+def test_what_made_levels_impossible_is_told(tmp_path, mapmore):
     by_strain = (
         "data.columns.strain.scale=100",
         "data.levels={of: strain, at: [0.0123, 0.0527]}",
@@ -120,7 +117,7 @@ def test_what_made_levels_impossible_is_told(tmp_path: Path, mapmore) -> None:
     )
 
 
-def arrays(scale: float) -> dict[str, np.ndarray]:
+def arrays(scale):
     pressure, strain = (
         grid.ravel()
         for grid in np.meshgrid([100.0, 200.0, 300.0], np.linspace(0, 0.2, 40), indexing="ij")
@@ -132,7 +129,7 @@ def arrays(scale: float) -> dict[str, np.ndarray]:
     }
 
 
-def test_fits_of_arrays_are_checked_as_well() -> None:
+def test_fits_of_arrays_are_checked_as_well():
     study = {
         "levels": {"of": "pressure", "at": "auto"},
         "dictionary": [{"polynomial": {"of": ["strain"], "order": 2}}],
@@ -158,7 +155,7 @@ def test_fits_of_arrays_are_checked_as_well() -> None:
         "[{lags: {of: [length], steps: [1]}}]",
     ],
 )
-def test_a_model_without_inputs_gets_a_page(tmp_path: Path, mapmore, dictionary: str) -> None:
+def test_a_model_without_inputs_gets_a_page(tmp_path, mapmore, dictionary):
     rng = np.random.default_rng(0)
     rows = [
         f"{0.01 * i:.2f},{100 + 50 * np.sin(0.05 * i):.4f},{0.5 + 1e-3 * rng.normal():.6f}"
@@ -180,7 +177,7 @@ def test_a_model_without_inputs_gets_a_page(tmp_path: Path, mapmore, dictionary:
     )
 
 
-def test_every_figure_of_an_inverted_model_is_drawn(tmp_path: Path, mapmore) -> None:
+def test_every_figure_of_an_inverted_model_is_drawn(tmp_path, mapmore):
     """Also that between the levels, where the model's own quantities stand at the axes."""
     for level in (100, 200, 300, 400):
         force = np.linspace(0.0, 150.0, 40)
@@ -208,9 +205,7 @@ def test_every_figure_of_an_inverted_model_is_drawn(tmp_path: Path, mapmore) -> 
     mapmore("figure", tmp_path / "runs" / "s", "segments", "-o", tmp_path / "out.pdf", code=0)
 
 
-def test_a_label_that_cannot_be_set_is_found_before_anything_is_computed(
-    tmp_path: Path, mapmore
-) -> None:
+def test_a_label_that_cannot_be_set_is_found_before_anything_is_computed(tmp_path, mapmore):
     spec = write_study(tmp_path)
     deep = "report.style={labels: {force: '$x" + "^{x" * 120 + "}" * 120 + "$'}}"
     assert "cannot be set" in mapmore("check", spec, "--set", deep, code=3).stdout

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from page_tables import DOCS, numbers, page_table
 
 
-def test_the_table_is_the_one_of_the_page() -> None:
+def test_the_table_is_the_one_of_the_page():
     told = page_table("limits", DOCS / "scale.md")
     runs = scale.recorded()
     assert len(told) == 9
@@ -24,7 +24,7 @@ def test_the_table_is_the_one_of_the_page() -> None:
         assert numbers(row)["simulated"] == pytest.approx(scale.simulated(loads, workers), rel=1e-3)
 
 
-def test_what_the_text_says_stands_in_the_table() -> None:
+def test_what_the_text_says_stands_in_the_table():
     told = page_table("limits", DOCS / "scale.md")
     assert told["10 on 64"]["what limits"] == told["10 on 1000"]["what limits"] == "longest run"
     assert told["1000 on 64"]["what limits"] == told["100000 on 1000"]["what limits"] == "workers"
@@ -35,7 +35,7 @@ def test_what_the_text_says_stands_in_the_table() -> None:
     assert all(row["client"] < 0.5 * row["file system"] for row in by_run.values())
 
 
-def test_by_hand() -> None:
+def test_by_hand():
     work = [scale.Load(0, 0, seconds, 0) for seconds in (3, 1, 2)]
     assert [scale.simulated(work, workers) for workers in (1, 2, 3, 9)] == [6, 3, 3, 3]
     disk = [scale.Load(0, 1, 0, 2)] * 4
@@ -52,16 +52,14 @@ parts = st.floats(0, 5, width=16)
     loads=st.lists(st.tuples(parts, parts, parts, parts), min_size=1, max_size=12),
     workers=st.integers(1, 6),
 )
-def test_nothing_is_faster_than_on_paper(
-    loads: list[tuple[float, float, float, float]], workers: int
-) -> None:
+def test_nothing_is_faster_than_on_paper(loads, workers):
     found = [scale.Load(*load) for load in loads]
     took = scale.simulated(found, workers)
     assert took >= scale.bounds(found, workers).least * (1 - 1e-12)
     assert took <= sum(map(sum, loads)) * (1 + 1e-12)
 
 
-def test_commands_of_the_page_are_ours() -> None:
+def test_commands_of_the_page_are_ours():
     from typer.main import get_command
 
     from mapmore_cli.cli.app import app

@@ -4,8 +4,6 @@ the data or the fit.
 
 from __future__ import annotations
 
-from pathlib import Path
-
 from cli_samples import write_study
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
@@ -36,9 +34,7 @@ MODELS = (
 @example("force", 300.0, -1.0, MODELS[0])
 @example("strain", -29.0, 1.0, MODELS[1])
 @example("pressure", 27.0, 1.0, MODELS[1])
-def test_any_scale_gives_a_result_or_says_what_is_wrong(
-    tmp_path: Path, name: str, exponent: float, sign: float, model: tuple[str, ...]
-) -> None:
+def test_any_scale_gives_a_result_or_says_what_is_wrong(tmp_path, name, exponent, sign, model):
     spec = write_study(tmp_path)
     own = ("data.levels.at=auto", "data.split={}") if name == "pressure" else ()
     loaded = load(

@@ -5,8 +5,6 @@ one.
 from __future__ import annotations
 
 import json
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -20,12 +18,12 @@ TURNED = (
 )
 
 
-def options(*settings: str) -> list[str]:
+def options(*settings):
     return [part for setting in settings for part in ("--set", setting)]
 
 
 @pytest.fixture(scope="module")
-def study(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def study(tmp_path_factory):
     """The force is set, alike at three pressures, and the strain measured."""
     folder, rng = tmp_path_factory.mktemp("turned"), np.random.default_rng(5)
     for level in (100, 200, 300):
@@ -42,12 +40,12 @@ def study(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return spec
 
 
-def scores(runs: Path, name: str) -> dict[tuple[str, str], dict[str, Any]]:
+def scores(runs, name):
     rows = json.loads((runs / name / "scores.json").read_text())["scores"]
     return {(row["model"], row["split"]): row for row in rows if row["curve"] == "all"}
 
 
-def test_all_rows_are_of_the_force(study: Path, tmp_path: Path, mapmore) -> None:
+def test_all_rows_are_of_the_force(study, tmp_path, mapmore):
     """The inverted model has the error that inverting it by hand, in `predict`, gives; the formulas
     have that of the direct study.
     """
@@ -79,9 +77,7 @@ def test_all_rows_are_of_the_force(study: Path, tmp_path: Path, mapmore) -> None
     assert "The model predicts strain; it is inverted, and scored as force." in page
 
 
-def test_the_inverted_model_stands_beside_the_direct_one(
-    study: Path, tmp_path: Path, mapmore
-) -> None:
+def test_the_inverted_model_stands_beside_the_direct_one(study, tmp_path, mapmore):
     """As a competitor whose target is another, also where every level is left out in turn."""
     runs = tmp_path / "runs"
     changed = "{target: {column: strain}, segment: {force: {method: even, count: 2}}, " + (
@@ -119,9 +115,7 @@ def test_the_inverted_model_stands_beside_the_direct_one(
         ),
     ],
 )
-def test_what_cannot_be_inverted_is_refused(
-    settings: list[str], words: str, study: Path, tmp_path: Path, mapmore
-) -> None:
+def test_what_cannot_be_inverted_is_refused(settings, words, study, tmp_path, mapmore):
     mapmore(
         "validate",
         study,
@@ -133,7 +127,7 @@ def test_what_cannot_be_inverted_is_refused(
     )
 
 
-def test_a_table_is_turned_with_its_flags(study: Path, tmp_path: Path, mapmore) -> None:
+def test_a_table_is_turned_with_its_flags(study, tmp_path, mapmore):
     runs = tmp_path / "runs"
     mapmore("fuse", study, "--runs", runs, *options(*TURNED), code=0)
     model, table = runs / "bench" / "model.h5", tmp_path / "table.csv"

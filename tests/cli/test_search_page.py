@@ -17,7 +17,7 @@ from mapmore_cli.spec.loader import load
 PAGE = Path(__file__).parents[2] / "docs" / "search.md"
 
 
-def test_the_note_of_the_table_follows_from_its_rows() -> None:
+def test_the_note_of_the_table_follows_from_its_rows():
     note = (
         PAGE.read_text(encoding="utf-8")
         .partition("<!-- table search 0 -->")[2]
@@ -56,7 +56,7 @@ def test_the_note_of_the_table_follows_from_its_rows() -> None:
 @pytest.mark.parametrize(
     "path", sorted((PAGE.parent / "search").glob("*.yaml")), ids=lambda path: path.stem
 )
-def test_a_minimal_spec_of_the_page_says_nothing_of_a_structure(path: Path) -> None:
+def test_a_minimal_spec_of_the_page_says_nothing_of_a_structure(path):
     spec = load(path).spec
     assert spec.model.type == "auto"
     assert spec.name == path.stem
@@ -64,9 +64,7 @@ def test_a_minimal_spec_of_the_page_says_nothing_of_a_structure(path: Path) -> N
 
 
 @pytest.mark.parametrize("study", ["dmsp-20-88-static", "peano-static"])
-def test_what_is_found_for_the_muscles_of_the_demo_is_as_good_as_the_page_says(
-    study: str, tmp_path: Path
-) -> None:
+def test_what_is_found_for_the_muscles_of_the_demo_is_as_good_as_the_page_says(study, tmp_path):
     against = (
         f"validate.against=[{', '.join(('sarosi', 'sarosi_hinged', 'kerscher', 'polynomial_2'))}]"
     )

@@ -24,7 +24,7 @@ me, items = os.getpid(), list(range(10))
 """
 
 
-def python(script: str, threads: str = "1", code: int = 0) -> str:
+def python(script, threads="1", code=0):
     """What a script prints in a process of its own: this one has threads, of which a fork may
     hang.
     """

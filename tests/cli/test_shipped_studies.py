@@ -9,7 +9,6 @@ from __future__ import annotations
 import json
 import re
 from pathlib import Path
-from typing import Any
 
 import jsonschema
 import pytest
@@ -29,7 +28,7 @@ IN_FREE_RUN = ("cascaded_tanks", "bouc_wen")
 """Studies whose search takes minutes: see test_free_run_studies.py."""
 
 
-def is_measured(path: Path) -> bool:
+def is_measured(path):
     """True for a study of recordings that are not part of the project, whose folder it or what it
     extends names.
     """
@@ -158,7 +157,7 @@ IN_MOTION = {
 """The same in docs/motion.md."""
 
 
-def names(paths: list[Path]) -> list[str]:
+def names(paths):
     return [path.stem for path in paths]
 
 
@@ -168,7 +167,7 @@ def test_there_are_studies_of_both_kinds():
 
 
 @pytest.fixture(scope="module")
-def schema() -> jsonschema.Draft202012Validator:
+def schema():
     return jsonschema.Draft202012Validator(
         json.loads((CONFIGS / "experiment.schema.json").read_text(encoding="utf-8"))
     )
@@ -188,7 +187,7 @@ def test_a_study_is_named_after_its_file_and_follows_the_schema(path, schema):
     schema.validate(yaml.safe_load(loaded.resolved))
 
 
-def run(mapmore, path: Path, runs: Path, *settings: str, with_report: bool) -> dict[str, Any]:
+def run(mapmore, path, runs, *settings, with_report):
     spec = without_figures(path, runs) if "needs:" in path.read_text(encoding="utf-8") else path
     result = mapmore(
         "run" if with_report else "validate",
@@ -229,7 +228,7 @@ def test_a_long_simulated_study_runs_alone(tmp_path, mapmore):
 
 
 @pytest.fixture(scope="module")
-def runs(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def runs(tmp_path_factory):
     """A folder of runs, where one study finds another that it is compared with."""
     return tmp_path_factory.mktemp("runs")
 
@@ -293,13 +292,13 @@ def test_a_long_measured_study_runs_almost_alone(
     )
 
 
-def assert_told(told: dict[str, float], rows: dict[str, Any]):
+def assert_told(told, rows):
     """The errors of a run are those of a page, in per cent."""
     for model, per_cent in told.items():
         assert 100 * rows[model]["nrmse"] == pytest.approx(per_cent, rel=0.02), model
 
 
-def shown_of(study: str) -> dict[str, float]:
+def shown_of(study):
     """NRMSE in per cent by model, as docs/measured-static.md or docs/memory.md has it; empty for a
     study that neither shows.
     """

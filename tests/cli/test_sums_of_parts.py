@@ -3,7 +3,6 @@ what is refused.
 """
 
 import json
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -39,19 +38,19 @@ FORMULAS = RUNS.replace("model: flexor.yaml", "formula: chou_hannaford").replace
 TRUTH = {"flexor": (2.0, 0.8), "extensor": (1.5, 0.6)}
 
 
-def pull(muscle: str, pressure: np.ndarray, strain: np.ndarray) -> np.ndarray:
+def pull(muscle, pressure, strain):
     c1, c2 = TRUTH[muscle]
     return pressure * (c1 * (1 - strain) ** 2 - c2)
 
 
-def write(path: Path, **columns: np.ndarray) -> None:
+def write(path, **columns):
     rows = [
         ",".join(f"{value:.9g}" for value in row) for row in zip(*columns.values(), strict=True)
     ]
     path.write_text("\n".join([",".join(columns), *rows]) + "\n")
 
 
-def joint(folder: Path, summands: str, against: str = "") -> Path:
+def joint(folder, summands, against=""):
     rng = np.random.default_rng(0)
     for name in TRUTH:
         pressure, strain = rng.uniform(100, 500, 60), rng.uniform(0, 0.2, 60)
@@ -71,7 +70,7 @@ def joint(folder: Path, summands: str, against: str = "") -> Path:
 
 
 @pytest.mark.parametrize("summands", [RUNS, FORMULAS], ids=["runs", "formulas"])
-def test_a_joint_is_the_difference_of_its_muscles(summands: str, tmp_path: Path, mapmore) -> None:
+def test_a_joint_is_the_difference_of_its_muscles(summands, tmp_path, mapmore):
     spec = joint(tmp_path, summands, f"{{sum: [{FORMULAS}], as: pair}}")
     rmse, _ = scored_run(mapmore, spec, tmp_path / "runs")
     assert max(rmse["mapmore"], rmse["pair"]) < 1e-5
@@ -114,11 +113,11 @@ def test_a_joint_is_the_difference_of_its_muscles(summands: str, tmp_path: Path,
         (FORMULAS.replace("sign: -1", "sign: 2"), ["sign"]),
     ],
 )
-def test_wrong_sums(summands: str, words: list[str], tmp_path: Path, mapmore) -> None:
+def test_wrong_sums(summands, words, tmp_path, mapmore):
     mapmore("check", joint(tmp_path, summands), code=3, says=words)
 
 
-def test_two_runs_whose_pressures_have_one_name_are_refused(tmp_path: Path, mapmore) -> None:
+def test_two_runs_whose_pressures_have_one_name_are_refused(tmp_path, mapmore):
     spec = joint(tmp_path, RUNS.replace("pressure: p1, ", "").replace("pressure: p2, ", ""))
     words = ["flexor and extensor both have an input `pressure`", "inputs: {pressure: pressure_1}"]
     mapmore("run", spec, "--runs", tmp_path / "runs", code=3, says=words)

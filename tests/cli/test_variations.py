@@ -5,7 +5,6 @@ the same folder of runs.
 from __future__ import annotations
 
 import json
-from pathlib import Path
 
 import pytest
 from cli_samples import change_forces, scored_run, write_study
@@ -14,12 +13,12 @@ VARIATION = "{set: {fit.max_terms: 2, fuse: {z_s: 0.4}}, as: two}"
 
 
 @pytest.fixture
-def varied(tmp_path) -> Path:
+def varied(tmp_path):
     """`bench.yaml`, compared with itself with two terms."""
     return against(write_study(tmp_path), VARIATION)
 
 
-def against(spec: Path, entry) -> Path:
+def against(spec, entry):
     spec.write_text(
         spec.read_text().replace("against: [polynomial_2]", f"against: [polynomial_2, {entry}]")
     )
@@ -162,7 +161,7 @@ def test_the_resolved_spec_of_a_run_runs_again(varied, tmp_path, mapmore):
 
 
 @pytest.fixture
-def pair(tmp_path) -> tuple[Path, Path]:
+def pair(tmp_path):
     """`bench.yaml`, and `rival_base.yaml` on the same data with a dictionary of its own."""
     bench = write_study(tmp_path)
     text = bench.read_text()

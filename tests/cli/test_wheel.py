@@ -23,7 +23,7 @@ BUILD = (
 
 
 @pytest.fixture(scope="module")
-def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def wheel(tmp_path_factory):
     """Built from the archive of the sources, as an index would hand it out."""
     folder = tmp_path_factory.mktemp("wheel")
     copy = folder / "copy"  # a build leaves folders where it works
@@ -89,7 +89,7 @@ def test_an_installed_program_makes_its_example(wheel, tmp_path):
     assert "RuntimeError: socket.connect" in probe.stderr
     env = {**os.environ, "PYTHONPATH": str(tmp_path / "site")}
 
-    def mapmore(*arguments: str) -> str:
+    def mapmore(*arguments):
         call = [sys.executable, "-m", "mapmore_cli", *arguments]
         return subprocess.run(
             call, check=True, env=env, cwd=tmp_path, capture_output=True, text=True

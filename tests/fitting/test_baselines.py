@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import subprocess
 import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -33,7 +32,7 @@ validate: {{against: [{against}]}}
 """
 
 
-def dataset(held_out_scale: float = 1.0) -> Dataset:
+def dataset(held_out_scale=1.0):
     """A smooth surface in plain noise, every fourth sample held out."""
     random = np.random.default_rng(3)
     pressure, strain = random.uniform(0, 400, 160), random.uniform(0, 0.2, 160)
@@ -47,17 +46,17 @@ def dataset(held_out_scale: float = 1.0) -> Dataset:
     return Dataset("force", None, QUANTITIES, (), (curve_of(columns, held_out),))
 
 
-def model(body: object = None) -> Model:
+def model(body=None):
     return Model("own", QUANTITIES["force"], (QUANTITIES["pressure"], QUANTITIES["strain"]), body)  # type: ignore[arg-type]
 
 
 @pytest.fixture(autouse=True)
-def plain_kind(monkeypatch: pytest.MonkeyPatch) -> None:
+def plain_kind(monkeypatch):
     monkeypatch.setattr(baselines, "runs_over_time", lambda own: isinstance(own.body, Memory))
 
 
 @pytest.mark.parametrize("name", BASELINES)
-def test_a_smooth_surface_is_learnt_from_training_samples_alone(name: str) -> None:
+def test_a_smooth_surface_is_learnt_from_training_samples_alone(name):
     (curve,) = dataset().curves
     (first,) = baselines.predictions(name, dataset(), model())
     (again,) = baselines.predictions(name, dataset(held_out_scale=-5.0), model())
@@ -66,14 +65,14 @@ def test_a_smooth_surface_is_learnt_from_training_samples_alone(name: str) -> No
     assert np.sqrt(np.mean((first[curve.held_out] - force) ** 2)) < 0.2 * np.std(force)
 
 
-def test_more_samples_than_a_baseline_can_bear_are_thinned_evenly() -> None:
+def test_more_samples_than_a_baseline_can_bear_are_thinned_evenly():
     values = np.arange(1000.0)
     kept = baselines.even_share(values, 11)
     assert kept.tolist() == [round(k * 99.9) for k in range(11)]
     assert baselines.even_share(values, 1000) is values
 
 
-def test_beside_a_model_with_a_past_inputs_come_with_theirs() -> None:
+def test_beside_a_model_with_a_past_inputs_come_with_theirs():
     columns = {"pressure": np.arange(6.0), "strain": np.zeros(6), "force": np.zeros(6)}
     curve = Curve(
         "r", None, columns, np.zeros(6, dtype=bool), ("a", "b"), origin=np.array([0, 0, 0, 1, 1, 1])
@@ -82,16 +81,14 @@ def test_beside_a_model_with_a_past_inputs_come_with_theirs() -> None:
     assert found.tolist() == [[0, 0], [1, 0], [2, 0], [3, 3], [4, 3], [5, 3]]
 
 
-def test_missing_inputs_give_no_prediction() -> None:
+def test_missing_inputs_give_no_prediction():
     data = dataset()
     data.curves[0].columns["strain"][5] = np.nan
     (found,) = baselines.predictions("gradient_boosting", data, model())
     assert np.flatnonzero(np.isnan(found)).tolist() == [5]
 
 
-def test_without_scikit_learn_a_spec_says_what_to_install(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_without_scikit_learn_a_spec_says_what_to_install(tmp_path, monkeypatch):
     spec = tmp_path / "bench.yaml"
     spec.write_text(SPEC.format(against="mlp"))
     monkeypatch.setattr("mapmore_cli.spec.check_study.find_spec", lambda _name: None)
@@ -107,7 +104,7 @@ def test_without_scikit_learn_a_spec_says_what_to_install(
         ("gaussian_proces", "did you mean `gaussian_process`"),
     ],
 )
-def test_what_a_baseline_is_not(against: str, told: str, tmp_path: Path) -> None:
+def test_what_a_baseline_is_not(against, told, tmp_path):
     spec = tmp_path / "bench.yaml"
     spec.write_text(SPEC.format(against=against))
     with pytest.raises(SpecError, match=told):
@@ -117,7 +114,7 @@ def test_what_a_baseline_is_not(against: str, told: str, tmp_path: Path) -> None
         load(spec)
 
 
-def test_scikit_learn_is_imported_only_to_fit_one(tmp_path: Path) -> None:
+def test_scikit_learn_is_imported_only_to_fit_one(tmp_path):
     spec = tmp_path / "bench.yaml"
     spec.write_text(SPEC.format(against="mlp"))
     script = (
@@ -128,7 +125,7 @@ def test_scikit_learn_is_imported_only_to_fit_one(tmp_path: Path) -> None:
     subprocess.run([sys.executable, "-c", script], check=True)
 
 
-def test_a_run_scores_them_beside_its_model(tmp_path: Path) -> None:
+def test_a_run_scores_them_beside_its_model(tmp_path):
     from mapmore_cli.pipeline.runner import bring_up_to_date
     from mapmore_cli.storage.run_folder import RunFiles
 
@@ -150,7 +147,7 @@ def test_a_run_scores_them_beside_its_model(tmp_path: Path) -> None:
     }
 
 
-def test_black_boxes_learn_without_the_fold_and_get_the_past_where_there_is_one() -> None:
+def test_black_boxes_learn_without_the_fold_and_get_the_past_where_there_is_one():
     time = np.linspace(0, 1, 240)
     u = np.sin(40 * time)
     data = dataset_of({"time": time, "u": u, "y": np.concatenate([np.zeros(4), u[:-4]])})

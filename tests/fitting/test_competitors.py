@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -21,7 +20,7 @@ from mapmore_cli.spec.experiment import Competitor
 from mapmore_cli.storage.artefacts import write_fit, write_model
 
 
-def curve(level: float, *, held: bool) -> Curve:
+def curve(level, *, held):
     strain = np.linspace(0, 0.2, 40)
     pressure = np.full(40, level)
     force = 2 * level * (1 - 3 * strain) - 40 + 300 * strain**2
@@ -43,14 +42,14 @@ DATASET = Dataset(
 )
 
 
-def model_of(name: str, dataset: Dataset = DATASET, **changes: Any) -> Model:
+def model_of(name, dataset=DATASET, **changes):
     fit = fit_formula(name, dataset.curves, "force")
     ranges = (CurveRange("all", None, {"pressure": (100.0, 400.0), "strain": (0.0, 0.2)}),)
     inputs = (QUANTITIES["pressure"], QUANTITIES["strain"])
     return replace(Model(name, QUANTITIES["force"], inputs, Formula(fit, None, ranges)), **changes)
 
 
-def contest(**changes: Any) -> Contest:
+def contest(**changes):
     lengths = {"length": None, "diameter": None}
     plain = Contest(
         dataset=DATASET,
@@ -63,7 +62,7 @@ def contest(**changes: Any) -> Contest:
     return replace(plain, **changes)
 
 
-def test_a_formula_is_fitted_to_the_training_samples_alone() -> None:
+def test_a_formula_is_fitted_to_the_training_samples_alone():
     rival = contest().rival("sarosi")
     training = replace(
         DATASET, curves=tuple(one for one in DATASET.curves if not one.held_out.any())
@@ -77,7 +76,7 @@ def test_a_formula_is_fitted_to_the_training_samples_alone() -> None:
         assert said.ready.all()
 
 
-def test_a_competitor_has_the_name_that_it_is_given() -> None:
+def test_a_competitor_has_the_name_that_it_is_given():
     named = contest().rival(
         Competitor(model="sarosi", **{"as": "by_simplex"}, method="levenberg_marquardt")
     )
@@ -86,14 +85,14 @@ def test_a_competitor_has_the_name_that_it_is_given() -> None:
     assert named.formulas["by_simplex"].method == "levenberg_marquardt"
 
 
-def of_run(tmp_path: Path, model: Model) -> Contest:
+def of_run(tmp_path, model):
     assert isinstance(model.body, Formula)
     write_model(tmp_path / "model.h5", model)
     write_fit(tmp_path / "fit.h5", FitResult(model.body.fit))
     return contest(needed={"other.yaml": tmp_path})
 
 
-def test_another_run_is_asked_as_it_is(tmp_path: Path) -> None:
+def test_another_run_is_asked_as_it_is(tmp_path):
     other = model_of("polynomial_2")
     rival = of_run(tmp_path, other).rival(Competitor(run="other.yaml"))
     assert rival.name == "other"
@@ -105,16 +104,16 @@ def test_another_run_is_asked_as_it_is(tmp_path: Path) -> None:
         np.testing.assert_allclose(said.values, wanted, rtol=1e-12)
 
 
-def test_a_run_of_other_units_is_refused(tmp_path: Path) -> None:
+def test_a_run_of_other_units_is_refused(tmp_path):
     other = model_of("polynomial_2", inputs=(Quantity("pressure", "bar"), QUANTITIES["strain"]))
     with pytest.raises(SpecError, match=r"other quantities or units \(pressure\)"):
         of_run(tmp_path, other).rival(Competitor(run="other.yaml"))
 
 
-def test_in_a_fold_another_run_is_made_anew(tmp_path: Path) -> None:
+def test_in_a_fold_another_run_is_made_anew(tmp_path):
     asked: list[tuple[Path, Dataset]] = []
 
-    def refit(folder: Path, dataset: Dataset) -> Model:
+    def refit(folder, dataset):
         asked.append((folder, dataset))
         return model_of("sarosi", dataset)
 
@@ -127,6 +126,6 @@ def test_in_a_fold_another_run_is_made_anew(tmp_path: Path) -> None:
     )
 
 
-def test_composites_need_a_static_run() -> None:
+def test_composites_need_a_static_run():
     with pytest.raises(SpecError, match="data of a static run"):
         contest().rival(Competitor(static="sarosi", damping="reynolds"))

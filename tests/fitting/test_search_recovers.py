@@ -25,14 +25,14 @@ STEP = 0.02
 WHOLE = Slice(None, ModelChoice(type="auto"), Fuse(), {}, None, (), False)
 
 
-def surface(rng: np.random.Generator) -> Columns:
+def surface(rng):
     """A quadratic of two inputs."""
     x, z = rng.uniform(0, 1, (2, 80))
     a = rng.uniform(0.5, 2, 4)
     return {"x": x, "z": z, "y": a[0] + a[1] * x - a[2] * x * z + a[3] * z**2}
 
 
-def autoregression(rng: np.random.Generator) -> Columns:
+def autoregression(rng):
     """Two delays of the output and one product, driven by steps of random height."""
     u = np.repeat(rng.uniform(-1, 1, 50), 12)
     y, a = np.zeros(len(u)), rng.uniform(0.05, 0.15, 2)
@@ -41,7 +41,7 @@ def autoregression(rng: np.random.Generator) -> Columns:
     return {"time": STEP * np.arange(len(u)), "u": u, "y": y}
 
 
-def spline(rng: np.random.Generator) -> Columns:
+def spline(rng):
     """A cubic that changes at a knot, and goes straight along a second input."""
     x, z = (
         np.concatenate([[0.0, 1.0], rng.uniform(0, 1, 118)]) for _ in range(2)
@@ -50,7 +50,7 @@ def spline(rng: np.random.Generator) -> Columns:
     return {"x": x, "z": z, "y": a[0] + a[1] * x + 9 * a[2] * np.abs(x - 0.3) ** 3 + a[3] * x * z}
 
 
-def muscle(rng: np.random.Generator) -> Columns:
+def muscle(rng):
     """Force by the formula of Sarosi."""
     pressure, strain = rng.uniform(50, 500, 80), rng.uniform(0, 0.25, 80)
     a = rng.uniform(0.8, 1.2, 3)
@@ -58,7 +58,7 @@ def muscle(rng: np.random.Generator) -> Columns:
     return {"pressure": pressure, "strain": strain, "force": force}
 
 
-def slow_and_play(rng: np.random.Generator) -> Columns:
+def slow_and_play(rng):
     """What follows an input slowly, and what follows it with play."""
     u = np.concatenate(
         [np.linspace(a, b, 40) for a, b in itertools.pairwise([0.0, 1.0, *rng.uniform(0, 1, 18)])]
@@ -93,7 +93,7 @@ CASES = (
 )
 
 
-def explained(case: Case, seed: int, monkeypatch: pytest.MonkeyPatch) -> bool:
+def explained(case, seed, monkeypatch):
     """Whether a noise-free record is explained by a structure of its kind, in no more parameters
     than it takes.
     """
@@ -111,14 +111,14 @@ def explained(case: Case, seed: int, monkeypatch: pytest.MonkeyPatch) -> bool:
 @pytest.mark.parametrize("records", [1, pytest.param(10, marks=pytest.mark.long)])
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case.words)
 def test_nine_of_ten_noise_free_records_are_explained_by_a_structure_of_their_kind(
-    case: Case, records: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
+    case, records, monkeypatch
+):
     assert sum(explained(case, seed, monkeypatch) for seed in range(records)) >= 0.9 * records
 
 
 def test_recordings_that_no_memory_fits_are_searched_without_one(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+    monkeypatch,
+):
     """One early stamp among the held-out samples: the fit of a model with memory would refuse the
     whole recording.
     """
@@ -132,7 +132,7 @@ def test_recordings_that_no_memory_fits_are_searched_without_one(
     assert "resample: 0.02 s" in result.notes[0]
 
 
-def test_a_model_that_goes_on_by_itself_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_model_that_goes_on_by_itself_is_refused(monkeypatch):
     """A sine that nothing drives: two delays continue it for ever, from the first samples on, as a
     clock does.
     """

@@ -5,8 +5,6 @@ is printed, differentiated, computed.
 from __future__ import annotations
 
 import math
-import random
-from pathlib import Path
 
 import numpy as np
 from driver import Fault, Target, changed_text
@@ -67,10 +65,10 @@ WORDS = (*OPERATORS, *FUNCTIONS)
 COLUMNS = {name: np.array([-2.0, 0.0, 1e-3, 1.0, 1e8]) for name in NAMES}
 
 
-def expression(chance: random.Random, depth: int, names: tuple[str, ...] = NAMES) -> str:
+def expression(chance, depth, names=NAMES):
     """An expression of some depth, mostly well formed."""
 
-    def inner() -> str:
+    def inner():
         return expression(chance, depth - 1, names)
 
     if depth <= 0:
@@ -100,7 +98,7 @@ def expression(chance: random.Random, depth: int, names: tuple[str, ...] = NAMES
             )
 
 
-def text_of(chance: random.Random) -> str:
+def text_of(chance):
     """An input: an expression, often changed, seldom much too deep or too long."""
     kind = chance.random()
     if kind < 0.02:
@@ -118,7 +116,7 @@ def text_of(chance: random.Random) -> str:
     return changed_text(text, chance, MARKS) if kind < 0.2 else text
 
 
-def attempt(chance: random.Random, number: int, folder: Path) -> str:
+def attempt(chance, number, folder):
     """Parse, print, parse again, differentiate, compute; refused are `ExpressionError`s alone."""
     text = text_of(chance)
     try:

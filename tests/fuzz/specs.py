@@ -9,13 +9,10 @@ from __future__ import annotations
 
 import json
 import math
-import random
 import shutil
-from collections.abc import Sequence
 from copy import deepcopy
 from functools import cache
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import yaml
@@ -23,7 +20,7 @@ from driver import Fault, Target, at, changed_text, changed_tree, refused, ways
 
 from mapmore_cli.domain.errors import MapmoreError
 from mapmore_cli.pipeline.runner import bring_up_to_date
-from mapmore_cli.spec.loader import LoadedSpec, load
+from mapmore_cli.spec.loader import load
 from mapmore_cli.spec.units import convert
 
 PROJECT = Path(__file__).resolve().parents[2]
@@ -150,11 +147,11 @@ MARKS = "{}[]:,-#&*!|>'\"%@` \n\t?\\0123456789abc<~é\x07"
 
 
 @cache
-def schema() -> dict[str, Any]:
+def schema():
     return json.loads((PROJECT / "configs" / "experiment.schema.json").read_text())
 
 
-def value_of(rule: Any, chance: random.Random, depth: int = 0) -> Any:
+def value_of(rule, chance, depth=0):
     """A value that keeps to a rule of the schema, as far as this is told by it."""
     if "$ref" in rule:
         return value_of(schema()["$defs"][rule["$ref"].rsplit("/", 1)[1]], chance, depth)
@@ -196,7 +193,7 @@ def value_of(rule: Any, chance: random.Random, depth: int = 0) -> Any:
     )
 
 
-def _mapping_of(rule: Any, chance: random.Random, depth: int) -> dict[str, Any]:
+def _mapping_of(rule, chance, depth):
     known = rule.get("properties", {})
     wanted = [
         name
@@ -213,10 +210,10 @@ def _mapping_of(rule: Any, chance: random.Random, depth: int) -> dict[str, Any]:
     return found
 
 
-def changed(tree: Any, chance: random.Random) -> None:
+def changed(tree, chance):
     """Change a document at one place, or put something in by the schema."""
 
-    def value(old: Any) -> Any:
+    def value(old):
         return chance.choice(
             NUMBERS if isinstance(old, int | float) or chance.random() < 0.3 else TEXTS
         )
@@ -242,7 +239,7 @@ def changed(tree: Any, chance: random.Random) -> None:
             tree[section] = value_of(rule, chance)
 
 
-def _long(value: Any, chance: random.Random) -> Any:
+def _long(value, chance):
     """A list of thousands of what stands there, of numbers, or of lists of numbers: up to 200 kB
     where one or two values belong.
     """
@@ -254,7 +251,7 @@ def _long(value: Any, chance: random.Random) -> Any:
     )
 
 
-def text_of(chance: random.Random, changes: Sequence[int] = (0, 1, 1, 1, 2, 3)) -> str:
+def text_of(chance, changes=(0, 1, 1, 1, 2, 3)):
     """An input: a valid document with as many changes as one of `changes` says, as YAML."""
     tree = deepcopy(chance.choice(BASES))
     for _ in range(chance.choice(changes)):
@@ -263,14 +260,14 @@ def text_of(chance: random.Random, changes: Sequence[int] = (0, 1, 1, 1, 2, 3)) 
     return changed_text(text, chance, MARKS) if chance.random() < 0.1 else text
 
 
-def as_yaml(tree: Any) -> str:
+def as_yaml(tree):
     """A document as text, by libyaml: a tenth of the time of what is written in Python."""
     return str(
         yaml.dump(tree, Dumper=yaml.CSafeDumper, allow_unicode=True, sort_keys=False, width=200)
     )
 
 
-def write_data(folder: Path) -> None:
+def write_data(folder):
     """Two recordings of 20 rows: a study of 40."""
     for number in (1, 2):
         time = np.arange(20) * 0.1
@@ -283,7 +280,7 @@ def write_data(folder: Path) -> None:
         (folder / f"study_{number}.csv").write_text("\n".join(["t,P,eps,F", *rows]) + "\n")
 
 
-def is_yaml(text: str) -> bool:
+def is_yaml(text):
     """Whether libyaml, which mapmore does not read with, finds no mistake of syntax."""
     try:
         yaml.compose(text, Loader=yaml.CSafeLoader)
@@ -292,7 +289,7 @@ def is_yaml(text: str) -> bool:
     return True
 
 
-def attempt(chance: random.Random, number: int, folder: Path) -> str:
+def attempt(chance, number, folder):
     """Load; every second one that loads is written out and loads again to the same."""
     path, text = folder / "spec.yaml", text_of(chance)
     path.write_text(text, encoding="utf-8", errors="surrogatepass")
@@ -307,7 +304,7 @@ def attempt(chance: random.Random, number: int, folder: Path) -> str:
     return "loaded"
 
 
-def warm(folder: Path) -> list[LoadedSpec]:
+def warm(folder):
     """Load every document, with units that only the registry of units knows."""
     convert(1.0, "lbf/ft^2", "kPa")
     path = folder / "spec.yaml"
@@ -317,13 +314,13 @@ def warm(folder: Path) -> list[LoadedSpec]:
 DONE = "done"  # the folder with the runs of all documents as they are
 
 
-def warm_runs(folder: Path) -> None:
+def warm_runs(folder):
     write_data(folder)
     for loaded in warm(folder):
         bring_up_to_date(loaded, folder / DONE)
 
 
-def run(chance: random.Random, number: int, folder: Path) -> str:
+def run(chance, number, folder):
     """The next spec that loads is run on 40 rows, beginning where it differs from the document that
     was changed.
     """

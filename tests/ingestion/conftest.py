@@ -2,32 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from pathlib import Path
-from typing import Any
-
 import pytest
-from ingest_samples import Ingest, spec_of
+from ingest_samples import spec_of
 
-from mapmore_cli.domain.recording import Dataset
 from mapmore_cli.ingestion.dataset import build_dataset
 from mapmore_cli.ingestion.files import slice_of
 
 
 @pytest.fixture
-def ingest(tmp_path: Path) -> Ingest:
+def ingest(tmp_path):
     """`ingest({"a.csv": text}, levels=..., warnings=list)`: the dataset of these files; `files`
     defaults to all of them.
     """
 
     def run(
-        recordings: Mapping[str, str | bytes],
+        recordings,
         *,
-        target: Any = "static",
-        units: Any = None,
-        warnings: list[str] | None = None,
-        **data: Any,
-    ) -> Dataset:
+        target="static",
+        units=None,
+        warnings=None,
+        **data,
+    ):
         for name, content in recordings.items():
             path = tmp_path / name
             path.parent.mkdir(parents=True, exist_ok=True)

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from typing import Any
+from collections.abc import Callable
 
 import numpy as np
 
@@ -20,14 +19,14 @@ COLUMNS = {
 Ingest = Callable[..., Dataset]
 
 
-def csv_text(**columns: Any) -> str:
+def csv_text(**columns):
     """Columns as CSV with a header."""
     table = np.broadcast_arrays(*(np.asarray(values, dtype=float) for values in columns.values()))
     rows = [",".join(repr(float(cell)) for cell in row) for row in zip(*table, strict=True)]
     return "\n".join([",".join(columns), *rows]) + "\n"
 
 
-def steps(level: float, samples: int = 20, **changes: Any) -> str:
+def steps(level, samples=20, **changes):
     """A recording at one pressure."""
     t = np.arange(samples) * 0.1
     return csv_text(
@@ -35,7 +34,7 @@ def steps(level: float, samples: int = 20, **changes: Any) -> str:
     )
 
 
-def spec_of(data: Mapping[str, Any], **spec: Any) -> ExperimentSpec:
+def spec_of(data, **spec):
     return ExperimentSpec.model_validate(
         {
             "name": "test",

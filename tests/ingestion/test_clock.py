@@ -8,19 +8,19 @@ from typing import Any
 
 import numpy as np
 import pytest
-from ingest_samples import COLUMNS, Ingest, csv_text
+from ingest_samples import COLUMNS, csv_text
 
 from mapmore_cli.domain.errors import DataError
 
 SPLIT = {"longer_than": 0.15, "action": "split"}
 
 
-def logged(*stamps: float, **columns: object) -> str:
+def logged(*stamps, **columns):
     t = np.array(stamps, dtype=float)
     return csv_text(**{"t": t, "P": 80, "eps": t, "F": 10 * t, **columns})
 
 
-def test_gaps_split_a_recording_into_numbered_pieces(ingest: Ingest) -> None:
+def test_gaps_split_a_recording_into_numbered_pieces(ingest):
     dataset = ingest({"a.csv": logged(0, 0.1, 0.2, 1, 1.1, 3, 3.1, 3.2)}, gaps=SPLIT)
     assert [(c.id, c.recordings, list(c.columns["time"])) for c in dataset.curves] == [
         ("a#1", ("a#1",), [0, 0.1, 0.2]),
@@ -37,8 +37,8 @@ def test_gaps_split_a_recording_into_numbered_pieces(ingest: Ingest) -> None:
 
 
 def test_gaps_are_an_error_where_the_spec_says_so_and_a_warning_where_it_says_nothing(
-    ingest: Ingest,
-) -> None:
+    ingest,
+):
     text = logged(*np.arange(20) * 0.1, 5.0, *(5.1 + np.arange(20) * 0.1))
     with pytest.raises(
         DataError,
@@ -54,7 +54,7 @@ def test_gaps_are_an_error_where_the_spec_says_so_and_a_warning_where_it_says_no
     assert "about 30 samples are missing" in warnings[0]
 
 
-def test_units_of_gaps_do_not_hang_on_the_model(ingest: Ingest) -> None:
+def test_units_of_gaps_do_not_hang_on_the_model(ingest):
     columns = {**COLUMNS, "time": {"column": "t", "unit": "min"}}
     for unit in ("s", "ms"):
         dataset = ingest(
@@ -66,7 +66,7 @@ def test_units_of_gaps_do_not_hang_on_the_model(ingest: Ingest) -> None:
         assert [c.size for c in dataset.curves] == [3, 2]
 
 
-def test_clock_that_is_set_back_splits_where_gaps_do(ingest: Ingest) -> None:
+def test_clock_that_is_set_back_splits_where_gaps_do(ingest):
     text = logged(0, 0.1, 0.2, 0.05, 0.15, 1.0, 1.1)
     with pytest.raises(
         DataError, match=r"a\.csv:row 5: time runs backwards, from 0\.2 to 0\.05"
@@ -83,7 +83,7 @@ def test_clock_that_is_set_back_splits_where_gaps_do(ingest: Ingest) -> None:
     assert dataset.notes[0] == "a.csv:row 5: the clock was set back, from 0.2 to 0.05 s: split"
 
 
-def test_dropped_samples_count_for_their_piece(ingest: Ingest) -> None:
+def test_dropped_samples_count_for_their_piece(ingest):
     force = [0, np.nan, 2, 3, np.nan, np.nan, 99, 7]
     text = logged(0, 0.1, 0.12, 1, 1.1, 1.12, 1.2, 1.3, F=force)
     dataset = ingest(
@@ -96,7 +96,7 @@ def test_dropped_samples_count_for_their_piece(ingest: Ingest) -> None:
     ]
 
 
-def test_pieces_without_samples_are_left_out_with_a_warning(ingest: Ingest) -> None:
+def test_pieces_without_samples_are_left_out_with_a_warning(ingest):
     warnings: list[str] = []
     dataset = ingest(
         {"a.csv": logged(0, 0.1, 1, 1.1, 2, 2.1)},
@@ -114,7 +114,7 @@ def test_pieces_without_samples_are_left_out_with_a_warning(ingest: Ingest) -> N
         )
 
 
-def test_last_counts_over_all_pieces_of_a_log(ingest: Ingest) -> None:
+def test_last_counts_over_all_pieces_of_a_log(ingest):
     pieces = [k + np.arange(10) * 0.1 for k in (0, 10, 20, 30)]
     dataset = ingest(
         {"a.csv": logged(*np.concatenate(pieces))}, gaps=SPLIT, split={"validate": {"last": 0.375}}
@@ -122,7 +122,7 @@ def test_last_counts_over_all_pieces_of_a_log(ingest: Ingest) -> None:
     assert [int(c.held_out.sum()) for c in dataset.curves] == [0, 0, 5, 10]
 
 
-def test_resampling_goes_piece_by_piece_before_rates_are_taken(ingest: Ingest) -> None:
+def test_resampling_goes_piece_by_piece_before_rates_are_taken(ingest):
     t = np.concatenate([np.arange(1000), 3000 + np.arange(505)]) * 0.001
     text = csv_text(t=t, P=100 * t, eps=np.sin(200 * np.pi * t), F=0)
     derive = {"pressure_rate": {"rate_of": "pressure", "window": 0.05, "order": 1}}
@@ -140,7 +140,7 @@ def test_resampling_goes_piece_by_piece_before_rates_are_taken(ingest: Ingest) -
     assert [r.rows_read for r in dataset.recordings] == [1000, 505]
 
 
-def test_piece_shorter_than_a_step_is_left_out(ingest: Ingest) -> None:
+def test_piece_shorter_than_a_step_is_left_out(ingest):
     warnings: list[str] = []
     text = logged(*np.arange(50) * 0.01, 7, 7.01, *(9 + np.arange(50) * 0.01))
     dataset = ingest({"a.csv": text}, gaps=SPLIT, resample=0.1, warnings=warnings)
@@ -148,7 +148,7 @@ def test_piece_shorter_than_a_step_is_left_out(ingest: Ingest) -> None:
     assert "1 of 3 pieces" in warnings[0]
 
 
-def test_sample_time_stands_for_a_time_column(ingest: Ingest) -> None:
+def test_sample_time_stands_for_a_time_column(ingest):
     columns = {name: column for name, column in COLUMNS.items() if name != "time"}
     text = csv_text(t=7, P=80, eps=0, F=[1, 2, np.nan, 4])
     got = ingest({"a.csv": text}, columns=columns, sample_time=0.01, missing="drop").recordings[0]
@@ -168,19 +168,19 @@ MATCH = {"first": "pressure", "second": "pressure_2"}
 
 
 def joining(
-    ingest: Ingest,
-    second: str | dict[str, str],
-    first: str | dict[str, str] = "",
-    join: Any = None,
-    **data: Any,
-) -> Any:
+    ingest,
+    second,
+    first="",
+    join=None,
+    **data,
+):
     firsts = first if isinstance(first, dict) else {"first.csv": first or TESTER}
     seconds = second if isinstance(second, dict) else {"second.txt": second}
     entry = {"files": ["second*.txt"], "columns": SECOND, **(join or {})}
     return ingest({**firsts, **seconds}, files=["first*.csv"], columns=FIRST, join=[entry], **data)
 
 
-def test_second_log_is_shifted_converted_and_interpolated(ingest: Ingest) -> None:
+def test_second_log_is_shifted_converted_and_interpolated(ingest):
     second = csv_text(ms=5000 + 30 * np.arange(40), p=np.arange(40) * 0.03)
     got = joining(ingest, second, join={"shift": -5.0}).recordings[0]
     np.testing.assert_allclose(got.columns["pressure"], 100 * T, atol=1e-9)
@@ -188,7 +188,7 @@ def test_second_log_is_shifted_converted_and_interpolated(ingest: Ingest) -> Non
     assert (got.rows_read, dict(got.dropped)) == (11, {})
 
 
-def test_samples_outside_and_in_gaps_are_dropped_and_counted(ingest: Ingest) -> None:
+def test_samples_outside_and_in_gaps_are_dropped_and_counted(ingest):
     stamps = [200, 300, 400, 700, 800]
     got = joining(
         ingest, csv_text(ms=stamps, p=1), join={"max_gap": 0.15}, missing="drop"
@@ -199,7 +199,7 @@ def test_samples_outside_and_in_gaps_are_dropped_and_counted(ingest: Ingest) -> 
     np.testing.assert_allclose(whole.columns["time"], T[2:9])
 
 
-def test_missing_values_of_either_log(ingest: Ingest) -> None:
+def test_missing_values_of_either_log(ingest):
     first = csv_text(t=[0, np.nan, 0.2, 0.3], eps=0, F=[0, 1, np.nan, 3])
     second = csv_text(ms=[0, 100, 200, 300], p=[0, np.nan, 2, 3])
     got = joining(ingest, second, first, missing="drop").recordings[0]
@@ -207,7 +207,7 @@ def test_missing_values_of_either_log(ingest: Ingest) -> None:
     assert dict(got.dropped) == {"missing value": 2}
 
 
-def test_by_row(ingest: Ingest) -> None:
+def test_by_row(ingest):
     columns = {"pressure": {"column": 0, "unit": "kPa"}}
     text = "\n".join(str(p) for p in range(11))
     got = joining(ingest, text, join={"columns": columns, "on": "row", "header": False}).recordings[
@@ -216,7 +216,7 @@ def test_by_row(ingest: Ingest) -> None:
     np.testing.assert_array_equal(got.columns["pressure"], np.arange(11))
 
 
-def test_several_logs_are_paired_in_order_and_one_serves_all(ingest: Ingest) -> None:
+def test_several_logs_are_paired_in_order_and_one_serves_all(ingest):
     firsts = {"first_a.csv": TESTER, "first_b.csv": TESTER}
     seconds = {
         f"second_{name}.txt": csv_text(ms=[0, 1000], p=value)
@@ -228,7 +228,7 @@ def test_several_logs_are_paired_in_order_and_one_serves_all(ingest: Ingest) -> 
     assert [recording.columns["pressure"][0] for recording in one] == [200, 200]
 
 
-def test_third_log(ingest: Ingest) -> None:
+def test_third_log(ingest):
     more = {"files": ["third.txt"], "columns": {"load": {"column": "m"}, "time": {"column": "t"}}}
     files = {
         "first.csv": TESTER,
@@ -267,21 +267,21 @@ BROKEN: dict[str, tuple[str | dict[str, str], dict[str, Any], list[str]]] = {
 
 
 @pytest.mark.parametrize("case", BROKEN)
-def test_logs_that_do_not_fit(ingest: Ingest, case: str) -> None:
+def test_logs_that_do_not_fit(ingest, case):
     second, join, parts = BROKEN[case]
     with pytest.raises(DataError) as caught:
         joining(ingest, second, join=join)
     assert all(part in str(caught.value) for part in parts), str(caught.value)
 
 
-def test_repeated_stamps_of_the_second_log_are_mended_as_the_spec_says(ingest: Ingest) -> None:
+def test_repeated_stamps_of_the_second_log_are_mended_as_the_spec_says(ingest):
     got = joining(
         ingest, csv_text(ms=[0, 1000, 1000], p=[0, 1, 3]), repeated_time="average"
     ).recordings[0]
     np.testing.assert_allclose(got.columns["pressure"], 200 * T, atol=1e-9)
 
 
-def on_other_clocks(ingest: Ingest, wave: Any, **match: float) -> Any:
+def on_other_clocks(ingest, wave, **match):
     """Two logs of one pressure, the second in ms on a clock that is 7.5 s ahead of the first."""
     t = np.arange(0, 40, 0.1)
     columns = {"time": {"column": "ms", "unit": "ms"}, "pressure_2": {"column": "p", "unit": "bar"}}
@@ -305,7 +305,7 @@ def on_other_clocks(ingest: Ingest, wave: Any, **match: float) -> Any:
     )
 
 
-def test_the_shift_is_found_and_told(ingest: Ingest) -> None:
+def test_the_shift_is_found_and_told(ingest):
     values = np.random.default_rng(4).uniform(0, 300, 40)
     got = on_other_clocks(ingest, lambda t: np.interp(t, np.arange(-20, 60, 2), values))
     (note,) = (note for note in got.notes if "shift" in note)
@@ -316,9 +316,9 @@ def test_the_shift_is_found_and_told(ingest: Ingest) -> None:
 
 
 def test_a_shift_that_nothing_tells_or_more_than_one_fits_is_refused(
-    ingest: Ingest,
-) -> None:
-    def wave(t: np.ndarray) -> np.ndarray:
+    ingest,
+):
+    def wave(t):
         return 100 + 50 * np.sin(2 * np.pi * t / 20)
 
     with pytest.raises(DataError, match="nothing changes"):

@@ -1,17 +1,15 @@
 from __future__ import annotations
 
 from itertools import combinations
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from ingest_samples import Ingest, csv_text, spec_of, steps
+from ingest_samples import csv_text, spec_of, steps
 
 from mapmore_cli.domain.errors import DataError, SpecError
-from mapmore_cli.domain.recording import Dataset
 from mapmore_cli.ingestion.dataset import build_dataset
 from mapmore_cli.ingestion.files import slice_of
 from mapmore_cli.modelling.signals.cycles import last_cycles
@@ -26,11 +24,11 @@ REPEATS = {
 LEVELS = {"of": "pressure", "at": "auto"}
 
 
-def validating(dataset: Dataset) -> dict[str, int]:
+def validating(dataset):
     return {curve.id: int(curve.held_out.sum()) for curve in dataset.curves if curve.held_out.any()}
 
 
-def test_curves_come_in_the_order_of_their_levels_and_join_recordings(ingest: Ingest) -> None:
+def test_curves_come_in_the_order_of_their_levels_and_join_recordings(ingest):
     dataset = ingest(
         {"z.csv": steps(-5), "b.csv": steps(80), "a.csv": steps(80), "c.csv": steps(0)},
         levels=LEVELS,
@@ -44,7 +42,7 @@ def test_curves_come_in_the_order_of_their_levels_and_join_recordings(ingest: In
     assert dataset.notes == ("levels of pressure: -5, 0, 80 (within 2.5)",)
 
 
-def test_levels_of_constants_set_for_files(ingest: Ingest) -> None:
+def test_levels_of_constants_set_for_files(ingest):
     strains = [0.0, 0.0412, 0.0824, 0.1236]
     files = [{"path": f"{k}_*.csv", "set": {"length": x}} for k, x in enumerate(strains)]
     dataset = ingest(
@@ -58,7 +56,7 @@ def test_levels_of_constants_set_for_files(ingest: Ingest) -> None:
     ]
 
 
-def test_samples_between_levels_are_counted(ingest: Ingest) -> None:
+def test_samples_between_levels_are_counted(ingest):
     text = csv_text(t=np.arange(7), P=[80, 81, 115, 149, 150, 190, 400], eps=0, F=0)
     dataset = ingest(
         {"a.csv": text}, levels={"of": "pressure", "at": [150.0, 80.0], "within": 10.0}
@@ -67,7 +65,7 @@ def test_samples_between_levels_are_counted(ingest: Ingest) -> None:
     assert [curve.size for curve in dataset.curves] == [2, 2]
 
 
-def test_the_value_of_a_level_is_what_was_measured_or_the_nominal_one(ingest: Ingest) -> None:
+def test_the_value_of_a_level_is_what_was_measured_or_the_nominal_one(ingest):
     text = csv_text(t=np.arange(6), P=[79, 80, 82, 149, 150, 152], eps=[0.0, 0.1, 0.2] * 2, F=0)
     files, levels = {"a.csv": text}, {"of": "pressure", "at": [80.0, 150.0]}
     measured, nominal = (
@@ -101,20 +99,20 @@ def test_the_value_of_a_level_is_what_was_measured_or_the_nominal_one(ingest: In
         ({"recordings": ["80_1"], "last": 0.5}, [10, 0, 0]),
     ],
 )
-def test_what_is_held_out(ingest: Ingest, choice: dict[str, Any], expected: list[int]) -> None:
+def test_what_is_held_out(ingest, choice, expected):
     dataset = ingest(REPEATS, levels=LEVELS, split={"validate": choice})
     assert [int(curve.held_out.sum()) for curve in dataset.curves] == expected
 
 
-def test_held_out_samples_are_marked_one_by_one(ingest: Ingest) -> None:
+def test_held_out_samples_are_marked_one_by_one(ingest):
     for curve in ingest(REPEATS, levels=LEVELS, **held(files=["*_2.csv"])).curves:
         np.testing.assert_array_equal(curve.held_out, curve.columns["force"] % 100 == 2)
     for curve in ingest(REPEATS, levels=LEVELS, **held(last=0.25)).curves:
         np.testing.assert_array_equal(curve.held_out, curve.columns["time"] >= 1.45)
 
 
-def test_random_fraction_is_exact_and_hangs_on_the_seed_alone(ingest: Ingest) -> None:
-    def chosen(seed: int) -> np.ndarray:
+def test_random_fraction_is_exact_and_hangs_on_the_seed_alone(ingest):
+    def chosen(seed):
         dataset = ingest(
             REPEATS, levels=LEVELS, split={"validate": {"fraction": 0.25, "seed": seed}}
         )
@@ -125,7 +123,7 @@ def test_random_fraction_is_exact_and_hangs_on_the_seed_alone(ingest: Ingest) ->
     assert (chosen(1) != chosen(2)).any()
 
 
-def held(**choice: Any) -> dict[str, Any]:
+def held(**choice):
     return {"split": {"validate": choice}}
 
 
@@ -156,19 +154,19 @@ BROKEN: dict[str, tuple[dict[str, Any], list[str]]] = {
 
 
 @pytest.mark.parametrize("case", BROKEN)
-def test_choices_that_the_data_cannot_fulfil(ingest: Ingest, case: str) -> None:
+def test_choices_that_the_data_cannot_fulfil(ingest, case):
     data, parts = BROKEN[case]
     with pytest.raises(DataError) as caught:
         ingest(REPEATS, **{"levels": LEVELS, **data})
     assert all(part in str(caught.value) for part in parts), str(caught.value)
 
 
-def test_sweep_has_no_levels_to_find(ingest: Ingest) -> None:
+def test_sweep_has_no_levels_to_find(ingest):
     with pytest.raises(DataError, match="strain is nowhere held constant"):
         ingest({"a.csv": steps(80, 500)}, levels={"of": "strain", "at": "auto"})
 
 
-def cycle(level: float, rows: int = 400) -> str:
+def cycle(level, rows=400):
     strain = np.concatenate([np.linspace(0, 0.2, rows), np.linspace(0.2, 0, rows)])
     side = np.repeat([-1, 1], rows)
     return csv_text(
@@ -179,7 +177,7 @@ def cycle(level: float, rows: int = 400) -> str:
     )
 
 
-def test_cycles_become_static_and_hysteresis_curves(ingest: Ingest) -> None:
+def test_cycles_become_static_and_hysteresis_curves(ingest):
     files = {f"{level}.csv": cycle(level) for level in (80, 150)}
     data = {
         "cycles": {"over": "strain", "samples": 50},
@@ -206,19 +204,19 @@ def test_cycles_become_static_and_hysteresis_curves(ingest: Ingest) -> None:
     assert (named.target, named.unit("hysteresis")) == ("pressure", "kPa")
 
 
-def test_recording_without_a_cycle_is_named(ingest: Ingest) -> None:
+def test_recording_without_a_cycle_is_named(ingest):
     with pytest.raises(
         DataError, match=r"b\.csv, level 150 \(20 samples\): there is no full load cycle"
     ):
         ingest({"a.csv": cycle(80), "b.csv": steps(150)}, cycles={"over": "strain"}, levels=LEVELS)
 
 
-def test_last_makes_no_sense_after_cycles(ingest: Ingest) -> None:
+def test_last_makes_no_sense_after_cycles(ingest):
     with pytest.raises(SpecError, match="`last` needs samples in the order of time"):
         ingest({"a.csv": cycle(80)}, cycles={"over": "strain"}, split={"validate": {"last": 0.5}})
 
 
-def test_slice_holds_what_ingest_depends_on_and_no_more() -> None:
+def test_slice_holds_what_ingest_depends_on_and_no_more():
     a = {"files": ["a.csv"]}
     same = [
         spec_of(a, fuse={"z_s": 0.1}, fit={"max_terms": 3}),
@@ -241,9 +239,7 @@ def test_slice_holds_what_ingest_depends_on_and_no_more() -> None:
     assert all(one != another for one, another in combinations(different, 2))
 
 
-def test_stage_names_its_sources_and_reports_progress(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_stage_names_its_sources_and_reports_progress(tmp_path, monkeypatch):
     monkeypatch.setattr("mapmore_cli.ingestion.files.MEGABYTE", 1)
     for name in ("b.csv", "a.csv"):
         (tmp_path / name).write_text(steps(80))
@@ -256,9 +252,7 @@ def test_stage_names_its_sources_and_reports_progress(
 
 
 @pytest.mark.parametrize("levels", [LEVELS, {"of": "pressure", "at": [84.0, 154.0, 254.0]}])
-def test_a_level_goes_by_the_number_that_a_person_writes(
-    ingest: Ingest, levels: dict[str, Any]
-) -> None:
+def test_a_level_goes_by_the_number_that_a_person_writes(ingest, levels):
     """At 84, 154 and 254: 150 means the level 154, and 120 none."""
     files = {f"{level}.csv": steps(level, 40) for level in (84, 154, 254)}
     dataset = ingest(files, levels=levels, **held(pressure=[150.0]))
@@ -277,7 +271,7 @@ LENGTH = 100
 """Samples of a cycle: rest, rise, fall."""
 
 
-def driven(cycles: int, rest: float = 10.0, gaps: tuple[int, ...] = ()) -> str:
+def driven(cycles, rest=10.0, gaps=()):
     """Pressure cycles, a sample each second, with a pause of a minute before each sample of
     `gaps`.
     """
@@ -293,14 +287,12 @@ def driven(cycles: int, rest: float = 10.0, gaps: tuple[int, ...] = ()) -> str:
     )
 
 
-def mask_of(dataset: Dataset) -> np.ndarray:
+def mask_of(dataset):
     return np.concatenate([curve.held_out for curve in dataset.curves])
 
 
 @pytest.mark.parametrize(("cycles", "trained"), [(2, 1), (3, 2), (4, 2), (5, 3)])
-def test_the_later_cycles_are_held_out_and_the_larger_part_trains(
-    ingest: Ingest, cycles: int, trained: int
-) -> None:
+def test_the_later_cycles_are_held_out_and_the_larger_part_trains(ingest, cycles, trained):
     mask = mask_of(ingest({"a.csv": driven(cycles)}, split=HALF))
     first = int(np.argmax(mask))
     assert mask[first:].all()
@@ -309,7 +301,7 @@ def test_the_later_cycles_are_held_out_and_the_larger_part_trains(
     )  # from the end of its rest, at the latest 5 % up the rise
 
 
-def test_cycles_are_counted_over_all_pieces_of_a_log(ingest: Ingest) -> None:
+def test_cycles_are_counted_over_all_pieces_of_a_log(ingest):
     """A gap within the second of four cycles, and one before the last."""
     dataset = ingest({"a.csv": driven(4, gaps=(140, 310))}, gaps=SPLIT, split=HALF)
     whole = ingest({"a.csv": driven(4)}, split=HALF)
@@ -318,7 +310,7 @@ def test_cycles_are_counted_over_all_pieces_of_a_log(ingest: Ingest) -> None:
     np.testing.assert_array_equal(mask_of(dataset), mask_of(whole))
 
 
-def test_each_log_has_its_own_cycles(ingest: Ingest) -> None:
+def test_each_log_has_its_own_cycles(ingest):
     dataset = ingest({"a.csv": driven(2), "b.csv": driven(4, rest=40.0)}, split=HALF)
     alone = [
         mask_of(ingest({f"{n}.csv": driven(n)}, files=[f"{n}.csv"], split=HALF)) for n in (2, 4)
@@ -328,9 +320,7 @@ def test_each_log_has_its_own_cycles(ingest: Ingest) -> None:
 
 @settings(max_examples=30, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(gaps=st.sets(st.integers(1, 399), max_size=6), share=st.sampled_from([0.25, 0.5, 0.75]))
-def test_levels_and_gaps_do_not_change_which_samples_are_held_out(
-    ingest: Ingest, gaps: set[int], share: float
-) -> None:
+def test_levels_and_gaps_do_not_change_which_samples_are_held_out(ingest, gaps, share):
     split = {"validate": {"last_cycles": share, "of": "pressure"}}
     levels = {"of": "pressure", "at": [10.0, 300.0], "within": 145.0}
     dataset = ingest(
@@ -342,7 +332,7 @@ def test_levels_and_gaps_do_not_change_which_samples_are_held_out(
     np.testing.assert_array_equal(mask_of(dataset)[order], last_cycles(pressure[order], share))
 
 
-def test_cycles_can_be_those_of_one_recording(ingest: Ingest) -> None:
+def test_cycles_can_be_those_of_one_recording(ingest):
     split = {"validate": {"recordings": ["b"], "last_cycles": 0.5, "of": "pressure"}}
     dataset = ingest({"a.csv": driven(2), "b.csv": driven(2)}, split=split)
     assert [curve.held_out.any() for curve in dataset.curves] == [False, True]
@@ -371,14 +361,14 @@ REFUSED: dict[str, tuple[str, dict[str, Any], type[Exception], list[str]]] = {
 
 
 @pytest.mark.parametrize("case", REFUSED)
-def test_recordings_without_cycles_to_part(ingest: Ingest, case: str) -> None:
+def test_recordings_without_cycles_to_part(ingest, case):
     text, data, error, parts = REFUSED[case]
     with pytest.raises(error) as caught:
         ingest({"a.csv": text}, split=HALF, **data)
     assert all(part in str(caught.value) for part in parts), str(caught.value)
 
 
-def test_an_interval_is_left_out_with_both_its_ends(ingest: Ingest) -> None:
+def test_an_interval_is_left_out_with_both_its_ends(ingest):
     text = csv_text(t=np.arange(10), P=80, eps=0, F=0)
     (recording,) = ingest(
         {"a.csv": text}, keep=[{"quantity": "time", "outside": (3.0, 6.0)}]
@@ -387,7 +377,7 @@ def test_an_interval_is_left_out_with_both_its_ends(ingest: Ingest) -> None:
     assert dict(recording.dropped) == {"time from 3 to 6 s": 4}
 
 
-def test_samples_of_one_file_are_left_out_and_no_others(ingest: Ingest) -> None:
+def test_samples_of_one_file_are_left_out_and_no_others(ingest):
     text = csv_text(t=np.arange(10), P=80, eps=0, F=0)
     files = [
         {

@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from ingest_samples import Ingest
 
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.spec.units import is_same, unit_of_file
@@ -20,7 +19,7 @@ from mapmore_cli.spec.units import is_same, unit_of_file
 N = 40
 
 
-def hdf5(**units: str) -> bytes:
+def hdf5(**units):
     stream = io.BytesIO()
     with h5py.File(stream, "w") as file:
         for name, scale in (("t", 0.1), ("P", 1.0), ("eps", 0.001), ("F", 2.0)):
@@ -30,12 +29,12 @@ def hdf5(**units: str) -> bytes:
     return stream.getvalue()
 
 
-def columns(**changes: Any) -> dict[str, Any]:
+def columns(**changes):
     own = {"time": "t", "pressure": "P", "strain": "eps", "force": "F"}
     return {name: {"column": column, **changes.get(name, {})} for name, column in own.items()}
 
 
-def read(ingest: Ingest, content: bytes, **data: Any) -> tuple[dict[str, Any], list[str]]:
+def read(ingest, content, **data):
     warnings: list[str] = []
     made = ingest({"a.h5": content}, files=["a.h5"], reader="hdf5", warnings=warnings, **data)
     return dict(made.recordings[0].columns), warnings
@@ -56,9 +55,7 @@ def read(ingest: Ingest, content: bytes, **data: Any) -> tuple[dict[str, Any], l
     ],
     ids=str,
 )
-def test_units_that_mean_the_same_or_that_a_scale_explains(
-    ingest: Ingest, units: dict[str, str], spec: dict[str, Any]
-) -> None:
+def test_units_that_mean_the_same_or_that_a_scale_explains(ingest, units, spec):
     assert read(ingest, hdf5(**units), columns=columns(**spec))[1] == []
 
 
@@ -82,22 +79,20 @@ def test_units_that_mean_the_same_or_that_a_scale_explains(
     ],
     ids=str,
 )
-def test_units_that_the_file_contradicts(
-    ingest: Ingest, units: dict[str, str], spec: dict[str, Any], told: str
-) -> None:
+def test_units_that_the_file_contradicts(ingest, units, spec, told):
     with pytest.raises(DataError) as caught:
         read(ingest, hdf5(**units), columns=columns(**spec))
     assert told in str(caught.value)
 
 
 @pytest.mark.parametrize("word", ["counts", "a.u.", "Messwert", "m**9**9**9"])
-def test_words_that_nobody_knows_are_told(ingest: Ingest, word: str) -> None:
+def test_words_that_nobody_knows_are_told(ingest, word):
     assert read(ingest, hdf5(F=word), columns=columns())[1] == [
         f"a.h5: 'F' is in '{word}', says the file, and is read in N"
     ]
 
 
-def test_a_factor_of_the_file_and_one_of_the_spec(ingest: Ingest) -> None:
+def test_a_factor_of_the_file_and_one_of_the_spec(ingest):
     stream = io.BytesIO(hdf5())
     with h5py.File(stream, "a") as file:
         file["F"].attrs["scale_factor"] = 0.1
@@ -105,7 +100,7 @@ def test_a_factor_of_the_file_and_one_of_the_spec(ingest: Ingest) -> None:
     assert warnings == ["a.h5: 'F' is scaled as the file says, and `scale: 0.1` scales it again"]
 
 
-def test_units_by_meaning() -> None:
+def test_units_by_meaning():
     assert [
         is_same(*pair) for pair in (("degC", "K"), ("N", "kPa"), ("kPa", "kilopascal"), ("%", "1"))
     ] == [False, False, True, False]
@@ -125,7 +120,7 @@ def test_units_by_meaning() -> None:
     st.one_of(st.text(max_size=12), st.text("kMmPaNbarsig/*^ 0123456789%()·°CdBV-", max_size=8)),
     st.sampled_from(["kPa", "1", "s", "K"]),
 )
-def test_any_word_is_a_unit_or_not(word: str, unit: str) -> None:
+def test_any_word_is_a_unit_or_not(word, unit):
     found = unit_of_file(word, unit)
     assert found is None or is_same(found, unit) in (True, False)
 
@@ -134,7 +129,7 @@ def test_any_word_is_a_unit_or_not(word: str, unit: str) -> None:
 # --------------------------------------------------------------------------------------------------
 
 
-def tdms(step_of_force: float = 0.01, start: int = 0, step: float = 0.01) -> bytes:
+def tdms(step_of_force=0.01, start=0, step=0.01):
     nptdms = pytest.importorskip("nptdms")
     stream = io.BytesIO()
     with nptdms.TdmsWriter(stream) as writer:
@@ -160,7 +155,7 @@ LABVIEW = {
 TDMS: dict[str, Any] = {"files": ["a.tdms"], "reader": "tdms"}
 
 
-def test_the_remedy_brings_channels_of_two_rates_together(ingest: Ingest) -> None:
+def test_the_remedy_brings_channels_of_two_rates_together(ingest):
     content = {"a.tdms": tdms(0.009, 100)}
     with pytest.raises(
         DataError,
@@ -184,7 +179,7 @@ def test_the_remedy_brings_channels_of_two_rates_together(ingest: Ingest) -> Non
     )
 
 
-def test_a_sample_time_that_the_file_contradicts(ingest: Ingest) -> None:
+def test_a_sample_time_that_the_file_contradicts(ingest):
     with pytest.raises(
         DataError,
         match=(
@@ -201,7 +196,7 @@ def test_a_sample_time_that_the_file_contradicts(ingest: Ingest) -> None:
     )
 
 
-def test_a_second_is_what_labview_notes_where_nobody_says(ingest: Ingest) -> None:
+def test_a_second_is_what_labview_notes_where_nobody_says(ingest):
     warnings: list[str] = []
     ingest(
         {"a.tdms": tdms(1.0, step=1.0)},

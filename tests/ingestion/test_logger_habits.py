@@ -6,14 +6,12 @@ from __future__ import annotations
 
 import gzip
 from datetime import UTC, datetime
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from ingest_samples import COLUMNS, Ingest, csv_text, steps
+from ingest_samples import COLUMNS, csv_text, steps
 
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.storage.tables.cells import CellReader, NotANumber, stamp_of
@@ -38,7 +36,7 @@ NOON = datetime(2026, 3, 1, 12, 0, 1, 500000, tzinfo=UTC).timestamp()
         ("00:01:00", 60.0),
     ],
 )
-def test_stamps_are_seconds(text: str, seconds: float) -> None:
+def test_stamps_are_seconds(text, seconds):
     assert CellReader(clock=True)(f" {text} ") == seconds
     with pytest.raises(NotANumber):
         CellReader()(text)
@@ -56,13 +54,13 @@ def test_stamps_are_seconds(text: str, seconds: float) -> None:
         "9" * 5000 + ":",
     ],
 )
-def test_what_is_no_stamp_is_refused(text: str) -> None:
+def test_what_is_no_stamp_is_refused(text):
     with pytest.raises(NotANumber):
         CellReader(clock=True)(text)
 
 
 @given(st.datetimes(min_value=datetime(1971, 1, 1), max_value=datetime(2100, 1, 1)))
-def test_stamps_keep_their_distance(stamp: datetime) -> None:
+def test_stamps_keep_their_distance(stamp):
     """Whatever the zone is taken to be, a second later is a second later."""
     later = stamp.replace(microsecond=0)
     first, second = (stamp_of(str(one)) for one in (later, stamp))
@@ -71,7 +69,7 @@ def test_stamps_keep_their_distance(stamp: datetime) -> None:
     assert second[1] - first[1] == pytest.approx(stamp.microsecond / 1e6, abs=1e-6)
 
 
-def test_time_of_a_log_with_local_stamps(ingest: Ingest) -> None:
+def test_time_of_a_log_with_local_stamps(ingest):
     rows = [f"2026-03-01 23:59:{59 + k / 10:04.1f},80,0.1,{k}" for k in range(10)] + [
         "2026-03-02 00:00:00.0,80,0.1,10"
     ]
@@ -79,7 +77,7 @@ def test_time_of_a_log_with_local_stamps(ingest: Ingest) -> None:
     np.testing.assert_allclose(np.diff(dataset.recordings[0].columns["time"]), 0.1, atol=1e-6)
 
 
-def test_stamps_beside_decimal_commas(ingest: Ingest) -> None:
+def test_stamps_beside_decimal_commas(ingest):
     rows = [f"01.03.2026 12:00:00,{k};80,5;0,1;{k},25" for k in range(5)]
     dataset = ingest({"a.csv": "\n".join(["t;P;eps;F", *rows])}, delimiter=";", decimal=",")
     columns = dataset.recordings[0].columns
@@ -88,7 +86,7 @@ def test_stamps_beside_decimal_commas(ingest: Ingest) -> None:
 
 
 @pytest.mark.parametrize("delimiter", [",", ";"])
-def test_words_and_numbers_for_missing_values(ingest: Ingest, delimiter: str) -> None:
+def test_words_and_numbers_for_missing_values(ingest, delimiter):
     text = "t,P,eps,F\n0,80,0.1,1\n1,---,0.1,2\n2,80,0.1,-999\n3,80,0.1,4\n".replace(",", delimiter)
     with pytest.raises(DataError, match=r"row 3, column P: '---' is not a number") as told:
         ingest({"a.csv": text}, delimiter=delimiter)
@@ -98,7 +96,7 @@ def test_words_and_numbers_for_missing_values(ingest: Ingest, delimiter: str) ->
     assert dict(dataset.recordings[0].dropped) == {"missing value": 2}
 
 
-def workbook(path: Path, **sheets: Any) -> None:
+def workbook(path, **sheets):
     book = openpyxl.Workbook()
     book.remove(book.active)
     for title, text in sheets.items():
@@ -114,17 +112,17 @@ def workbook(path: Path, **sheets: Any) -> None:
 
 
 @pytest.fixture
-def book(tmp_path: Path) -> Path:
+def book(tmp_path):
     path = tmp_path / "book.xlsx"
     workbook(path, Run1=steps(80), Run2=steps(150), Notes="made,by,hand")
     return path
 
 
-def ids(dataset: Any) -> list[str]:
+def ids(dataset):
     return [recording.id for recording in dataset.recordings]
 
 
-def test_every_sheet_that_a_glob_names_is_a_recording(ingest: Ingest, book: Path) -> None:
+def test_every_sheet_that_a_glob_names_is_a_recording(ingest, book):
     dataset = ingest({}, files=[book.name], reader="xlsx", sheet="Run*")
     assert ids(dataset) == ["book[Run1]", "book[Run2]"]
     assert [recording.columns["pressure"][0] for recording in dataset.recordings] == [80, 150]
@@ -132,7 +130,7 @@ def test_every_sheet_that_a_glob_names_is_a_recording(ingest: Ingest, book: Path
         ingest({}, files=[book.name], reader="xlsx", sheet="Lauf*")
 
 
-def test_sheets_one_by_one(ingest: Ingest, book: Path) -> None:
+def test_sheets_one_by_one(ingest, book):
     files = [
         {"path": book.name, "sheet": "Run2", "set": {"load": 2.0}},
         {"path": book.name, "sheet": "Run1", "set": {"load": 1.0}},
@@ -145,12 +143,12 @@ def test_sheets_one_by_one(ingest: Ingest, book: Path) -> None:
         ingest({}, files=[files[0], files[0]], reader="xlsx")
 
 
-def test_empty_sheets_are_no_recordings(ingest: Ingest, tmp_path: Path) -> None:
+def test_empty_sheets_are_no_recordings(ingest, tmp_path):
     workbook(tmp_path / "b.xlsx", Sheet1=steps(80), Sheet2="", Sheet3="")
     assert ids(ingest({}, files=["b.xlsx"], reader="xlsx", sheet="*")) == ["b[Sheet1]"]
 
 
-def test_sheets_belong_to_workbooks(ingest: Ingest) -> None:
+def test_sheets_belong_to_workbooks(ingest):
     with pytest.raises(ValueError, match="has no use for `sheet`"):
         ingest({"a.csv": steps(80)}, files=[{"path": "a.csv", "sheet": "Run1"}])
 
@@ -162,9 +160,7 @@ GERMAN = csv_text(t=np.arange(3.0), P=80.0, eps=0.1, F=1.0).replace("eps", "Dehn
     "encoding", ["cp1252", "utf-16", "utf-16-le", "utf-16-be", "utf-8", "utf-8-sig"]
 )
 @pytest.mark.parametrize("zipped", [False, True])
-def test_the_guessed_encoding_reads_the_file(
-    ingest: Ingest, tmp_path: Path, encoding: str, zipped: bool
-) -> None:
+def test_the_guessed_encoding_reads_the_file(ingest, tmp_path, encoding, zipped):
     content = GERMAN.encode(encoding)
     (tmp_path / "a.csv").write_bytes(gzip.compress(content) if zipped else content)
     columns = {**COLUMNS, "strain": {"column": "Dehnung µ"}}
@@ -173,14 +169,14 @@ def test_the_guessed_encoding_reads_the_file(
 
 
 @pytest.mark.parametrize("encoding", ["cp1252", "utf-16"])
-def test_the_reader_suggests_the_encoding(ingest: Ingest, encoding: str) -> None:
+def test_the_reader_suggests_the_encoding(ingest, encoding):
     with pytest.raises(DataError, match="not a text file in UTF-8") as told:
         ingest({"a.csv": GERMAN.encode(encoding)})
     assert f"say `encoding: {encoding}`" in str(told.value.remedy)
 
 
 @given(st.binary(max_size=300))
-def test_an_encoding_is_guessed_for_any_bytes(content: bytes) -> None:
+def test_an_encoding_is_guessed_for_any_bytes(content):
     encoding = encoding_of(content)
     if not encoding.startswith(
         "utf-16"

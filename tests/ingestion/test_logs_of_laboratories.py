@@ -4,9 +4,6 @@ what is wrong with it.
 
 from __future__ import annotations
 
-from pathlib import Path
-from typing import Any
-
 import h5py
 import numpy as np
 import pytest
@@ -33,19 +30,19 @@ POSITION = 0.05 * np.convolve(PRESSURE, np.exp(-np.arange(200) / 30) / 30)[: T.s
 
 
 @pytest.fixture(autouse=True)
-def _without_search(monkeypatch: pytest.MonkeyPatch) -> None:
+def _without_search(monkeypatch):
     monkeypatch.setattr(drafting, "proven", lambda draft, _: draft)
 
 
-def signal(values: Any, label: str, block: str) -> dict[str, Any]:
+def signal(values, label, block):
     return {"values": values[:, None], "dimensions": 1.0, "label": label, "blockName": block}
 
 
-def taken(draft: Draft) -> dict[str, tuple[Any, Any]]:
+def taken(draft):
     return {name: (one["column"], one.get("unit")) for name, one in draft.data["columns"].items()}
 
 
-def recordings(draft: Draft, folder: Path) -> list[dict[str, np.ndarray]]:
+def recordings(draft, folder):
     """The columns of the recordings that a draft reads."""
     path = folder / "spec.yaml"
     path.write_text(draft.text())
@@ -54,7 +51,7 @@ def recordings(draft: Draft, folder: Path) -> list[dict[str, np.ndarray]]:
     return [dict(recording.columns) for recording in found.dataset.recordings]
 
 
-def test_a_scope_of_simulink_is_one_log_by_its_labels(tmp_path: Path) -> None:
+def test_a_scope_of_simulink_is_one_log_by_its_labels(tmp_path):
     signals = np.zeros(
         (1, 2), dtype=[(name, object) for name in ("values", "dimensions", "label", "blockName")]
     )
@@ -78,7 +75,7 @@ def test_a_scope_of_simulink_is_one_log_by_its_labels(tmp_path: Path) -> None:
     )
 
 
-def test_structs_with_time_of_each_variable_are_one_log_by_their_names(tmp_path: Path) -> None:
+def test_structs_with_time_of_each_variable_are_one_log_by_their_names(tmp_path):
     logged = {
         name: {"time": T[:, None], "signals": signal(values, "", f"rig/{name}")}
         for name, values in (("pressure_kPa", PRESSURE), ("position_mm", POSITION))
@@ -89,7 +86,7 @@ def test_structs_with_time_of_each_variable_are_one_log_by_their_names(tmp_path:
     assert taken(draft)["displacement"] == ("position_mm.signals.values", "mm")
 
 
-def test_arrays_to_workspace_have_tout_for_a_clock(tmp_path: Path) -> None:
+def test_arrays_to_workspace_have_tout_for_a_clock(tmp_path):
     scipy.io.savemat(
         tmp_path / "out.mat",
         {"tout": T[:, None], "pressure_kPa": PRESSURE[:, None], "position_mm": POSITION[:, None]},
@@ -98,7 +95,7 @@ def test_arrays_to_workspace_have_tout_for_a_clock(tmp_path: Path) -> None:
     assert taken(draft)["time"] == ("tout", "s")
 
 
-def test_a_timetable_alone_is_refused_with_the_line_that_converts_it(tmp_path: Path) -> None:
+def test_a_timetable_alone_is_refused_with_the_line_that_converts_it(tmp_path):
     with h5py.File(tmp_path / "log.mat", "w") as file:
         log = file.create_dataset(
             "log", data=np.array([[0xDD000000, 2, 1, 1, 1, 1]], dtype=np.uint32)
@@ -113,8 +110,8 @@ def test_a_timetable_alone_is_refused_with_the_line_that_converts_it(tmp_path: P
         drafting.start(tmp_path, tmp_path)
 
 
-def test_several_tables_of_a_text_file_are_recordings_of_one_study(tmp_path: Path) -> None:
-    def rows(count: int) -> str:
+def test_several_tables_of_a_text_file_are_recordings_of_one_study(tmp_path):
+    def rows(count):
         return "\n".join(
             f"{t:.3f}\t{p:.4f}\t{x:.5f}"
             for t, p, x in zip(T[:count], PRESSURE, POSITION, strict=False)
@@ -137,7 +134,7 @@ def test_several_tables_of_a_text_file_are_recordings_of_one_study(tmp_path: Pat
     )
 
 
-def test_notes_in_a_workbook_hide_neither_titles_nor_numbers(tmp_path: Path) -> None:
+def test_notes_in_a_workbook_hide_neither_titles_nor_numbers(tmp_path):
     openpyxl = pytest.importorskip("openpyxl")
     book = openpyxl.Workbook()
     for row in (["Operator", "me"], ["length mm", 88]):
@@ -166,7 +163,7 @@ def test_notes_in_a_workbook_hide_neither_titles_nor_numbers(tmp_path: Path) -> 
     first=st.integers(0, 4095),
     missing=st.sets(st.integers(0, 59), max_size=3),
 )
-def test_an_encoder_that_wraps_goes_on(steps: list[int], first: int, missing: set[int]) -> None:
+def test_an_encoder_that_wraps_goes_on(steps, first, missing):
     """A gap may be two steps long, and its sum more than half a turn: then nothing can tell, and no
     gap is made there.
     """
@@ -186,11 +183,11 @@ def test_an_encoder_that_wraps_goes_on(steps: list[int], first: int, missing: se
 COLUMNS = {"time": {"column": "t", "unit": "s"}, "force": {"column": "F", "unit": "N"}}
 
 
-def table(path: Path, rows: list[str]) -> None:
+def table(path, rows):
     path.write_text("\n".join(rows) + "\n")
 
 
-def test_a_joined_log_with_repeated_and_glitched_stamps_is_read(tmp_path: Path) -> None:
+def test_a_joined_log_with_repeated_and_glitched_stamps_is_read(tmp_path):
     time = np.arange(300) * 0.01
     table(tmp_path / "force.csv", ["t,F", *(f"{t:.2f},{np.sin(t):.5f}" for t in time)])
     stamps = [f"{t:.2f}" for t in time for _ in (0, 1)]
@@ -225,7 +222,7 @@ def test_a_joined_log_with_repeated_and_glitched_stamps_is_read(tmp_path: Path) 
     assert np.abs(recording.columns["pressure"] - wanted).max() < 0.2
 
 
-def test_a_clock_that_was_set_back_is_no_glitch(tmp_path: Path) -> None:
+def test_a_clock_that_was_set_back_is_no_glitch(tmp_path):
     time = np.concatenate([np.arange(200), np.arange(200)]) * 0.01
     table(tmp_path / "force.csv", ["t,F", *(f"{t:.2f},{row}" for row, t in enumerate(time))])
     with pytest.raises(DataError, match="runs backwards"):
@@ -236,7 +233,7 @@ def test_a_clock_that_was_set_back_is_no_glitch(tmp_path: Path) -> None:
         )
 
 
-def test_a_line_with_a_field_too_many_is_left_out_where_the_spec_says_so(tmp_path: Path) -> None:
+def test_a_line_with_a_field_too_many_is_left_out_where_the_spec_says_so(tmp_path):
     rows = ["t,F", *(f"{row},{row * row}" for row in range(20))]
     rows[7] = "6,36,6.5,42"  # two lines run into one
     table(tmp_path / "force.csv", rows)
@@ -250,7 +247,7 @@ def test_a_line_with_a_field_too_many_is_left_out_where_the_spec_says_so(tmp_pat
     assert recording.rows_kept == 19
 
 
-def test_bars_between_fields_and_a_readme_beside(tmp_path: Path) -> None:
+def test_bars_between_fields_and_a_readme_beside(tmp_path):
     time = np.arange(400) * 0.01
     drive = 100 + 50 * np.sin(2 * time)
     table(
@@ -276,8 +273,8 @@ def test_bars_between_fields_and_a_readme_beside(tmp_path: Path) -> None:
 
 @given(st.lists(st.integers(-20, 20), max_size=40))
 def test_the_longest_ascent_never_decreases_and_leaves_out_no_ordered_stamp(
-    stamps: list[int],
-) -> None:
+    stamps,
+):
     time = np.array(stamps, dtype=float)
     kept = longest_ascent(time)
     assert (np.diff(time[kept]) >= 0).all()

@@ -6,8 +6,6 @@ import gc
 import hashlib
 import json
 import tracemalloc
-from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -32,7 +30,7 @@ from mapmore_cli.storage.run_record import load_records
 SAMPLES = 60
 
 
-def log(seed: int, fault: str) -> str:
+def log(seed, fault):
     """Cycles at three pressures, with one fault of the clock or of the values."""
     rng = np.random.default_rng(seed)
     t = np.round(np.cumsum(rng.uniform(0.009, 0.011, SAMPLES)), 4)
@@ -93,7 +91,7 @@ CONDITIONS = [
 FAULTS = ["none", "none", "gap", "reset", "repeated", "missing", "marked"]
 
 
-def outcome(folder: Path, data: dict[str, Any]) -> tuple[str, list[str]]:
+def outcome(folder, data):
     """A checksum of everything in the dataset, and the warnings; or the error."""
     warnings: list[str] = []
     try:
@@ -112,7 +110,7 @@ def outcome(folder: Path, data: dict[str, Any]) -> tuple[str, list[str]]:
 
 
 @pytest.fixture
-def spooled(tmp_path: Path) -> Iterator[Path]:
+def spooled(tmp_path):
     gc.collect()  # columns that tests before this one held in a circle are open until then
     folder = tmp_path / "spool"
     folder.mkdir()
@@ -131,8 +129,8 @@ def spooled(tmp_path: Path) -> Iterator[Path]:
     size=st.integers(1, 25),
 )
 def test_blocks_give_what_the_whole_gives(
-    tmp_path: Path, faults, options, keep, scale, constants, timed, size
-) -> None:
+    tmp_path, faults, options, keep, scale, constants, timed, size
+):
     columns = {**COLUMNS, "force": {**COLUMNS["force"], **scale}}
     options = {key: value for key, value in options.items() if value is not None}
     if not timed:
@@ -157,9 +155,7 @@ def test_blocks_give_what_the_whole_gives(
 
 
 @pytest.mark.parametrize("huge", [10, 10_000])
-def test_the_file_has_the_same_bytes(
-    tmp_path: Path, spooled: Path, monkeypatch: pytest.MonkeyPatch, huge: int
-) -> None:
+def test_the_file_has_the_same_bytes(tmp_path, spooled, monkeypatch, huge):
     """Whether its columns are packed or not; and what is read of it, mapped or not, is what was
     written.
     """
@@ -184,9 +180,7 @@ def test_the_file_has_the_same_bytes(
     assert not list(spooled.iterdir())
 
 
-def test_a_long_log_takes_the_memory_of_its_blocks(
-    tmp_path: Path, spooled: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_long_log_takes_the_memory_of_its_blocks(tmp_path, spooled, monkeypatch):
     n, rows = 80_000, 2000
     text = "".join(
         f"{i / 100:.2f},{80 + 70 * (i // 1000 % 2)},{i % 1000 / 5000:.4f},{i % 77}.25\n"
@@ -223,9 +217,7 @@ def test_a_long_log_takes_the_memory_of_its_blocks(
     )
 
 
-def test_more_columns_than_files_may_be_open_stay_in_memory(
-    spooled: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_more_columns_than_files_may_be_open_stay_in_memory(spooled, monkeypatch):
     monkeypatch.setattr(arrays, "ROWS", 4)
     monkeypatch.setattr(spool, "LONG", 0)
     monkeypatch.setattr(spool, "MOST", 2)
@@ -241,7 +233,7 @@ def test_more_columns_than_files_may_be_open_stay_in_memory(
     rows=st.integers(1, 9),
 )
 @settings(deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
-def test_what_is_between_blocks_is_seen(steps: list[float], rows: int) -> None:
+def test_what_is_between_blocks_is_seen(steps, rows):
     time = np.cumsum([0.0, *steps])
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(arrays, "ROWS", rows)
@@ -253,7 +245,7 @@ def test_what_is_between_blocks_is_seen(steps: list[float], rows: int) -> None:
     assert found[2] == (np.median(positive) if len(positive) else 0.0)
 
 
-def test_the_step_of_a_long_record_is_that_of_its_parts(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_step_of_a_long_record_is_that_of_its_parts(monkeypatch):
     monkeypatch.setattr("mapmore_cli.modelling.signals.sampling.PART", 50)
     time = np.cumsum(np.random.default_rng(0).uniform(0.9, 1.1, 5000))
     assert typical_step(time) == pytest.approx(np.median(np.diff(time)), rel=0.02)
@@ -272,7 +264,7 @@ ROWS = 50_000
 
 
 @pytest.fixture
-def folder(tmp_path: Path) -> Path:
+def folder(tmp_path):
     (tmp_path / "log.csv").write_text(
         "t,F,eps\n" + "".join(f"{i},{i % 7}.25,0.{i % 9}\n" for i in range(ROWS))
     )
@@ -280,10 +272,10 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def interrupted_after(calls: int, folder: Path) -> None:
+def interrupted_after(calls, folder):
     seen: list[int] = []
 
-    def progress(_what: str, done: int, _total: int) -> None:
+    def progress(_what, done, _total):
         seen.append(done)
         if len(seen) > calls:
             raise KeyboardInterrupt
@@ -295,14 +287,14 @@ def interrupted_after(calls: int, folder: Path) -> None:
 
 
 @pytest.mark.parametrize("calls", [0, 1, 3])
-def test_nothing_is_left_behind(folder: Path, calls: int) -> None:
+def test_nothing_is_left_behind(folder, calls):
     interrupted_after(calls, folder)
     left = {path.name for path in (folder / "runs" / "long").iterdir()}
     assert left <= {".lock", "run.json"}  # the folder is ours, and no stage of it is done
     assert load_records(folder / "runs" / "long", lambda _message: None) == {}
 
 
-def test_the_results_of_before_stay(folder: Path) -> None:
+def test_the_results_of_before_stay(folder):
     run = folder / "runs" / "long"
     bring_up_to_date(load(folder / "long.yaml"), folder / "runs", until="ingest")
     before = {path.name: path.read_bytes() for path in run.iterdir()}

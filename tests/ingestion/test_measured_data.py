@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 from ingest_samples import spec_of
 
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.domain.recording import Dataset
 from mapmore_cli.ingestion.dataset import build_dataset
 from mapmore_cli.ingestion.files import slice_of
 from mapmore_cli.spec.loader import load
@@ -24,13 +22,13 @@ CLAMPED = {
 }  # m; 0.182 m at rest
 
 
-def read(data: dict[str, Any], folder: Path, warnings: list[str] | None = None) -> Dataset:
+def read(data, folder, warnings=None):
     return build_dataset(
         slice_of(spec_of(data)), folder, warn=(warnings if warnings is not None else []).append
     )
 
 
-def festo(**changes: Any) -> dict[str, Any]:
+def festo(**changes):
     return {
         "files": [
             {"path": f"festo_10mm_isometric/10mm_20cm_{state}_*.csv.gz", "set": {"length": length}}
@@ -54,15 +52,15 @@ def festo(**changes: Any) -> dict[str, Any]:
 
 
 def test_repeated_stamps_of_the_logger_are_refused_unless_the_spec_says_what_to_do(
-    measured_data: Path,
-) -> None:
+    measured_data,
+):
     with pytest.raises(
         DataError, match=r"10mm_20cm_Unkink_Test10\.csv\.gz:row \d+: the time [\d.]+ stands twice"
     ):
         read(festo(repeated_time="error"), measured_data)
 
 
-def test_every_recording_of_the_muscles_is_read(measured_data: Path) -> None:
+def test_every_recording_of_the_muscles_is_read(measured_data):
     data = festo(files=["festo_10mm_isometric/*.csv.gz"], levels=None, derive={}, keep=[])
     assert len(read(data, measured_data).recordings) == 36
 
@@ -71,12 +69,12 @@ CONFIGS = Path(__file__).resolve().parents[2] / "configs"
 
 
 def shipped(
-    name: str,
-    monkeypatch: pytest.MonkeyPatch,
-    folder: Path,
-    warnings: list[str] | None = None,
-    *changes: str,
-) -> Dataset:
+    name,
+    monkeypatch,
+    folder,
+    warnings=None,
+    *changes,
+):
     monkeypatch.setenv("MAPMORE_DATA", str(folder))
     loaded = load(CONFIGS / name, changes)
     return build_dataset(
@@ -84,7 +82,7 @@ def shipped(
     )
 
 
-def steps(sample: str, **changes: Any) -> dict[str, Any]:
+def steps(sample, **changes):
     """The data section of the studies of the coiled muscle."""
     return {
         "files": [f"coiled_isotonic_steps/{sample} grams.xlsx"],
@@ -102,15 +100,13 @@ def steps(sample: str, **changes: Any) -> dict[str, Any]:
     }
 
 
-def coiled(folder: Path, data: dict[str, Any]) -> Dataset:
+def coiled(folder, data):
     pytest.importorskip("openpyxl")
     spec = spec_of(data, target={"column": "displacement"}, dictionary=[{"terms": ["pressure"]}])
     return build_dataset(slice_of(spec), folder, warn=lambda warning: pytest.fail(warning))
 
 
-def test_two_logs_of_the_bellows_give_the_pressure_that_was_published(
-    measured_data: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_two_logs_of_the_bellows_give_the_pressure_that_was_published(measured_data, monkeypatch):
     levels = "data.levels={of: strain, at: auto, within: 0.005}"
     everywhere = [levels, "data.split={}"]
     raw = shipped("bellows/bellows_raw.yaml", monkeypatch, measured_data, None, *everywhere)
@@ -132,7 +128,7 @@ def test_two_logs_of_the_bellows_give_the_pressure_that_was_published(
     assert np.ptp(theirs["pressure"]) > 90
 
 
-def test_clock_that_was_set_back_while_logging(measured_data: Path) -> None:
+def test_clock_that_was_set_back_while_logging(measured_data):
     dataset = coiled(measured_data, steps("Sample 2 Final 500"))
     assert "row 10001: the clock was set back, from 12.1459999 to 11.1669993 s" in dataset.notes[0]
     assert [r.rows_read for r in dataset.recordings] == [1000] * 13

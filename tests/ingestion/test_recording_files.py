@@ -1,7 +1,5 @@
 from __future__ import annotations
 
-from pathlib import Path
-
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -12,7 +10,7 @@ from mapmore_cli.spec.sections.logs import FileEntry
 
 
 @pytest.fixture
-def tree(tmp_path: Path) -> Path:
+def tree(tmp_path):
     for name in (
         "b/run_2.csv",
         "b/run_10.csv",
@@ -26,7 +24,7 @@ def tree(tmp_path: Path) -> Path:
     return tmp_path / "spec"
 
 
-def test_globs_are_sorted_and_named_from_the_folder_of_the_spec(tree: Path) -> None:
+def test_globs_are_sorted_and_named_from_the_folder_of_the_spec(tree):
     sources = find_sources(["../*/run_*.csv*", "here.csv"], tree)
     assert [source.name for source in sources] == [
         "../a/run_2.csv.gz",
@@ -38,7 +36,7 @@ def test_globs_are_sorted_and_named_from_the_folder_of_the_spec(tree: Path) -> N
     assert all(source.path.is_file() for source in sources)
 
 
-def test_absolute_patterns_give_the_same_names(tree: Path) -> None:
+def test_absolute_patterns_give_the_same_names(tree):
     relative, absolute = (
         find_sources(["../b/*.csv"], tree),
         find_sources([f"{tree.parent}/b/*.csv"], tree),
@@ -46,11 +44,11 @@ def test_absolute_patterns_give_the_same_names(tree: Path) -> None:
     assert [source.name for source in relative] == [source.name for source in absolute]
 
 
-def test_name_with_brackets_is_taken_literally(tree: Path) -> None:
+def test_name_with_brackets_is_taken_literally(tree):
     assert [source.id for source in find_sources(["x [1].csv"], tree)] == ["x [1]"]
 
 
-def test_entries_carry_constants_and_an_id(tree: Path) -> None:
+def test_entries_carry_constants_and_an_id(tree):
     (source,) = find_sources([FileEntry(path="here.csv", set={"strain": 0.04}, id="first")], tree)
     assert (source.id, source.constants) == ("first", {"strain": 0.04})
 
@@ -76,9 +74,7 @@ def test_entries_carry_constants_and_an_id(tree: Path) -> None:
         ),
     ],
 )
-def test_files_that_cannot_be_meant(
-    tree: Path, entries: list[str | FileEntry], error: type[Exception], parts: list[str]
-) -> None:
+def test_files_that_cannot_be_meant(tree, entries, error, parts):
     with pytest.raises(error) as caught:
         find_sources(entries, tree)
     assert all(part in str(caught.value) for part in parts), str(caught.value)
@@ -93,7 +89,7 @@ def test_files_that_cannot_be_meant(
         unique=True,
     )
 )
-def test_ids_are_as_short_as_unique_names_allow(paths: list[str]) -> None:
+def test_ids_are_as_short_as_unique_names_allow(paths):
     ids = unique_ids([f"{path}.csv" for path in paths])
     assert len(ids) == len(paths)
     assert all(path.replace("/", "-").endswith(name) for path, name in zip(paths, ids, strict=True))

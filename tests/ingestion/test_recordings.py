@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from ingest_samples import COLUMNS, Ingest, csv_text, steps
+from ingest_samples import COLUMNS, csv_text, steps
 
 from mapmore_cli.domain.errors import DataError, SpecError
 
 
-def test_value_times_scale_plus_offset_then_the_unit_of_the_model(ingest: Ingest) -> None:
+def test_value_times_scale_plus_offset_then_the_unit_of_the_model(ingest):
     columns = {
         **COLUMNS,
         "pressure": {"column": "P", "unit": "psi"},
@@ -34,7 +34,7 @@ def test_value_times_scale_plus_offset_then_the_unit_of_the_model(ingest: Ingest
     }
 
 
-def test_without_levels_every_recording_is_a_curve(ingest: Ingest) -> None:
+def test_without_levels_every_recording_is_a_curve(ingest):
     dataset = ingest({"b.csv": steps(80), "a.csv": steps(150)})
     assert [(c.id, c.level, c.recordings, c.size) for c in dataset.curves] == [
         ("a", None, ("a",), 20),
@@ -44,7 +44,7 @@ def test_without_levels_every_recording_is_a_curve(ingest: Ingest) -> None:
     assert (dataset.target, dataset.recordings[0].source) == ("force", "a.csv")
 
 
-def test_every_recording_counts_from_where_it_rests(ingest: Ingest) -> None:
+def test_every_recording_counts_from_where_it_rests(ingest):
     """The mean over the first seconds is taken off, in the model's unit; values that are missing do
     no harm.
     """
@@ -61,7 +61,7 @@ def test_every_recording_counts_from_where_it_rests(ingest: Ingest) -> None:
     np.testing.assert_allclose(other.columns["force"], [0, 0, 0, -2000], atol=1e-9)
 
 
-def test_a_recording_without_values_at_rest_is_refused(ingest: Ingest) -> None:
+def test_a_recording_without_values_at_rest_is_refused(ingest):
     columns = {**COLUMNS, "force": {"column": "F", "rest": 0.15}}
     with pytest.raises(
         DataError, match=r"a\.csv: force has no value in the first 0\.15 s"
@@ -76,7 +76,7 @@ def test_a_recording_without_values_at_rest_is_refused(ingest: Ingest) -> None:
 
 @given(every=st.integers(1, 7), samples=st.integers(1, 30))
 @settings(deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
-def test_of_so_many_samples_the_first_is_read(ingest: Ingest, every: int, samples: int) -> None:
+def test_of_so_many_samples_the_first_is_read(ingest, every, samples):
     """Their time stays that of the file, made or measured; a second log is thinned by itself and
     paired row by row.
     """
@@ -97,12 +97,12 @@ def test_of_so_many_samples_the_first_is_read(ingest: Ingest, every: int, sample
     assert dict(dataset.recordings[0].dropped) == {}
 
 
-def test_time_is_not_needed(ingest: Ingest) -> None:
+def test_time_is_not_needed(ingest):
     columns = {name: column for name, column in COLUMNS.items() if name != "time"}
     assert "time" not in ingest({"a.csv": steps(80)}, columns=columns).curves[0].columns
 
 
-def test_derived_quantities_follow_their_needs_whatever_their_order(ingest: Ingest) -> None:
+def test_derived_quantities_follow_their_needs_whatever_their_order(ingest):
     derive = {
         "strain_rate": {"rate_of": "strain", "window": 0.4, "order": 2},
         "strain": "(0.083 - length)/0.083",
@@ -121,7 +121,7 @@ def test_derived_quantities_follow_their_needs_whatever_their_order(ingest: Inge
     assert dataset.unit("strain_rate") == "1/s"
 
 
-def test_rate_in_a_unit_of_its_own(ingest: Ingest) -> None:
+def test_rate_in_a_unit_of_its_own(ingest):
     t = np.arange(30) * 10.0
     columns = {
         **COLUMNS,
@@ -140,7 +140,7 @@ def test_rate_in_a_unit_of_its_own(ingest: Ingest) -> None:
         np.testing.assert_allclose(dataset.curves[0].columns["pressure_rate"], value)
 
 
-def test_samples_are_left_out_in_order_and_counted_by_reason(ingest: Ingest) -> None:
+def test_samples_are_left_out_in_order_and_counted_by_reason(ingest):
     text = csv_text(t=np.arange(10), P=[80] * 10, eps=0, F=[np.nan, 5, -5, 1, 1, 30, -30, 1, 1, 1])
     keep = [
         {"quantity": "force", "abs_below": 25.0},
@@ -159,7 +159,7 @@ def test_samples_are_left_out_in_order_and_counted_by_reason(ingest: Ingest) -> 
     np.testing.assert_array_equal(recording.columns["time"], [3, 4, 7])
 
 
-def test_repeated_stamps(ingest: Ingest) -> None:
+def test_repeated_stamps(ingest):
     text = csv_text(t=[0, 1, 1, 2], P=80, eps=0, F=[0, 1, 3, 5])
     averaged = ingest({"a.csv": text}, repeated_time="average").recordings[0]
     np.testing.assert_array_equal(averaged.columns["force"], [0, 2, 5])
@@ -180,12 +180,12 @@ def test_repeated_stamps(ingest: Ingest) -> None:
     within=st.one_of(st.none(), st.floats(1, 80)),
 )
 def test_every_row_is_kept_or_counted_in_one_piece(
-    ingest: Ingest,
-    force: list[float],
-    pressure: list[float],
-    stamps: list[float],
-    within: float | None,
-) -> None:
+    ingest,
+    force,
+    pressure,
+    stamps,
+    within,
+):
     n = min(len(force), len(pressure), len(stamps))
     text = csv_text(t=np.cumsum(stamps[:n]), P=pressure[:n], eps=0, F=force[:n])
     try:
@@ -210,7 +210,7 @@ def test_every_row_is_kept_or_counted_in_one_piece(
         assert (np.abs(curve.columns["pressure"] - curve.level) <= within * (1 + 1e-6)).all()
 
 
-def test_losses_are_warned_of(ingest: Ingest) -> None:
+def test_losses_are_warned_of(ingest):
     warnings: list[str] = []
     ingest(
         {"a.csv": steps(80, 40), "b.csv": steps(80, 5)},
@@ -223,7 +223,7 @@ def test_losses_are_warned_of(ingest: Ingest) -> None:
     ]
 
 
-def test_same_bytes_give_the_same_arrays_zipped_or_not(ingest: Ingest) -> None:
+def test_same_bytes_give_the_same_arrays_zipped_or_not(ingest):
     text = steps(80)
     first = ingest({"a.csv": text}).curves[0].columns
     second = ingest({"a.csv": gzip.compress(text.encode())}).curves[0].columns
@@ -291,7 +291,7 @@ WRONG_SPECS: dict[str, tuple[str, dict[str, Any], list[str]]] = {
 
 
 @pytest.mark.parametrize("case", [*BROKEN, *WRONG_SPECS])
-def test_broken_data_and_specs_say_where_and_what(ingest: Ingest, case: str) -> None:
+def test_broken_data_and_specs_say_where_and_what(ingest, case):
     rows, data, parts = (BROKEN | WRONG_SPECS)[case]
     with pytest.raises(DataError if case in BROKEN else SpecError) as caught:
         ingest({"a.csv": HEAD + rows}, **data)

@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from ingest_samples import Ingest
 
 from mapmore_cli import fit
 from mapmore_cli.domain.errors import DataError
@@ -20,18 +19,18 @@ COLUMNS: dict[str, Any] = {
 }
 
 
-def log(*cells: str, mark: str = ",") -> str:
+def log(*cells, mark=","):
     rows = [mark.join([cell, "80", "0.1", str(i)]) for i, cell in enumerate(cells)]
     return "\n".join([mark.join(["t", "P", "eps", "F"]), *rows, ""])
 
 
-def times(dataset: Any) -> list[float]:
+def times(dataset):
     (recording,) = dataset.recordings
     found: list[float] = recording.columns["time"].tolist()
     return found
 
 
-def test_a_format_of_american_stamps(ingest: Ingest) -> None:
+def test_a_format_of_american_stamps(ingest):
     time = {"column": "t", "format": "%m/%d/%Y %I:%M:%S.%f %p"}
     dataset = ingest(
         {"a.csv": log("03/01/2026 11:59:59.5 AM", "03/01/2026 12:00:00.5 PM")},
@@ -40,7 +39,7 @@ def test_a_format_of_american_stamps(ingest: Ingest) -> None:
     assert np.diff(times(dataset)).tolist() == [1.0]
 
 
-def test_stamps_count_in_the_unit_of_their_column(ingest: Ingest) -> None:
+def test_stamps_count_in_the_unit_of_their_column(ingest):
     content = {"a.csv": log("0:00:01", "0:00:02.5")}
     assert times(ingest(content, columns={**COLUMNS, "time": {"column": "t", "unit": "ms"}})) == [
         1.0,
@@ -67,9 +66,7 @@ def test_stamps_count_in_the_unit_of_their_column(ingest: Ingest) -> None:
         (("86399900", "50"), "ms", [86399.9, 86400.05]),
     ],
 )
-def test_a_clock_that_begins_anew_goes_on(
-    ingest: Ingest, cells: tuple[str, ...], unit: str, expected: list[float]
-) -> None:
+def test_a_clock_that_begins_anew_goes_on(ingest, cells, unit, expected):
     content = {"a.csv": log(*cells)}
     time = {"column": "t", "unit": unit}
     with pytest.raises(DataError, match=r"time runs backwards[^`]*\n[^`]*`unwrap: true` at `time`"):
@@ -79,9 +76,7 @@ def test_a_clock_that_begins_anew_goes_on(
 
 
 @pytest.mark.parametrize("cells", [("5000", "0"), ("23:00:00", "12:00:00"), ("3000000", "0")])
-def test_a_clock_that_was_set_back_is_none_that_begins_anew(
-    ingest: Ingest, cells: tuple[str, str]
-) -> None:
+def test_a_clock_that_was_set_back_is_none_that_begins_anew(ingest, cells):
     for more in ({}, {"unwrap": True}):
         with pytest.raises(DataError, match="time runs backwards") as told:
             ingest(
@@ -114,7 +109,7 @@ def test_a_clock_that_was_set_back_is_none_that_begins_anew(
         ({"thousands": "'", "reader": "xlsx"}, "no use for `thousands`"),
     ],
 )
-def test_keys_that_cannot_be_meant(changes: dict[str, Any], part: str) -> None:
+def test_keys_that_cannot_be_meant(changes, part):
     from mapmore_cli.spec.sections.data import Data
 
     with pytest.raises(ValueError, match="(?s)" + part):
@@ -122,7 +117,7 @@ def test_keys_that_cannot_be_meant(changes: dict[str, Any], part: str) -> None:
 
 
 @pytest.mark.parametrize(("mark", "delimiter"), [(";", ";"), ("  ", "whitespace"), ("\t", "tab")])
-def test_thousands_of_a_whole_file(ingest: Ingest, mark: str, delimiter: str) -> None:
+def test_thousands_of_a_whole_file(ingest, mark, delimiter):
     content = log("0", "1", mark=mark).replace(f"{mark}80{mark}", f"{mark}1,080.5{mark}")
     dataset = ingest({"a.csv": content}, columns=COLUMNS, thousands=",", delimiter=delimiter)
     assert dataset.recordings[0].columns["pressure"].tolist() == [1080.5, 1080.5]
@@ -131,7 +126,7 @@ def test_thousands_of_a_whole_file(ingest: Ingest, mark: str, delimiter: str) ->
 @pytest.mark.parametrize(
     "cell", ["0:03:20", '"20"1.2', "01.05.2026 00:00:00", "TRUE", "\u0661\u0662", "1_5", "5 N"]
 )
-def test_a_force_that_is_no_number_ends_the_study(ingest: Ingest, cell: str) -> None:
+def test_a_force_that_is_no_number_ends_the_study(ingest, cell):
     content = log(*map(str, range(9))).replace(",4\n", f",{cell}\n", 1)
     for missing in ("error", "drop"):
         with pytest.raises(DataError, match=r"a\.csv:row 6, column F: .* is not a number") as told:
@@ -139,7 +134,7 @@ def test_a_force_that_is_no_number_ends_the_study(ingest: Ingest, cell: str) -> 
         assert "tokens" not in str(told.value) or cell == "1_5"
 
 
-def test_a_column_that_two_quantities_have_holds_no_stamps(ingest: Ingest) -> None:
+def test_a_column_that_two_quantities_have_holds_no_stamps(ingest):
     both = {**COLUMNS, "time": {"column": "t"}, "voltage": {"column": "t"}}
     with pytest.raises(DataError, match=r"row 2, column t.*a time stands here"):
         ingest({"a.csv": log("0:00:01", "0:00:02")}, columns=both)
@@ -169,7 +164,7 @@ STUDY: dict[str, Any] = {
     ],
     ids=["text", "bool", "dates", "object", "object with a bool", "digits"],
 )
-def test_frames_are_read_by_the_same_rule(force: Any) -> None:
+def test_frames_are_read_by_the_same_rule(force):
     with pytest.raises(DataError, match="column 'F'"):
         fit({**FRAME, "F": force}, **STUDY)
     model = fit(FRAME, **STUDY)
@@ -177,7 +172,7 @@ def test_frames_are_read_by_the_same_rule(force: Any) -> None:
         model(strain=np.asarray(force))
 
 
-def test_a_frame_with_stamps_in_a_format() -> None:
+def test_a_frame_with_stamps_in_a_format():
     stamps = [f"03/01/2026 11:59:{i:02d} PM" for i in range(40)]
     time = {"column": "t", "format": "%m/%d/%Y %I:%M:%S %p"}
     asked = {**STUDY, "columns": {**COLUMNS, "time": time}}

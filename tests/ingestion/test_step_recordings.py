@@ -5,8 +5,6 @@ model leaves.
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -14,7 +12,7 @@ from ingest_samples import COLUMNS, csv_text, spec_of
 
 from mapmore_cli.domain.errors import DataError, SpecError
 from mapmore_cli.domain.models import CurveRange, Formula, Model
-from mapmore_cli.domain.recording import Dataset, Quantity
+from mapmore_cli.domain.recording import Quantity
 from mapmore_cli.ingestion.dataset import build_dataset
 from mapmore_cli.ingestion.files import slice_of
 from mapmore_cli.modelling import literature
@@ -34,7 +32,7 @@ FORCE = (
 )
 
 
-def step(height: float, extra: float = 0.0, **changes: np.ndarray) -> str:
+def step(height, extra=0.0, **changes):
     """A step to `height` between 0.2 s and 2 s; the force is that of `sarosi_model`, plus `extra`,
     plus 40 N while it moves.
     """
@@ -47,7 +45,7 @@ def step(height: float, extra: float = 0.0, **changes: np.ndarray) -> str:
     )
 
 
-def sarosi_model(**changes: Any) -> Model:
+def sarosi_model(**changes):
     fit = literature.get("sarosi").fit(GRID, FORCE)
     inputs = (Quantity("pressure", "kPa"), Quantity("strain", "1"))
     limits = {quantity.name: (0.0, 1000.0) for quantity in changes.get("inputs", inputs)}
@@ -55,9 +53,7 @@ def sarosi_model(**changes: Any) -> Model:
     return replace(Model("s", Quantity("force", "N"), inputs, body), **changes)
 
 
-def ingest(
-    folder: Path, recordings: dict[str, str], model: Model | None = None, **data: Any
-) -> Dataset:
+def ingest(folder, recordings, model=None, **data):
     for name, text in recordings.items():
         (folder / name).write_text(text)
     (folder / "run").mkdir(exist_ok=True)
@@ -68,8 +64,8 @@ def ingest(
 
 
 def test_damping_is_what_the_static_model_leaves_less_its_mean_on_the_plateau(
-    tmp_path: Path,
-) -> None:
+    tmp_path,
+):
     """A constant error of the static model is taken away, in each recording its own."""
     levels = {"of": "step_pressure", "at": [100, 200]}
     dataset = ingest(
@@ -99,7 +95,7 @@ def test_damping_is_what_the_static_model_leaves_less_its_mean_on_the_plateau(
         assert np.array_equal(curve.training, ~curve.at_rest)
 
 
-def test_a_given_plateau_takes_the_place_of_the_found_one(tmp_path: Path) -> None:
+def test_a_given_plateau_takes_the_place_of_the_found_one(tmp_path):
     dataset = ingest(tmp_path, {"a.csv": step(200.0)}, plateau=[1.0, 1.5])
     (curve,) = dataset.curves
     assert curve.at_rest is not None
@@ -127,9 +123,7 @@ def test_a_given_plateau_takes_the_place_of_the_found_one(tmp_path: Path) -> Non
     ],
     ids=["triangle", "constant", "beyond the end"],
 )
-def test_a_recording_without_a_plateau_is_refused(
-    recording: str, data: dict[str, Any], words: list[str], tmp_path: Path
-) -> None:
+def test_a_recording_without_a_plateau_is_refused(recording, data, words, tmp_path):
     with pytest.raises(DataError) as error:
         ingest(tmp_path, {"a.csv": recording}, **data)
     for word in words:
@@ -158,16 +152,14 @@ def test_a_recording_without_a_plateau_is_refused(
     ],
     ids=["unit", "quantity", "unit of an input", "absent input"],
 )
-def test_a_static_model_of_another_unit_or_quantity_is_refused(
-    changes: dict[str, Any], words: str, tmp_path: Path
-) -> None:
+def test_a_static_model_of_another_unit_or_quantity_is_refused(changes, words, tmp_path):
     with pytest.raises(SpecError) as error:
         ingest(tmp_path, {"a.csv": step(200.0)}, sarosi_model(**changes))
     assert "needs.static: the model of s is" in error.value.message
     assert words in error.value.message
 
 
-def test_the_direction_follows_from_a_rate_in_the_units_of_the_model(tmp_path: Path) -> None:
+def test_the_direction_follows_from_a_rate_in_the_units_of_the_model(tmp_path):
     """The record's time is in ms and its pressure in bar; rates are per second and in kPa."""
     ms = step(2.0).replace("t,", "t,", 1).splitlines()
     rows = [

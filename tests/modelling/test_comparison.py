@@ -13,7 +13,7 @@ from hypothesis.extra.numpy import arrays
 from scipy import stats
 from surfaces import QUANTITIES, recipe
 
-from mapmore_cli.domain.models import LeftOut, Model
+from mapmore_cli.domain.models import LeftOut
 from mapmore_cli.domain.recording import Curve, Quantity
 from mapmore_cli.modelling.pieces.build import build
 from mapmore_cli.modelling.pieces.recipe import Cuts
@@ -37,7 +37,7 @@ RECIPE = recipe(
 LEVELS = (100.0, 200.0, 300.0, 400.0)
 
 
-def muscle(name: str, scale=1.0, levels=LEVELS, scatter=0.0, seed=0, end=0.2) -> Model:
+def muscle(name, scale=1.0, levels=LEVELS, scatter=0.0, seed=0, end=0.2):
     """`F = scale (1 + c) P (1 - 4 e)` with one gain error c for each curve."""
     random = np.random.default_rng(seed)
     curves = []
@@ -51,7 +51,7 @@ def muscle(name: str, scale=1.0, levels=LEVELS, scatter=0.0, seed=0, end=0.2) ->
     return build(name, curves, RECIPE, QUANTITIES)
 
 
-def sure(model: Model, error: float) -> Model:
+def sure(model, error):
     """The model with intervals, from such an error of its inner levels when left out."""
     e = np.full(2, error)
     places = tuple(one.level for one in model.pieces.curves)
@@ -194,7 +194,7 @@ TABLES = st.tuples(st.integers(1, 6), st.integers(2, 5)).flatmap(
 
 
 @given(TABLES)
-def test_none_that_is_simpler_is_as_good(table: tuple[list[int], np.ndarray]) -> None:
+def test_none_that_is_simpler_is_as_good(table):
     sizes, errors = table
     found = simplest_of(sizes, errors)
     logs = np.log(np.clip(errors, 1e-6, 1e6))
@@ -214,9 +214,7 @@ def test_none_that_is_simpler_is_as_good(table: tuple[list[int], np.ndarray]) ->
 
 
 @given(TABLES, st.randoms(), st.booleans())
-def test_the_order_of_folds_is_of_no_consequence(
-    table: tuple[list[int], np.ndarray], shuffle: object, median: bool
-) -> None:
+def test_the_order_of_folds_is_of_no_consequence(table, shuffle, median):
     sizes, errors = table
     order = np.random.default_rng(shuffle.randint(0, 99)).permutation(errors.shape[1])  # type: ignore[attr-defined]
     a, b = (
@@ -243,13 +241,13 @@ RULES = {  # errors of three structures on every fold, and the numbers of their 
 
 
 @pytest.mark.parametrize("name", RULES)
-def test_the_simplest_that_is_as_good_is_taken(name: str) -> None:
+def test_the_simplest_that_is_as_good_is_taken(name):
     errors, sizes, chosen = RULES[name]
     ranked = simplest_of(sizes, np.array(errors))
     assert (ranked.best, ranked.chosen) == (1, chosen)
 
 
-def test_one_stretch_that_lies_far_from_the_others_does_not_decide() -> None:
+def test_one_stretch_that_lies_far_from_the_others_does_not_decide():
     errors = np.array([[1.0, 1.0, 1.0, 1.0, 50.0], [1.2, 1.2, 1.2, 1.2, 1.2]])
     assert simplest_of([9, 9], errors).chosen == 1
     assert simplest_of([9, 9], errors, median=True).chosen == 0
@@ -258,7 +256,7 @@ def test_one_stretch_that_lies_far_from_the_others_does_not_decide() -> None:
     )  # 5 % of the logarithm of the number of parameters
 
 
-def test_what_may_not_be_taken_is_ranked_all_the_same() -> None:
+def test_what_may_not_be_taken_is_ranked_all_the_same():
     ranked = simplest_of(
         [9, 3], np.array([[1.0, 1.0], [2.0, 2.2]]), eligible=np.array([False, True])
     )
@@ -266,7 +264,7 @@ def test_what_may_not_be_taken_is_ranked_all_the_same() -> None:
     assert ranked.excess[0] < 0
 
 
-def test_weights_say_which_folds_count() -> None:
+def test_weights_say_which_folds_count():
     errors = np.array(
         [[1.0, 1.1, 4.0, 5.0], [2.2, 2.4, 2.0, 2.2]]
     )  # 2.2 times less on two folds, and 2.1 times more on the others
@@ -274,7 +272,7 @@ def test_weights_say_which_folds_count() -> None:
     assert simplest_of([8, 8], errors, np.array([0.1, 0.1, 0.4, 0.4])).chosen == 1
 
 
-def test_what_is_hard_for_all_models_decides_nothing() -> None:
+def test_what_is_hard_for_all_models_decides_nothing():
     errors = np.array(
         [[10.0, 1.2, 5.1], [9.9, 1.0, 5.0]]
     )  # the larger model is better on every fold

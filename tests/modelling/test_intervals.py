@@ -12,7 +12,7 @@ from scipy import stats
 
 from mapmore_cli.domain.errors import DataError, FitError, UsageError
 from mapmore_cli.domain.fits import FormulaFit
-from mapmore_cli.domain.models import CurveRange, Formula, LeftOut, Model
+from mapmore_cli.domain.models import CurveRange, Formula, Model
 from mapmore_cli.domain.recording import Quantity
 from mapmore_cli.modelling.validation.intervals import (
     few_levels,
@@ -24,9 +24,7 @@ from mapmore_cli.modelling.validation.intervals import (
 )
 
 
-def left_out(
-    offsets: list[float], noise: float, samples: int = 200, curves: int | None = None
-) -> LeftOut:
+def left_out(offsets, noise, samples=200, curves=None):
     """Parts of normal residuals about their offsets."""
     rng = np.random.default_rng(0)
     parts = {
@@ -36,14 +34,14 @@ def left_out(
 
 
 @pytest.mark.parametrize("curves", [3, 4, 7])
-def test_normal_residuals_have_the_interval_of_student(curves: int) -> None:
+def test_normal_residuals_have_the_interval_of_student(curves):
     found = left_out([3.0, -2.0, 1.0, -4.0], 0.5, samples=20_000, curves=curves)
     between = np.mean([9.0, 4.0, 1.0, 16.0])
     expected = stats.t(curves - 1).ppf(0.975) * np.sqrt(between * (1 + 1 / curves) + 0.25)
     assert many_curves(found, 0.95) == pytest.approx(expected, rel=0.01)
 
 
-def test_heavy_tails_have_the_interval_of_their_quantiles() -> None:
+def test_heavy_tails_have_the_interval_of_their_quantiles():
     spikes = np.where(np.arange(1000) % 10 == 0, 100.0, 0.1) * np.where(
         np.arange(1000) % 20 < 10, 1, -1
     )
@@ -54,9 +52,7 @@ def test_heavy_tails_have_the_interval_of_their_quantiles() -> None:
 @given(
     st.lists(st.floats(-50, 50), min_size=2, max_size=8), st.floats(0.01, 5), st.floats(0.1, 100)
 )
-def test_a_wider_level_is_wider_and_the_unit_does_not_matter(
-    offsets: list[float], noise: float, scale: float
-) -> None:
+def test_a_wider_level_is_wider_and_the_unit_does_not_matter(offsets, noise, scale):
     found = left_out(offsets, noise, samples=50)
     widths = [many_curves(found, level) for level in (0.5, 0.8, 0.95, 0.99)]
     assert widths == sorted(widths)
@@ -67,7 +63,7 @@ def test_a_wider_level_is_wider_and_the_unit_does_not_matter(
 
 
 @pytest.mark.parametrize("curves", [4, 7, 20])
-def test_curves_with_offsets_of_their_own_are_covered(curves: int) -> None:
+def test_curves_with_offsets_of_their_own_are_covered(curves):
     """Over many campaigns, samples of new curves lie within the interval as often as it says, and
     not nearly always.
     """
@@ -85,12 +81,12 @@ def test_curves_with_offsets_of_their_own_are_covered(curves: int) -> None:
 
 
 @pytest.mark.parametrize("residuals", [[], [1.0, np.nan], [np.inf]])
-def test_a_part_without_a_prediction_is_refused_by_name(residuals: list[float]) -> None:
+def test_a_part_without_a_prediction_is_refused_by_name(residuals):
     with pytest.raises(FitError, match="without b, "):
         left_out_summary("recordings", 3, {"a": [np.ones(3)], "b": [np.array(residuals)]})
 
 
-def line() -> Model:
+def line():
     """`force = pressure` between 100 and 200 kPa."""
     fit = FormulaFit("linear", {}, {}, "converged", "-", 1, 1.0, 0.0, 2, ())
     ranges = (CurveRange("all", None, {"pressure": (100.0, 200.0)}),)
@@ -100,8 +96,8 @@ def line() -> Model:
 
 
 def test_there_is_no_interval_outside_of_the_training_range(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+    monkeypatch,
+):
     monkeypatch.setattr(
         "mapmore_cli.modelling.validation.intervals.predict",
         lambda _model, columns: columns["pressure"],
@@ -113,7 +109,7 @@ def test_there_is_no_interval_outside_of_the_training_range(
     assert (low + high)[1:3] / 2 == pytest.approx([100.0, 150.0])
 
 
-def test_what_cannot_be_is_refused() -> None:
+def test_what_cannot_be_is_refused():
     with pytest.raises(DataError, match="holds no left-out residuals") as told:
         interval(line(), {"pressure": np.array([150.0])}, 0.95)
     assert "intervals: true" in str(told.value.remedy)
@@ -122,9 +118,7 @@ def test_what_cannot_be_is_refused() -> None:
             interval(line(), {"pressure": np.array([150.0])}, level)
 
 
-def few(
-    count: int, offset: float = 2.0, repeats: int = 1, residual: float = 0.5, astray: float = 0.0
-) -> LeftOut:
+def few(count, offset=2.0, repeats=1, residual=0.5, astray=0.0):
     """`count` levels at 0, 100, ... with an error of `offset` at every inner one."""
     parts = {f"{i}": [np.full(20, offset)] for i in range(1, count - 1)}
     return replace(
@@ -138,7 +132,7 @@ def few(
 
 
 @pytest.mark.parametrize(("count", "scale"), [(3, 5.06), (4, 4.03), (5, 3.23), (6, 3.23)])
-def test_few_levels_have_the_calibrated_rule(count: int, scale: float) -> None:
+def test_few_levels_have_the_calibrated_rule(count, scale):
     """Even levels, in the middle of a gap: `c (A s^2)^(1/3)`."""
     assert few_levels(few(count), np.array([50.0]), 0.95) == pytest.approx(
         [scale * (2.0 * 0.5**2) ** (1 / 3)], rel=1e-6
@@ -146,9 +140,7 @@ def test_few_levels_have_the_calibrated_rule(count: int, scale: float) -> None:
 
 
 @given(st.integers(3, 6), st.floats(0, 1), st.floats(0.01, 50), st.floats(0.1, 100))
-def test_the_rule_for_few_levels_scales_with_the_unit_and_with_the_gap(
-    count: int, t: float, offset: float, scale: float
-) -> None:
+def test_the_rule_for_few_levels_scales_with_the_unit_and_with_the_gap(count, t, offset, scale):
     found, at = few(count, offset), np.array([50.0, 100.0 * count - 150])
     half = few_levels(found, at, 0.95)
     assert few_levels(found, np.array([100 * t]), 0.95)[0] <= half[0] * (1 + 1e-12)
@@ -161,18 +153,18 @@ def test_the_rule_for_few_levels_scales_with_the_unit_and_with_the_gap(
     assert wider[1] <= half[1] * (1 + 1e-12)
 
 
-def test_a_level_with_repeats_has_the_interval_of_the_repeats() -> None:
+def test_a_level_with_repeats_has_the_interval_of_the_repeats():
     half = few_levels(few(4, repeats=3), np.array([100.0, 150.0]), 0.95)
     assert half[0] == pytest.approx(stats.t(4 * 2).ppf(0.975) * 0.5 * np.sqrt(4 / 3))
     assert half[1] == few_levels(few(4), np.array([150.0]), 0.95)[0]
 
 
-def test_from_seven_levels_on_curves_count() -> None:
+def test_from_seven_levels_on_curves_count():
     found = few(7)
     assert half_widths(found, np.array([50.0]), 0.95) == pytest.approx([many_curves(found, 0.95)])
 
 
-def test_a_model_that_goes_astray_without_a_level_has_no_interval() -> None:
+def test_a_model_that_goes_astray_without_a_level_has_no_interval():
     found = few(4, astray=0.6)
     assert "60 % of their range" in (interval_refusal(found) or "")
     assert np.isnan(half_widths(found, np.array([50.0]), 0.95)).all()

@@ -27,7 +27,7 @@ INVERTED = [
 
 
 @pytest.mark.parametrize(("name", "of"), INVERTED)
-def test_every_solution_of_a_fine_scan_is_found(name: str, of: str) -> None:
+def test_every_solution_of_a_fine_scan_is_found(name, of):
     model = STATIC[name]
     rng = np.random.default_rng(4)
     ends = knots(model, of)
@@ -56,7 +56,7 @@ def test_every_solution_of_a_fine_scan_is_found(name: str, of: str) -> None:
         assert found.picked[row] == own[0]
 
 
-def test_out_of_reach_flat_and_the_nearest_rule() -> None:
+def test_out_of_reach_flat_and_the_nearest_rule():
     model = STATIC["values"]
     none = invert(model, np.array([1e9]), {"strain": np.array([0.1])}, "pressure")
     assert none.status == ("none",)
@@ -83,7 +83,7 @@ def test_out_of_reach_flat_and_the_nearest_rule() -> None:
     assert np.nansum(jumps) <= np.nansum(np.abs(np.diff(lowest.picked[~np.isnan(lowest.picked)])))
 
 
-def test_a_slack_range_is_flat_and_its_low_end_counts() -> None:
+def test_a_slack_range_is_flat_and_its_low_end_counts():
     model = FORMULAS["sarosi"]
     flat = STATIC["widest zones, zero"]  # nothing beyond the curves: zero at every pressure
     found = invert(flat, np.array([0.0]), {"strain": np.array([0.9])}, "pressure")
@@ -96,7 +96,7 @@ def test_a_slack_range_is_flat_and_its_low_end_counts() -> None:
     )
 
 
-def test_what_cannot_be_inverted() -> None:
+def test_what_cannot_be_inverted():
     with pytest.raises(UsageError, match="no input"):
         invert(STATIC["steps"], np.ones(1), {"strain": np.ones(1)}, "volume")
     with pytest.raises(UsageError, match="no rule"):
@@ -111,7 +111,7 @@ def test_what_cannot_be_inverted() -> None:
     "name",
     [*STATIC, "sarosi_hinged", "kerscher", "polynomial_5", "tondu_lopez_corrected", "peternel"],
 )
-def test_derivatives_against_central_differences(name: str) -> None:
+def test_derivatives_against_central_differences(name):
     """Away from boundaries, where the differences to both sides agree."""
     model = {**STATIC, **FORMULAS}[name]
     columns = points(model, 500)

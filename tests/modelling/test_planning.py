@@ -10,7 +10,7 @@ from mapmore_cli.annexes.planning import points
 from mapmore_cli.modelling.validation.gaussian_process import GaussianProcess, matern, most_likely
 
 
-def test_a_process_of_two_points_by_hand() -> None:
+def test_a_process_of_two_points_by_hand():
     own = GaussianProcess(np.array([[0.0]]), np.array([2.0]), np.array([1.0]), 3.0, 0.5)
     k = float(matern(np.array([[0.0]]), np.array([[0.4]]), np.array([1.0]))[0, 0])
     mean, deviation = own.predict(np.array([[0.4]]))
@@ -18,7 +18,7 @@ def test_a_process_of_two_points_by_hand() -> None:
     assert deviation[0] == pytest.approx(np.sqrt(9 - (9 * k) ** 2 / 9.25))
 
 
-def test_a_fitted_process_agrees_with_scikit_learn() -> None:
+def test_a_fitted_process_agrees_with_scikit_learn():
     rng = np.random.default_rng(4)
     x, at = rng.random((25, 2)), rng.random((9, 2))
     own = most_likely(x, np.sin(3 * x[:, 0]) + x[:, 1] ** 2)
@@ -30,7 +30,7 @@ def test_a_fitted_process_agrees_with_scikit_learn() -> None:
     assert ours[1] == pytest.approx(deviation, abs=1e-6)
 
 
-def map_of(count: int = 9) -> points.MeasuredMap:
+def map_of(count=9):
     x = np.random.default_rng(1).random((count, 2)) * [500.0, 0.25]
     x[:4] = [[0, 0], [500, 0], [0, 0.25], [500, 0.25]]
     return points.MeasuredMap(
@@ -38,7 +38,7 @@ def map_of(count: int = 9) -> points.MeasuredMap:
     )
 
 
-def committee_of(measured: points.MeasuredMap) -> points.Committee:
+def committee_of(measured):
     places = measured.grid(13)
     plane = (measured.x[:, 0] * 0.7, places[:, 0] * 0.7)
     return points.Committee(
@@ -48,7 +48,7 @@ def committee_of(measured: points.MeasuredMap) -> points.Committee:
 
 @settings(max_examples=5, deadline=None)
 @given(st.integers(6, 12))
-def test_points_differ_and_make_the_map_surer(count: int) -> None:
+def test_points_differ_and_make_the_map_surer(count):
     committee = committee_of(map_of(count))
     found, (before, after) = points.next_points(committee, ("pressure", "strain"), 5, {})
     assert len({tuple(one.at.values()) for one in found}) == 5
@@ -57,7 +57,7 @@ def test_points_differ_and_make_the_map_surer(count: int) -> None:
     assert all(one.after <= one.half_width for one in found)
 
 
-def test_a_dear_quantity_is_changed_seldom() -> None:
+def test_a_dear_quantity_is_changed_seldom():
     names = ("pressure", "strain")
     free, _ = points.next_points(committee_of(map_of()), names, 6, {})
     dear, _ = points.next_points(
@@ -68,14 +68,14 @@ def test_a_dear_quantity_is_changed_seldom() -> None:
     assert min(one.cost for one in dear) == 1.0
 
 
-def test_places_lie_within_what_was_measured() -> None:
+def test_places_lie_within_what_was_measured():
     x = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [0.2, 0.2]])
     grid = points.MeasuredMap(("a", "b"), x, x[:, 0]).grid(11)
     assert (grid.sum(axis=1) <= 1 + 1e-6).all()
     assert len(grid) == 66
 
 
-def test_a_map_forecast_stops() -> None:
+def test_a_map_forecast_stops():
     found = points.until(committee_of(map_of()), 1e-9)
     assert found.more is None
     assert 0 < found.least <= found.widest

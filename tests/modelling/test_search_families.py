@@ -10,10 +10,9 @@ import pytest
 from common import dataset_of
 
 from mapmore_cli.annexes.search.bench import Bench, Slice, cut_short, searchable
-from mapmore_cli.annexes.search.candidate import Structure, offered_structures
+from mapmore_cli.annexes.search.candidate import offered_structures
 from mapmore_cli.annexes.search.searching import FAMILIES, choices_of, family
 from mapmore_cli.annexes.search.situation import Situation, situation_of
-from mapmore_cli.domain.recording import Dataset
 from mapmore_cli.modelling.pieces.recipe import Fuse
 from mapmore_cli.spec.sections.data import Holdout
 from mapmore_cli.spec.sections.model import ModelChoice
@@ -53,12 +52,12 @@ SITUATIONS = {
 }
 
 
-def offered(of: Situation) -> list[Structure]:
+def offered(of):
     return [one for name in FAMILIES for one in offered_structures(family(name), of)]
 
 
 @pytest.mark.parametrize("name", SITUATIONS)
-def test_every_candidate_is_a_valid_structure_of_the_inputs(name: str) -> None:
+def test_every_candidate_is_a_valid_structure_of_the_inputs(name):
     found = offered(SITUATIONS[name])
     for candidate in found:
         choices_of(candidate.sections, WHOLE)  # validates, or raises
@@ -67,7 +66,7 @@ def test_every_candidate_is_a_valid_structure_of_the_inputs(name: str) -> None:
     assert len(words) == len(set(words)) >= 2
 
 
-def test_terms_grow_with_the_inputs() -> None:
+def test_terms_grow_with_the_inputs():
     two, six = (
         replace(SITUATIONS["map"], inputs=tuple(names), level=None) for names in ("ab", "abcdef")
     )
@@ -78,7 +77,7 @@ def test_terms_grow_with_the_inputs() -> None:
     assert [each["cubic splines of a"] for each in terms] == [12, 28]
 
 
-def test_the_structure_of_the_papers_is_tried_wherever_there_are_levels() -> None:
+def test_the_structure_of_the_papers_is_tried_wherever_there_are_levels():
     (papers,) = (one for one in offered(SITUATIONS["map"]) if one.kind == "papers")
     found = choices_of(papers.sections, WHOLE)
     assert (found.fit.max_terms, found.fuse.transition, found.segment["pressure"]) == (
@@ -88,7 +87,7 @@ def test_the_structure_of_the_papers_is_tried_wherever_there_are_levels() -> Non
     )
 
 
-def test_constants_copies_and_the_clock_are_no_inputs() -> None:
+def test_constants_copies_and_the_clock_are_no_inputs():
     time = np.arange(100) * 0.01
     u, y = np.sin(time), np.cos(time)
     found = situation_of(
@@ -99,7 +98,7 @@ def test_constants_copies_and_the_clock_are_no_inputs() -> None:
     assert situation_of(dataset_of({"time": time**2, "u": u, "y": y})).step is None
 
 
-def test_what_is_held_out_is_not_looked_at() -> None:
+def test_what_is_held_out_is_not_looked_at():
     time, u = np.arange(100) * 0.01, np.r_[np.linspace(0, 1, 80), np.full(20, 9.0)]
     held_out = np.arange(100) >= 80
     other = np.where(held_out, -50.0, u)
@@ -107,7 +106,7 @@ def test_what_is_held_out_is_not_looked_at() -> None:
     assert situation_of(one) == situation_of(two)
 
 
-def test_bands_of_an_input_are_left_out_where_the_study_holds_some_out() -> None:
+def test_bands_of_an_input_are_left_out_where_the_study_holds_some_out():
     """A pressure swept up and down: pieces of the time hold all of its values, and ask for nothing
     between.
     """
@@ -125,13 +124,13 @@ def test_bands_of_an_input_are_left_out_where_the_study_holds_some_out() -> None
     assert not any((fold[0] & found.curves[0].held_out).any() for fold in folds)
 
 
-def test_recordings_too_short_to_say_or_too_long_to_miss_are_not_left_out() -> None:
-    def recorded(*sizes: int) -> Dataset:
+def test_recordings_too_short_to_say_or_too_long_to_miss_are_not_left_out():
+    def recorded(*sizes):
         return dataset_of(
             *(dict.fromkeys(("time", "u", "y"), np.arange(size) * 0.01) for size in sizes)
         )
 
-    def left_out(dataset: Dataset) -> list[list[int]]:
+    def left_out(dataset):
         bench = Bench.of(dataset, situation_of(dataset), WHOLE, dataset)
         return [[int(mask.sum()) for mask in fold] for fold in bench.folds[bench.blocks :]]
 
@@ -140,7 +139,7 @@ def test_recordings_too_short_to_say_or_too_long_to_miss_are_not_left_out() -> N
     assert left_out(recorded(10, 100, 100)) == []  # without either of the long ones half is left
 
 
-def levels_of(*levels: float) -> Dataset:
+def levels_of(*levels):
     curves = [
         {"p": np.full(20, level), "e": np.linspace(0, 1, 20), "y": np.linspace(0, level, 20)}
         for level in levels
@@ -152,7 +151,7 @@ def levels_of(*levels: float) -> Dataset:
     return replace(found, level="p", curves=leveled)
 
 
-def test_the_only_inner_level_of_three_counts_for_half() -> None:
+def test_the_only_inner_level_of_three_counts_for_half():
     three, five = levels_of(1.0, 2.0, 3.0), levels_of(1.0, 2.0, 3.0, 4.0, 5.0)
     bench = Bench.of(three, situation_of(three), WHOLE, three)
     assert bench.weights[bench.blocks :].tolist() == [0.5]
@@ -168,10 +167,10 @@ def test_the_only_inner_level_of_three_counts_for_half() -> None:
     assert not_asked.weights[not_asked.blocks :].sum() == pytest.approx(1 / 4)
 
 
-def test_folds_resemble_what_the_study_holds_out() -> None:
+def test_folds_resemble_what_the_study_holds_out():
     time = np.arange(1000) * 0.01
 
-    def folds(held_out: np.ndarray) -> Bench:
+    def folds(held_out):
         whole = dataset_of(
             {"time": time, "u": np.sin(time), "y": np.where(held_out, 1e9, np.cos(time))},
             held_out=held_out,
@@ -179,7 +178,7 @@ def test_folds_resemble_what_the_study_holds_out() -> None:
         found = searchable(whole)
         return Bench.of(found, situation_of(found), WHOLE, whole)
 
-    def runs(mask: np.ndarray) -> int:
+    def runs(mask):
         return int((np.diff(np.concatenate([[0], mask.astype(int)])) == 1).sum())
 
     pieces = folds((np.arange(1000) % 200 >= 160) & (np.arange(1000) < 900))
@@ -203,8 +202,8 @@ def test_folds_resemble_what_the_study_holds_out() -> None:
     assert all(runs(fold[0]) == 1 for fold in ends.folds)
 
 
-def test_a_long_record_is_shortened_to_pieces_as_long_as_the_run_that_is_held_out() -> None:
-    def pieces(run: int) -> list[int]:
+def test_a_long_record_is_shortened_to_pieces_as_long_as_the_run_that_is_held_out():
+    def pieces(run):
         time = np.arange(40_000) * 0.01
         (curve,) = cut_short(dataset_of({"time": time, "u": time, "y": time}), run).curves
         return np.diff(

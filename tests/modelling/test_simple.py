@@ -10,7 +10,7 @@ from mapmore_cli.modelling import simple
 
 
 @given(st.integers(1, 3), st.integers(1, 3), st.integers(0, 10_000))
-def test_a_polynomial_is_found_exactly(degree: int, inputs: int, seed: int) -> None:
+def test_a_polynomial_is_found_exactly(degree, inputs, seed):
     """Any scale of the inputs; held-out samples are never looked at."""
     rng = np.random.default_rng(seed)
     names = [f"u{i}" for i in range(inputs)]
@@ -26,7 +26,7 @@ def test_a_polynomial_is_found_exactly(degree: int, inputs: int, seed: int) -> N
     np.testing.assert_allclose(found, truth, rtol=1e-7, atol=1e-7)
 
 
-def test_too_few_samples_make_no_polynomial() -> None:
+def test_too_few_samples_make_no_polynomial():
     assert (
         simple.polynomial_fit(3, dataset_of({"u": np.arange(3.0), "y": np.arange(3.0)}), ["u"])
         is None
@@ -35,7 +35,7 @@ def test_too_few_samples_make_no_polynomial() -> None:
 
 
 @pytest.mark.parametrize("names", [["u"], []])
-def test_the_free_run_is_the_recursion(names: list[str]) -> None:
+def test_the_free_run_is_the_recursion(names):
     """By a plain loop: y[k] = c + 1.2 y[k-1] - 0.5 y[k-2] + 0.3 u[k-1], at rest at y[0] before the
     record.
     """
@@ -51,7 +51,7 @@ def test_the_free_run_is_the_recursion(names: list[str]) -> None:
     np.testing.assert_allclose(simple._run(curve, "y", names, 2, theta), expected, rtol=1e-9)
 
 
-def test_an_arx_is_found() -> None:
+def test_an_arx_is_found():
     rng = np.random.default_rng(3)
     u, y = rng.normal(size=600), np.zeros(600)
     for k in range(2, 600):
@@ -60,7 +60,7 @@ def test_an_arx_is_found() -> None:
     np.testing.assert_allclose(found[80:], y[80:], atol=1e-8)  # what it starts from is forgotten
 
 
-def test_a_run_that_diverges_has_no_prediction() -> None:
+def test_a_run_that_diverges_has_no_prediction():
     curve = dataset_of({"u": np.ones(200), "y": np.ones(200)}).curves[0]
     found = simple._run(curve, "y", ["u"], 1, np.array([0.0, 1.5, 1.0, 0.0]))
     assert np.isfinite(found[:10]).all()

@@ -5,7 +5,7 @@ before.
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -13,7 +13,7 @@ from typing import Any
 
 import yaml
 
-from mapmore_cli.fitting.stage import Stage, Workspace
+from mapmore_cli.fitting.stage import Stage
 from mapmore_cli.modelling.pieces.recipe import Fuse
 from mapmore_cli.modelling.selection import Fit
 from mapmore_cli.spec.experiment import ExperimentSpec, Report
@@ -31,18 +31,18 @@ class Study:
     folder: Path
 
     @property
-    def path(self) -> Path:
+    def path(self):
         return self.folder / "study.yaml"
 
     @cached_property
-    def resolved(self) -> str:
+    def resolved(self):
         return yaml.safe_dump(self.spec.model_dump(mode="json", by_alias=True))
 
-    def resolved_in(self, _folder: Path) -> str:
+    def resolved_in(self, _folder):
         return self.resolved
 
 
-def study(folder: Path, **sections: Any) -> Study:
+def study(folder, **sections):
     """A spec in `folder`, with sections replaced."""
     columns = {"strain": {"column": "e"}, "force": {"column": "F", "unit": "N"}}
     data = {
@@ -81,37 +81,37 @@ class ReportSlice:
     report: Report
 
 
-def sources(_spec: ExperimentSpec, folder: Path) -> list[Path]:
+def sources(_spec, folder):
     return sorted((folder / "data").glob("*.csv"))
 
 
 def fake_stages(
-    hook: Hook = lambda _step: None,
-    revisions: Mapping[str, int] | None = None,
-    runs: list[str] | None = None,
-) -> tuple[Stage, ...]:
+    hook=lambda _step: None,
+    revisions=None,
+    runs=None,
+):
     """Four stages, the last one with a folder as output; `runs` collects the names of those that
     run.
     """
 
-    def write(path: Path, text: str) -> None:
+    def write(path, text):
         with path.open("w") as file:
             file.write(text[: len(text) // 2])
             file.flush()
             hook(f"half of {path.name}")
             file.write(text[len(text) // 2 :])
 
-    def started(name: str) -> None:
+    def started(name):
         hook(f"start of {name}")
         if runs is not None:
             runs.append(name)
 
-    def ingest(part: IngestSlice, workspace: Workspace) -> None:
+    def ingest(part, workspace):
         started("ingest")
         rows = [path.read_text() for path in sources(None, workspace.spec_dir)]  # type: ignore[arg-type]
         write(workspace.out / "ingest.h5", json.dumps([part.data.model_dump(mode="json"), rows]))
 
-    def fit(part: FitSlice, workspace: Workspace) -> None:
+    def fit(part, workspace):
         started("fit")
         write(
             workspace.out / "fit.h5",
@@ -119,14 +119,14 @@ def fake_stages(
         )
         write(workspace.out / "terms.csv", "term\nstrain\n")
 
-    def fuse(part: FuseSlice, workspace: Workspace) -> None:
+    def fuse(part, workspace):
         started("fuse")
         write(
             workspace.out / "model.h5",
             f"fused {part.fuse.z_s} of {(workspace.run_dir / 'fit.h5').read_text()}",
         )
 
-    def report(part: ReportSlice, workspace: Workspace) -> None:
+    def report(part, workspace):
         started("report")
         page = workspace.out / "report"
         (page / "tables").mkdir(parents=True)
@@ -158,14 +158,14 @@ def fake_stages(
     )
 
 
-def make_data(folder: Path) -> None:
+def make_data(folder):
     """Two recordings."""
     (folder / "data").mkdir()
     for name in ("a", "b"):
         (folder / "data" / f"{name}.csv").write_text(f"e,F\n0,{name}\n")
 
 
-def contents(run_dir: Path) -> dict[str, str]:
+def contents(run_dir):
     """Every visible file of a run, but for `run.json`."""
     files = (path for path in run_dir.rglob("*") if path.is_file() and path.name != "run.json")
     relative = {path.relative_to(run_dir): path for path in files}

@@ -18,7 +18,7 @@ import sys
 from itertools import count
 from pathlib import Path
 
-from fake_study import Study, contents, fake_stages, make_data, study
+from fake_study import contents, fake_stages, make_data, study
 
 from mapmore_cli.pipeline.runner import bring_up_to_date
 
@@ -40,13 +40,13 @@ os.fsync = lambda _file: (
 )  # whoever is killed leaves a disk that goes on: no power cut, and no waiting for one
 
 
-def update(loaded: Study) -> None:
+def update(loaded):
     bring_up_to_date(
         loaded, loaded.folder / "runs", stages=fake_stages(lambda _step: sys.audit("fake.step"))
     )  # type: ignore[arg-type]
 
 
-def killed_at(event: int, loaded: Study) -> bool:
+def killed_at(event, loaded):
     """Run in a fork that dies just before its event of that number; False where it came to its
     end.
     """
@@ -76,7 +76,7 @@ CHANCE = re.compile(
 """What is another in each run: the ends of temporary names, instants and durations."""
 
 
-def state(run_dir: Path) -> frozenset[tuple[str, str, bool]]:
+def state(run_dir):
     """All that a kill leaves, hidden files and folders too; and of each file whether the record
     knows its instant.
     """
@@ -91,7 +91,7 @@ def state(run_dir: Path) -> frozenset[tuple[str, str, bool]]:
     )
 
 
-def main(folder: Path) -> None:
+def main(folder):
     make_data(folder)
     old, new = (
         study(folder),

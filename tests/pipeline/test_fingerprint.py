@@ -34,7 +34,7 @@ class Slice:
     against: list[str | Competitor]
 
 
-def test_slices_become_json_under_the_names_of_the_file() -> None:
+def test_slices_become_json_under_the_names_of_the_file():
     part = Slice(
         Fuse(z_s=0.1),
         {"strain": Cuts(method="even", count=4)},
@@ -46,7 +46,7 @@ def test_slices_become_json_under_the_names_of_the_file() -> None:
     assert chosen["against"][0]["as"] == "LM"
 
 
-def test_every_ingredient_counts() -> None:
+def test_every_ingredient_counts():
     basis: dict[str, Any] = {
         "name": "fit",
         "revision": 1,
@@ -68,7 +68,7 @@ def test_every_ingredient_counts() -> None:
 
 @settings(deadline=None)
 @given(SLICES)
-def test_order_of_keys_is_of_no_account(part: dict[str, Any]) -> None:
+def test_order_of_keys_is_of_no_account(part):
     turned = dict(reversed(part.items()))
     assert fingerprint("fit", 1, part, "", {}) == fingerprint("fit", 1, turned, "", {})
     assert slice_differences("fit", part, turned) == []
@@ -76,9 +76,7 @@ def test_order_of_keys_is_of_no_account(part: dict[str, Any]) -> None:
 
 @settings(deadline=None)
 @given(SLICES, SLICES)
-def test_differences_are_told_exactly_when_there_are_some(
-    old: dict[str, Any], new: dict[str, Any]
-) -> None:
+def test_differences_are_told_exactly_when_there_are_some(old, new):
     told = slice_differences("fit", old, new)
     assert bool(told) == (old != new)
     assert all("->" in text or text.endswith("changed") for text in told)
@@ -94,11 +92,11 @@ def test_differences_are_told_exactly_when_there_are_some(
         ("unheard_of", "fit", "fit.unheard_of"),
     ],
 )
-def test_places_are_those_of_the_file(key: str, stage: str, place: str) -> None:
+def test_places_are_those_of_the_file(key, stage, place):
     assert place_in_spec(key, stage) == place
 
 
-def test_long_values_are_cut() -> None:
+def test_long_values_are_cut():
     (text,) = slice_differences("fit", {"fit": list(range(100))}, {"fit": [*range(99), 7]})
     assert text == "fit changed"
     (text,) = slice_differences("fit", {"fit": "x" * 100}, {"fit": "y"})

@@ -9,7 +9,6 @@ import os
 import subprocess
 import sys
 from pathlib import Path
-from typing import Any
 
 import pytest
 from fake_study import fake_stages, make_data, study
@@ -21,7 +20,7 @@ HERE = Path(__file__).parent
 ENVIRONMENT = {**os.environ, "OPENBLAS_NUM_THREADS": "2", "PYTHONPATH": str(HERE)}
 
 
-def python(script: str, folder: Path) -> Any:
+def python(script, folder):
     """The JSON that a script prints; it finds the folder in sys.argv[1]."""
     done = subprocess.run(
         [sys.executable, "-c", script, str(folder)],
@@ -34,7 +33,7 @@ def python(script: str, folder: Path) -> Any:
     return json.loads(done.stdout)
 
 
-def test_killed_at_every_instant(tmp_path: Path) -> None:
+def test_killed_at_every_instant(tmp_path):
     outcome = python(
         f"import runpy; runpy.run_path({str(HERE / 'killed_runs.py')!r}, run_name='__main__')",
         tmp_path,
@@ -58,7 +57,7 @@ bring_up_to_date(study(folder), folder / "runs", stages=fake_stages(wait))
 """
 
 
-def test_run_is_locked_while_another_process_writes_it(tmp_path: Path) -> None:
+def test_run_is_locked_while_another_process_writes_it(tmp_path):
     make_data(tmp_path)
     with subprocess.Popen(
         [sys.executable, "-c", LOCKED, str(tmp_path)],
@@ -92,7 +91,7 @@ print(json.dumps([outcome.stages, sorted({name.split(".")[0] for name in sys.mod
 """
 
 
-def test_an_up_to_date_run_loads_nothing_heavy(tmp_path: Path) -> None:
+def test_an_up_to_date_run_loads_nothing_heavy(tmp_path):
     make_data(tmp_path)
     bring_up_to_date(study(tmp_path), tmp_path / "runs", stages=fake_stages())  # type: ignore[arg-type]
     stages, modules = python(UP_TO_DATE, tmp_path)
@@ -109,7 +108,7 @@ print(json.dumps([names, sorted({name.split(".")[0] for name in sys.modules})]))
 """
 
 
-def test_real_stages_are_cheap_to_import(tmp_path: Path) -> None:
+def test_real_stages_are_cheap_to_import(tmp_path):
     names, modules = python(PIPELINE, tmp_path)
     assert names == ["ingest", "segment", "fit", "fuse", "validate", "report"]
     assert not {"h5py", "scipy", "matplotlib", "pint", "jinja2"} & set(modules)
@@ -141,7 +140,7 @@ print(json.dumps(threads))
 """
 
 
-def test_stages_have_one_blas_thread(tmp_path: Path) -> None:
+def test_stages_have_one_blas_thread(tmp_path):
     make_data(tmp_path)
     threads = python(ONE_THREAD, tmp_path)
     assert threads

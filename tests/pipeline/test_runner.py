@@ -13,41 +13,37 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from fake_study import Study, contents, fake_stages, make_data, study
+from fake_study import contents, fake_stages, make_data, study
 
 from mapmore_cli.domain.errors import DataError, FitError, WriteError
-from mapmore_cli.fitting.stage import Stage, Workspace
-from mapmore_cli.pipeline.runner import Options, RunOutcome, bring_up_to_date, explain
+from mapmore_cli.fitting.stage import Workspace
+from mapmore_cli.pipeline.runner import Options, bring_up_to_date, explain
 
 ALL = ["ingest", "fit", "fuse", "report"]
 
 
 @pytest.fixture
-def folder(tmp_path: Path) -> Path:
+def folder(tmp_path):
     make_data(tmp_path)
     return tmp_path
 
 
-def run(
-    loaded: Study, stages: tuple[Stage, ...] | None = None, until: str = "report", **options: Any
-) -> RunOutcome:
+def run(loaded, stages=None, until="report", **options):
     return bring_up_to_date(
         loaded, loaded.folder / "runs", until, stages=stages or fake_stages(), **options
     )  # type: ignore[arg-type]
 
 
-def reasons(
-    loaded: Study, stages: tuple[Stage, ...] | None = None, until: str = "report", **options: Any
-) -> list[tuple[str, str | None]]:
+def reasons(loaded, stages=None, until="report", **options):
     return explain(loaded, loaded.folder / "runs", until, stages=stages or fake_stages(), **options)  # type: ignore[arg-type]
 
 
-def record(folder: Path) -> dict[str, Any]:
+def record(folder):
     document: dict[str, Any] = json.loads((folder / "runs" / "demo" / "run.json").read_text())
     return document
 
 
-def test_first_run_and_second_run(folder: Path) -> None:
+def test_first_run_and_second_run(folder):
     told: list[tuple[str, str | None]] = []
     ran: list[str] = []
     outcome = run(
@@ -70,7 +66,7 @@ def test_first_run_and_second_run(folder: Path) -> None:
     } == before
 
 
-def test_only_the_stages_asked_for_run(folder: Path) -> None:
+def test_only_the_stages_asked_for_run(folder):
     assert run(study(folder), until="fit").stages == {"ingest": "done", "fit": "done"}
     assert run(study(folder)).stages == {
         "ingest": "up-to-date",
@@ -103,14 +99,12 @@ SETTINGS: list[tuple[dict[str, Any], list[str | None]]] = [
 
 
 @pytest.mark.parametrize(("sections", "expected"), SETTINGS)
-def test_reasons_of_settings(
-    sections: dict[str, Any], expected: list[str | None], folder: Path
-) -> None:
+def test_reasons_of_settings(sections, expected, folder):
     run(study(folder))
     assert reasons(study(folder, **sections)) == list(zip(ALL, expected, strict=True))
 
 
-def test_reason_of_a_revision(folder: Path) -> None:
+def test_reason_of_a_revision(folder):
     run(study(folder))
     why = reasons(study(folder), fake_stages(revisions={"fit": 2}))
     assert why == list(zip(ALL, [None, "stage revision 1 -> 2", *AFTER_FIT], strict=True))
@@ -142,9 +136,7 @@ FILES: list[tuple[Callable[[Path], object], list[str | None]]] = [
 
 
 @pytest.mark.parametrize(("change", "expected"), FILES)
-def test_what_explain_says_is_what_happens(
-    change: Callable[[Path], object], expected: list[str | None], folder: Path
-) -> None:
+def test_what_explain_says_is_what_happens(change, expected, folder):
     run(study(folder))
     change(folder)
     told = dict(zip(ALL, expected, strict=True))
@@ -158,12 +150,12 @@ def test_what_explain_says_is_what_happens(
     assert run(study(folder)).reasons == {}
 
 
-def test_explain_writes_nothing(folder: Path) -> None:
+def test_explain_writes_nothing(folder):
     assert reasons(study(folder), until="fuse") == [(stage, "never ran") for stage in ALL[:3]]
     assert not (folder / "runs").exists()
 
 
-def test_long_reasons_are_cut(folder: Path) -> None:
+def test_long_reasons_are_cut(folder):
     run(study(folder))
     for number in range(20):
         (folder / "data" / f"x{number:02d}.csv").write_text("")
@@ -172,14 +164,14 @@ def test_long_reasons_are_cut(folder: Path) -> None:
     assert why.endswith("; and 14 more")
 
 
-def spoilt(path: Path, old: str, new: str, shift: int = 0) -> None:
+def spoilt(path, old, new, shift=0):
     """Replace a text of the same length; the time of the file moves by `shift`, in ns."""
     before = path.stat()
     path.write_text(path.read_text().replace(old, new))
     os.utime(path, ns=(before.st_atime_ns, before.st_mtime_ns + shift))
 
 
-def test_content_is_read_again_only_when_needed(folder: Path) -> None:
+def test_content_is_read_again_only_when_needed(folder):
     rehash = Options(rehash=True)
     run_dir = run(study(folder)).run_dir
     spoilt(folder / SOURCE, "a", "z")
@@ -190,7 +182,7 @@ def test_content_is_read_again_only_when_needed(folder: Path) -> None:
     assert reasons(study(folder), options=rehash)[2] == ("fuse", "output changed: model.h5")
 
 
-def test_touched_files_are_remembered(folder: Path) -> None:
+def test_touched_files_are_remembered(folder):
     run(study(folder))
     os.utime(folder / "data" / "a.csv", ns=(1, 1))
     assert run(study(folder)).reasons == {}
@@ -200,12 +192,12 @@ def test_touched_files_are_remembered(folder: Path) -> None:
 AN_HOUR, IN_TEN_YEARS = 3_600_000_000_000, 315_000_000_000_000_000
 
 
-def shifted(path: Path, nanoseconds: int) -> None:
+def shifted(path, nanoseconds):
     state = path.stat()
     os.utime(path, ns=(state.st_atime_ns + nanoseconds, state.st_mtime_ns + nanoseconds))
 
 
-def test_a_source_written_after_the_clock_was_set_back_is_another(folder: Path) -> None:
+def test_a_source_written_after_the_clock_was_set_back_is_another(folder):
     run(study(folder))
     spoilt(folder / SOURCE, "a", "z", -AN_HOUR)
     assert run(study(folder)).reasons["ingest"] == "source changed: data/a.csv"
@@ -214,8 +206,8 @@ def test_a_source_written_after_the_clock_was_set_back_is_another(folder: Path) 
 
 
 @pytest.mark.parametrize("when", ["start of ingest", "half of ingest.h5"])
-def test_a_source_that_changes_while_it_is_read_is_read_again(when: str, folder: Path) -> None:
-    def rewritten(step: str) -> None:
+def test_a_source_that_changes_while_it_is_read_is_read_again(when, folder):
+    def rewritten(step):
         if step == when:
             (folder / "data" / "a.csv").write_text("e,F\n0,1\n1,2\n")
 
@@ -225,7 +217,7 @@ def test_a_source_that_changes_while_it_is_read_is_read_again(when: str, folder:
     assert run(study(folder)).reasons == {}
 
 
-def test_the_same_content_with_another_time_is_the_same(folder: Path) -> None:
+def test_the_same_content_with_another_time_is_the_same(folder):
     run_dir = run(study(folder)).run_dir
     for shift in (-AN_HOUR, IN_TEN_YEARS):
         shifted(folder / "data" / "a.csv", shift)
@@ -235,7 +227,7 @@ def test_the_same_content_with_another_time_is_the_same(folder: Path) -> None:
     assert run(study(folder)).reasons == {}
 
 
-def test_results_from_the_future_are_made_anew_where_the_study_changed(folder: Path) -> None:
+def test_results_from_the_future_are_made_anew_where_the_study_changed(folder):
     run_dir = run(study(folder)).run_dir
     for path in run_dir.rglob("*"):
         shifted(path, IN_TEN_YEARS)
@@ -246,7 +238,7 @@ def test_results_from_the_future_are_made_anew_where_the_study_changed(folder: P
     assert run(study(folder)).reasons == {}
 
 
-def test_force(folder: Path) -> None:
+def test_force(folder):
     run(study(folder))
     assert run(study(folder), until="fit", options=Options(force=True)).reasons == {
         "ingest": "forced",
@@ -255,7 +247,7 @@ def test_force(folder: Path) -> None:
     assert run(study(folder)).reasons == {}  # the same numbers came out
 
 
-def test_record(folder: Path) -> None:
+def test_record(folder):
     run(study(folder))
     document = record(folder)
     assert document["name"] == "demo"
@@ -271,7 +263,7 @@ def test_record(folder: Path) -> None:
     assert not re.search(rf'"(/|{re.escape(str(Path.home()))})', text)
 
 
-def test_resolved_spec_is_written_and_kept_up(folder: Path) -> None:
+def test_resolved_spec_is_written_and_kept_up(folder):
     first = study(folder, muscle={"name": "A"})
     path = run(first, until="fuse").run_dir / "experiment.yaml"
     assert path.read_text() == first.resolved
@@ -290,13 +282,11 @@ def test_resolved_spec_is_written_and_kept_up(folder: Path) -> None:
     ],
 )
 @pytest.mark.parametrize("step", ["start of ingest", "half of fit.h5", "half of index.html"])
-def test_fault_in_a_stage_leaves_results_as_they_were(
-    fault: BaseException, step: str, folder: Path
-) -> None:
+def test_fault_in_a_stage_leaves_results_as_they_were(fault, step, folder):
     run_dir = run(study(folder)).run_dir
     before = contents(run_dir)
 
-    def fail(at: str) -> None:
+    def fail(at):
         if at == step:
             raise fault
 
@@ -311,8 +301,8 @@ def test_fault_in_a_stage_leaves_results_as_they_were(
     assert run(study(folder)).reasons == {}
 
 
-def test_full_disk_in_a_stage(folder: Path) -> None:
-    def fail(at: str) -> None:
+def test_full_disk_in_a_stage(folder):
+    def fail(at):
         if at == "half of fit.h5":
             raise OSError(errno.ENOSPC, "full")
 
@@ -322,13 +312,13 @@ def test_full_disk_in_a_stage(folder: Path) -> None:
     assert set(contents(folder / "runs" / "demo")) == {"ingest.h5"}
 
 
-def test_unreadable_source_is_a_data_error(folder: Path) -> None:
+def test_unreadable_source_is_a_data_error(folder):
     (folder / "data" / "c.csv").symlink_to(folder / "nowhere")
     with pytest.raises(DataError, match=r"data/c\.csv: cannot be read"):
         run(study(folder))
 
 
-def test_run_path_is_a_file(folder: Path) -> None:
+def test_run_path_is_a_file(folder):
     (folder / "runs").mkdir()
     (folder / "runs" / "demo").write_text("mine")
     ran: list[str] = []
@@ -339,13 +329,13 @@ def test_run_path_is_a_file(folder: Path) -> None:
     assert reasons(study(folder))[0] == ("ingest", "never ran")
 
 
-def test_stage_must_write_what_it_declares(folder: Path) -> None:
+def test_stage_must_write_what_it_declares(folder):
     ingest = replace(fake_stages()[0], outputs=("ingest.h5", "more.csv"))
     with pytest.raises(RuntimeError, match="declares"):
         run(study(folder), (ingest,), until="ingest")
 
 
-def test_new_output_of_a_stage_is_missed(folder: Path) -> None:
+def test_new_output_of_a_stage_is_missed(folder):
     run(study(folder))
     stages = fake_stages()
     more = replace(stages[2], outputs=("model.h5", "model.csv"))
@@ -369,7 +359,7 @@ def test_new_output_of_a_stage_is_missed(folder: Path) -> None:
         "[" * 100_000,
     ],
 )
-def test_damaged_record_counts_as_absent(text: str, folder: Path) -> None:
+def test_damaged_record_counts_as_absent(text, folder):
     run_dir = run(study(folder)).run_dir
     (run_dir / "run.json").write_text(text)
     warnings: list[str] = []
@@ -379,7 +369,7 @@ def test_damaged_record_counts_as_absent(text: str, folder: Path) -> None:
     assert run(study(folder)).reasons == {}
 
 
-def test_edited_record_is_noticed(folder: Path) -> None:
+def test_edited_record_is_noticed(folder):
     run_dir = run(study(folder)).run_dir
     document = record(folder)
     document["stages"]["fit"]["fingerprint"] = "0" * 64
@@ -387,14 +377,14 @@ def test_edited_record_is_noticed(folder: Path) -> None:
     assert [stage for stage, why in reasons(study(folder)) if why] == ["fit"]
 
 
-def test_record_of_a_newer_format_is_refused(folder: Path) -> None:
+def test_record_of_a_newer_format_is_refused(folder):
     path = run(study(folder)).run_dir / "run.json"
     path.write_text(path.read_text().replace('"format_version": "1.1"', '"format_version": "2.0"'))
     with pytest.raises(DataError, match=r"run\.json.*newer"):
         run(study(folder))
 
 
-def test_stages_get_their_workspace(folder: Path) -> None:
+def test_stages_get_their_workspace(folder):
     seen: list[Workspace] = []
     ingest = replace(
         fake_stages()[0],

@@ -11,7 +11,6 @@ from __future__ import annotations
 import subprocess
 import sys
 import threading
-from collections.abc import Iterator
 from contextlib import contextmanager
 from http.server import BaseHTTPRequestHandler, HTTPServer
 from pathlib import Path
@@ -26,17 +25,17 @@ OWNED = "owned"
 
 
 @contextmanager
-def server() -> Iterator[tuple[int, list[str]]]:
+def server():
     """A server on this machine: its port, and the paths that were asked for."""
     asked: list[str] = []
 
     class Handler(BaseHTTPRequestHandler):
-        def do_GET(self) -> None:
+        def do_GET(self):
             asked.append(self.path)
             self.send_response(200)
             self.end_headers()
 
-        def log_message(self, format: str, *arguments: object) -> None:
+        def log_message(self, format, *arguments):
             pass
 
     with HTTPServer(("127.0.0.1", 0), Handler) as http:
@@ -45,7 +44,7 @@ def server() -> Iterator[tuple[int, list[str]]]:
         http.shutdown()
 
 
-def hostile(port: int) -> str:
+def hostile(port):
     """A name that runs scripts and asks a server for a picture and a style, where it is taken for
     markup.
     """
@@ -54,13 +53,13 @@ def hostile(port: int) -> str:
     return f"<script>{change}</script>{picture}<style>@import url({leak}/style)</style>"
 
 
-def write_page(folder: Path, name: str) -> Path:
+def write_page(folder, name):
     """A report in which everything has that name."""
     write_report(all_named(name), folder, **EVERYTHING)
     return folder / "index.html"
 
 
-def title_of(browser: str, page: Path) -> str:
+def title_of(browser, page):
     """The title of a page, after its scripts have run."""
     call = [
         browser,
@@ -75,7 +74,7 @@ def title_of(browser: str, page: Path) -> str:
     return dom.partition("<title>")[2].partition("</title>")[0]
 
 
-def main(browser: str) -> int:
+def main(browser):
     """Print what became of each page; 1 where a page did what its names say, or the control did
     not.
     """

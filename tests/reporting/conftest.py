@@ -2,29 +2,27 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from report_builder import build, surface
 
 from mapmore_cli.domain.scores import Published
-from mapmore_cli.reporting.inputs import ReportInputs
 
 PUBLISHED = Published("M2, section 5.1", {"mapmore": 0.022, "sarosi": 0.025, "polynomial_2": 0.07})
 
 
 @pytest.fixture(scope="session")
-def inputs() -> ReportInputs:
+def inputs():
     return build(published=PUBLISHED)
 
 
 @pytest.fixture(scope="session")
-def mixed() -> ReportInputs:
+def mixed():
     """Strains between 0.02 and 0.035 held out of every curve."""
     return build(held_out=lambda _level, strain: (strain > 0.02) & (strain < 0.035))
 
 
 @pytest.fixture(scope="session")
-def failed() -> ReportInputs:
+def failed():
     """Sarosi's model could not be fitted, another could."""
     return build(
         competitors={
@@ -35,7 +33,7 @@ def failed() -> ReportInputs:
 
 
 @pytest.fixture(scope="session")
-def alone() -> ReportInputs:
+def alone():
     """One curve, nothing held out, no competitor."""
     return build(
         levels=[250],
@@ -45,5 +43,5 @@ def alone() -> ReportInputs:
 
 
 @pytest.fixture
-def ax() -> Axes:
+def ax():
     return Figure().subplots()

@@ -4,19 +4,17 @@ term each.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 from html.parser import HTMLParser
-from typing import Any
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from mapmore_cli.domain.fits import FormulaFit
-from mapmore_cli.domain.models import Equation, Model
+from mapmore_cli.domain.models import Equation
 from mapmore_cli.domain.recording import Curve, Dataset, Quantity, Recording
 from mapmore_cli.domain.results import FitResult, Forecast, PiecesFit, Validation
-from mapmore_cli.domain.scores import FIGURES, Published, Score
+from mapmore_cli.domain.scores import FIGURES
 from mapmore_cli.modelling.kinds import predict
 from mapmore_cli.modelling.pieces import build as pieces
 from mapmore_cli.modelling.pieces.recipe import Cuts, Fuse, Recipe
@@ -24,7 +22,6 @@ from mapmore_cli.modelling.validation.metrics import divisor, score_rows
 from mapmore_cli.reporting.figures.drawing import compose, drawings
 from mapmore_cli.reporting.figures.style import figure_style
 from mapmore_cli.reporting.inputs import ReportInputs
-from mapmore_cli.reporting.table import Table
 from mapmore_cli.reporting.tables import all_tables
 
 QUANTITIES = {
@@ -40,7 +37,7 @@ FUSE = Fuse(transition="quadratic", extrapolation="continue")
 Prediction = Callable[[np.ndarray, np.ndarray], np.ndarray]
 
 
-def surface(pressure: np.ndarray, strain: np.ndarray) -> np.ndarray:
+def surface(pressure, strain):
     return (
         pressure * (0.6 * np.exp(-60 * strain) - 9.5 * strain + 2.3)
         - 320 * strain
@@ -48,23 +45,21 @@ def surface(pressure: np.ndarray, strain: np.ndarray) -> np.ndarray:
     )
 
 
-def free_strain(pressure: float) -> float:
+def free_strain(pressure):
     grid = np.linspace(0, 0.4, 4001)
     return float(grid[np.argmax(surface(np.full_like(grid, pressure), grid) < 5)])
 
 
 def build(
-    levels: Sequence[float] = (80, 150, 250, 350),
-    held_out: Callable[[float, np.ndarray], np.ndarray] = lambda level, strain: np.full(
-        len(strain), level == 250
-    ),
-    competitors: Mapping[str, Prediction] | None = None,
-    published: Published | None = None,
-    samples: int = 200,
-    segments: int = 4,
-    name: str = "dmsp-20-88-static",
-    rename: Callable[[str], str] = str,
-) -> ReportInputs:
+    levels=(80, 150, 250, 350),
+    held_out=lambda level, strain: np.full(len(strain), level == 250),
+    competitors=None,
+    published=None,
+    samples=200,
+    segments=4,
+    name="dmsp-20-88-static",
+    rename=str,
+):
     random = np.random.default_rng(7)
     if competitors is None:
         competitors = {
@@ -128,7 +123,7 @@ def build(
     )
 
 
-def all_named(text: str) -> ReportInputs:
+def all_named(text):
     """A study in which whatever a user names or writes is this text."""
     inputs = build(
         name=text,
@@ -146,7 +141,7 @@ def all_named(text: str) -> ReportInputs:
     )
 
 
-def _curve(level, samples, held_out, random, rename) -> Curve:
+def _curve(level, samples, held_out, random, rename):
     strain = np.linspace(0, free_strain(level), samples)
     pressure = np.full(samples, float(level))
     force = surface(pressure, strain) + random.normal(0, 2.5, samples)
@@ -160,7 +155,7 @@ def _curve(level, samples, held_out, random, rename) -> Curve:
     )
 
 
-def _recording(curve: Curve, random, rename) -> Recording:
+def _recording(curve, random, rename):
     time = np.arange(0, 60, 0.02)
     strain = free_strain(float(curve.level)) * (0.5 - 0.5 * np.cos(2 * np.pi * time / 20))
     pressure = curve.level + random.normal(0, 0.8, len(time))
@@ -182,7 +177,7 @@ def _recording(curve: Curve, random, rename) -> Recording:
     )
 
 
-def _formula(name: str, failed: bool) -> FormulaFit:
+def _formula(name, failed):
     if failed:
         nothing = {"a1": np.nan}
         return FormulaFit(
@@ -201,7 +196,7 @@ def _formula(name: str, failed: bool) -> FormulaFit:
     return FormulaFit(name, found, errors, "converged", "variable projection", 3, 812.0, 5.0, 600)
 
 
-def _scores(dataset: Dataset, predictions: Mapping[str, Sequence[np.ndarray]]) -> tuple[Score, ...]:
+def _scores(dataset, predictions):
     """Rows of all models, the training data first."""
     said = {
         model: [Forecast.of(values) for values in found] for model, found in predictions.items()
@@ -214,12 +209,12 @@ def _scores(dataset: Dataset, predictions: Mapping[str, Sequence[np.ndarray]]) -
     return tuple(sorted(rows, key=lambda row: row.split))
 
 
-def of_pieces(model: Model, **changes: Any) -> Model:
+def of_pieces(model, **changes):
     """The model with other pieces."""
     return replace(model, body=replace(model.body, **changes))
 
 
-def drawn(inputs: ReportInputs, *names: str) -> dict[str, Figure]:
+def drawn(inputs, *names):
     """The figures of these names, of all where none is given."""
     with figure_style():
         return {
@@ -229,11 +224,11 @@ def drawn(inputs: ReportInputs, *names: str) -> dict[str, Figure]:
         }
 
 
-def legend_of(figure: Figure) -> list[str]:
+def legend_of(figure):
     return [label.get_text() for legend in figure.legends for label in legend.get_texts()]
 
 
-def tables_of(inputs: ReportInputs) -> dict[str, Table]:
+def tables_of(inputs):
     return {table.name: table for table in all_tables(inputs)}
 
 
@@ -243,7 +238,7 @@ VOID = {"meta", "wbr"}
 class Page(HTMLParser):
     """Checks that tags are balanced, and collects what the tests look at."""
 
-    def __init__(self, html: str) -> None:
+    def __init__(self, html):
         super().__init__()
         self.open: list[str] = []
         self.tags: list[tuple[str, dict[str, str | None]]] = []
@@ -266,5 +261,5 @@ class Page(HTMLParser):
     def handle_data(self, data):
         self.text += data
 
-    def named(self, tag: str) -> list[dict[str, str | None]]:
+    def named(self, tag):
         return [attrs for name, attrs in self.tags if name == tag]

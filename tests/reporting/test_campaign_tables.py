@@ -22,7 +22,7 @@ from mapmore_cli.reporting.figures.drawing import compose
 from mapmore_cli.reporting.report import render_campaign
 
 
-def row(model: str, rmse: float, split: str = "validate") -> Score:
+def row(model, rmse, split="validate"):
     return Score(
         model,
         "static",
@@ -39,17 +39,17 @@ def row(model: str, rmse: float, split: str = "validate") -> Score:
     )
 
 
-def rows(**errors: float) -> list[Score]:
+def rows(**errors):
     return [row(model, rmse) for model, rmse in errors.items()]
 
 
-def test_a_failed_run_is_told_by_its_name() -> None:
+def test_a_failed_run_is_told_by_its_name():
     table = nrmse_table(CampaignScores({"a": rows(mapmore=1, sarosi=2)}, failed=("broken",)))
     assert table.rows[1] == ("broken", "failed", None)
     assert table.numeric[1]
 
 
-def test_hostile_names_are_text_on_the_page() -> None:
+def test_hostile_names_are_text_on_the_page():
     hostile = "<script>alert(1)</script>\"'&<img src=x onerror=y>"
     scores = CampaignScores({hostile: rows(**{"mapmore": 1, hostile: 2})}, failed=(hostile + "2",))
     page = Page(
@@ -65,7 +65,7 @@ def test_hostile_names_are_text_on_the_page() -> None:
     assert page.text.count(hostile) >= 6
 
 
-def test_exact_ties_are_told() -> None:
+def test_exact_ties_are_told():
     runs = {"a": rows(mapmore=2, sarosi=2, flat=5), "b": rows(mapmore=1, sarosi=2, flat=5)}
     scores = CampaignScores(runs, relative_to="sarosi", best_of=("sarosi", "flat"))
     table = {row[0]: row for row in nrmse_table(scores).rows}
@@ -73,7 +73,7 @@ def test_exact_ties_are_told() -> None:
     assert table["below the best formula"][1] == "1 of 2, 1 tied"
 
 
-def test_ratios_are_of_the_runs_that_have_both() -> None:
+def test_ratios_are_of_the_runs_that_have_both():
     runs = {"a": rows(mapmore=1, sarosi=2), "b": rows(mapmore=8, sarosi=4), "c": rows(mapmore=5)}
     table = nrmse_table(CampaignScores(runs, relative_to="sarosi"))
     assert table.rows[:3] == (("a", 1.0, 2.0), ("b", 8.0, 4.0), ("c", 5.0, None))
@@ -82,7 +82,7 @@ def test_ratios_are_of_the_runs_that_have_both() -> None:
     assert table.rows[5][1:] == ("1 of 2", "0 of 2")
 
 
-def test_groups_have_a_median_and_a_worst() -> None:
+def test_groups_have_a_median_and_a_worst():
     runs = {
         "a": rows(mapmore=1, lags=9),
         "b": rows(mapmore=4, lags=7),
@@ -100,7 +100,7 @@ def test_groups_have_a_median_and_a_worst() -> None:
     )
 
 
-def test_the_note_names_what_the_errors_are_normalised_by() -> None:
+def test_the_note_names_what_the_errors_are_normalised_by():
     scores = CampaignScores(
         {"a": [replace(row("mapmore", 3.0), normaliser_name="range of force over validate")]}
     )
@@ -109,7 +109,7 @@ def test_the_note_names_what_the_errors_are_normalised_by() -> None:
     )
 
 
-def test_training_rows_count_where_nothing_is_held_out() -> None:
+def test_training_rows_count_where_nothing_is_held_out():
     assert nrmse_table(
         CampaignScores({"a": [replace(row("mapmore", 3.0), split="train")]})
     ).rows == (("a", 3.0),)
@@ -118,7 +118,7 @@ def test_training_rows_count_where_nothing_is_held_out() -> None:
     ).rows == (("a", 3.0),)
 
 
-def test_repeatability_wins_nothing_and_stands_last() -> None:
+def test_repeatability_wins_nothing_and_stands_last():
     runs = {"a": rows(repeatability=0.1, mapmore=1, sarosi=2), "b": rows(mapmore=3, sarosi=4)}
     scores = CampaignScores(runs, relative_to="sarosi", best_of=["sarosi"])
     table = nrmse_table(scores)
@@ -126,7 +126,7 @@ def test_repeatability_wins_nothing_and_stands_last() -> None:
     assert [line[-1] for line in table.rows] == [0.1, None, None, None, None, None]
 
 
-def test_a_formula_is_not_below_itself() -> None:
+def test_a_formula_is_not_below_itself():
     runs = {"a": rows(mapmore=1, sarosi=2, other=3), "b": rows(mapmore=5, sarosi=4, other=3)}
     closing = nrmse_table(CampaignScores(runs, best_of=["sarosi", "other"])).rows[-1]
     assert closing == ("below the best formula", "1 of 2", "1 of 2", "1 of 2")
@@ -134,7 +134,7 @@ def test_a_formula_is_not_below_itself() -> None:
 
 @settings(deadline=None)
 @given(st.lists(st.lists(st.floats(0.1, 100), min_size=3, max_size=3), min_size=1, max_size=6))
-def test_of_the_formulas_one_is_best_in_every_run(errors: list[list[float]]) -> None:
+def test_of_the_formulas_one_is_best_in_every_run(errors):
     names = ["f", "g", "h"]
     runs = {
         f"run{i}": [row(name, rmse) for name, rmse in zip(names, of_run, strict=True)]
@@ -146,13 +146,13 @@ def test_of_the_formulas_one_is_best_in_every_run(errors: list[list[float]]) -> 
     assert won == untied
 
 
-def test_an_error_that_is_not_finite_is_nobodys_best() -> None:
+def test_an_error_that_is_not_finite_is_nobodys_best():
     runs = {"a": rows(mapmore=2, sarosi=math.nan, other=3)}
     closing = nrmse_table(CampaignScores(runs, best_of=["sarosi", "other"])).rows[-1]
     assert closing[1:] == ("1 of 1", "0 of 1", "1 of 1")
 
 
-def test_published_numbers_stand_beside_ours_and_empty_columns_are_left_out() -> None:
+def test_published_numbers_stand_beside_ours_and_empty_columns_are_left_out():
     runs = {"a": rows(mapmore=2, sarosi=4), "b": rows(mapmore=3)}
     table = published_table(
         CampaignScores(
@@ -172,27 +172,27 @@ def test_published_numbers_stand_beside_ours_and_empty_columns_are_left_out() ->
     assert table.notes == ("Published: a paper.",)
 
 
-def test_tables_without_rows_are_left_out() -> None:
+def test_tables_without_rows_are_left_out():
     assert [table.name for table in campaign_tables(CampaignScores({"a": rows(mapmore=1)}))] == [
         "nrmse"
     ]
 
 
-def test_a_run_that_diverged_is_worse_than_any_in_whatever_order() -> None:
+def test_a_run_that_diverged_is_worse_than_any_in_whatever_order():
     good, bad = rows(mapmore=1, sarosi=2), rows(mapmore=math.nan, sarosi=2)
     for runs in ({"a": good, "b": bad}, {"b": bad, "a": good}):
         table = nrmse_table(CampaignScores(runs, relative_to="sarosi"))
         assert [row[1] for row in table.rows[2:]] == [math.inf, math.inf, "1 of 2"]
 
 
-def test_nothing_is_in_proportion_to_an_error_of_zero() -> None:
+def test_nothing_is_in_proportion_to_an_error_of_zero():
     scores = CampaignScores(
         {"a": rows(mapmore=1, sarosi=0, repeatability=0)}, relative_to="sarosi", best_of=["sarosi"]
     )
     assert nrmse_table(scores).rows[1][1] is None
 
 
-def test_runs_with_few_models_in_common_are_listed() -> None:
+def test_runs_with_few_models_in_common_are_listed():
     runs = {
         "a": rows(mapmore=2, sarosi=4, kerscher=3, repeatability=1),
         "b": rows(mapmore=1, narx=5),
@@ -232,7 +232,7 @@ def dots(scores):
     )
 
 
-def test_every_error_is_a_dot_in_the_line_of_its_run() -> None:
+def test_every_error_is_a_dot_in_the_line_of_its_run():
     names, legend, found = dots(
         CampaignScores(
             {"a": rows(mapmore=1, sarosi=4, repeatability=0.5), "b": rows(mapmore=3, sarosi=2)}
@@ -244,7 +244,7 @@ def test_every_error_is_a_dot_in_the_line_of_its_run() -> None:
 
 
 @pytest.mark.parametrize("error", [math.nan, math.inf])
-def test_a_run_that_diverged_has_no_dot(error: float) -> None:
+def test_a_run_that_diverged_has_no_dot(error):
     scores = CampaignScores(
         {
             "a": rows(mapmore=1, narx=2),
@@ -254,19 +254,19 @@ def test_a_run_that_diverged_has_no_dot(error: float) -> None:
     assert dots(scores)[2] == [("a", 1.0), ("a", 2.0), ("b", 3.0)]
 
 
-def test_the_model_that_ratios_are_taken_to_has_its_dots() -> None:
+def test_the_model_that_ratios_are_taken_to_has_its_dots():
     runs = {"a": rows(mapmore=5, sarosi=4, flat=3), "b": rows(mapmore=6, sarosi=2)}
     _, legend, found = dots(CampaignScores(runs, relative_to="sarosi"))
     assert legend == ["mapmore", "Sárosi", "best of the others"]
     assert [x for name, x in found if name == "a"] == [3, 4, 5]
 
 
-def test_there_is_nothing_to_compare_in_one_run() -> None:
+def test_there_is_nothing_to_compare_in_one_run():
     assert campaign_figures(CampaignScores({"a": rows(mapmore=1, sarosi=2)})) == []
     assert campaign_figures(CampaignScores({})) == []
 
 
-def test_where_runs_have_few_models_in_common_the_best_of_the_others_is_drawn() -> None:
+def test_where_runs_have_few_models_in_common_the_best_of_the_others_is_drawn():
     runs = {
         "a": rows(mapmore=2, sarosi=4, kerscher=3, repeatability=1),
         "b": rows(mapmore=1, narx=5),
@@ -285,7 +285,7 @@ def test_where_runs_have_few_models_in_common_the_best_of_the_others_is_drawn() 
     ]
 
 
-def test_an_error_of_rounding_leaves_room_for_the_others() -> None:
+def test_an_error_of_rounding_leaves_room_for_the_others():
     scores = CampaignScores(
         {
             "exact": [replace(row("mapmore", 1.0), nrmse=1e-16), row("sarosi", 2.0)],

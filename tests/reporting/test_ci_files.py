@@ -20,7 +20,7 @@ RUNS = [
 ]
 
 
-def test_every_run_and_every_limit_is_a_case() -> None:
+def test_every_run_and_every_limit_is_a_case():
     suite = ET.fromstring(to_junit(RUNS)).find("testsuite")
     assert suite is not None
     assert {key: suite.get(key) for key in ("tests", "failures", "errors", "time")} == {
@@ -43,12 +43,12 @@ def test_every_run_and_every_limit_is_a_case() -> None:
 
 
 @given(st.text(), st.text())
-def test_any_name_and_message_gives_well_formed_xml(name: str, text: str) -> None:
+def test_any_name_and_message_gives_well_formed_xml(name, text):
     root = ET.fromstring(to_junit([RunReport(name, failure=f"x{text}", warnings=(text,))]))
     assert len(list(root.iter("testcase"))) == 1
 
 
-def test_the_summary_says_what_went_wrong_first() -> None:
+def test_the_summary_says_what_went_wrong_first():
     text = to_summary(
         RUNS, [Table("scores", "Scores", (Column("run"), Column("NRMSE")), (("good", 0.03),))]
     )

@@ -39,7 +39,7 @@ OBEYED = re.compile(r"(?<!\\)\\(input|write|def|include|catcode|csname|immediate
 
 
 @pytest.fixture(scope="module")
-def paper(inputs, tmp_path_factory) -> Path:
+def paper(inputs, tmp_path_factory):
     out = tmp_path_factory.mktemp("paper")
     write_report(inputs, out, ("fit", "nrmse"), ("pdf", "png", "pgf", "svg", "tex"))
     return out
@@ -91,7 +91,7 @@ with figure_style():
 """
 
 
-def hashes(**environment: str) -> str:
+def hashes(**environment):
     command = [sys.executable, "-c", SCRIPT, str(Path(__file__).parent)]
     return subprocess.run(
         command, capture_output=True, text=True, check=True, env={**os.environ, **environment}
@@ -111,7 +111,7 @@ def test_no_date_and_no_program_in_a_pdf(paper):
         assert word not in written
 
 
-def panels_of(figure) -> int:
+def panels_of(figure):
     return sum(ax.get_label() != "<colorbar>" for ax in figure.axes)
 
 

@@ -5,7 +5,6 @@ import re
 import xml.etree.ElementTree as ET
 from dataclasses import replace
 from itertools import pairwise
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -21,18 +20,18 @@ OF_SEGMENTS = ("segments", "terms")
 
 
 @pytest.fixture(scope="module")
-def folder(inputs, tmp_path_factory) -> Path:
+def folder(inputs, tmp_path_factory):
     out = tmp_path_factory.mktemp("report") / "new" / "report"
     write_report(inputs, out, **EVERYTHING)
     return out
 
 
 @pytest.fixture(scope="module")
-def page(folder) -> Page:
+def page(folder):
     return Page((folder / "index.html").read_text(encoding="utf-8"))
 
 
-def page_of(inputs, out: Path, figures=tuple(FIGURES)) -> Page:
+def page_of(inputs, out, figures=tuple(FIGURES)):
     write_report(inputs, out, figures, ("html",))
     return Page((out / "index.html").read_text(encoding="utf-8"))
 

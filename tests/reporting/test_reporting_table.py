@@ -108,7 +108,7 @@ MARKUP += [
 @example("1. ")
 @example("12. a")
 @given(st.lists(st.sampled_from(MARKUP) | st.text(max_size=3), max_size=6).map("".join))
-def test_markdown_prints_a_text_and_does_nothing_else(text: str) -> None:
+def test_markdown_prints_a_text_and_does_nothing_else(text):
     """As a reader of CommonMark with tables, links, strikethrough and raw HTML takes it: in title,
     heading, cell and note.
     """
@@ -150,7 +150,7 @@ def test_long_paths_may_break_and_short_ones_may_not():
 
 
 class Cells(HTMLParser):
-    def __init__(self) -> None:
+    def __init__(self):
         super().__init__()
         self.scopes: list[str | None] = []
         self.rows: list[list[str]] = []
@@ -200,7 +200,7 @@ def test_csv_parses_back(rows):
 # -------------------------------------------------------------------------------------------------
 
 
-def test_every_formula_has_a_title_of_its_own() -> None:
+def test_every_formula_has_a_title_of_its_own():
     titles = [literature.get(name).title for name in literature.names()]
     assert all(titles)
     assert len({*titles, *BASELINES.values(), *SIMPLE.values()}) == len(titles) + len(
@@ -221,11 +221,11 @@ def test_every_formula_has_a_title_of_its_own() -> None:
         ("", ""),
     ],
 )
-def test_what_is_no_known_name_stays_as_it_is(name: str, title: str) -> None:
+def test_what_is_no_known_name_stays_as_it_is(name, title):
     assert title_of(name) == title
 
 
-def test_a_page_has_titles_and_a_file_has_names() -> None:
+def test_a_page_has_titles_and_a_file_has_names():
     columns = (Column("model", form="model"), Column("curve"), Column("gaussian_process", "%"))
     table = Table("t", "t", columns, (("sarosi_hinged", "plane", 1.0),))
     html = to_html(table)

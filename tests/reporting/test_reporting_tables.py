@@ -13,11 +13,10 @@ from mapmore_cli.domain.recording import Dataset, Quantity, Recording
 from mapmore_cli.domain.results import PiecesFit
 from mapmore_cli.domain.scores import Published, Score
 from mapmore_cli.reporting.score_tables import score_table, verdict_sentence
-from mapmore_cli.reporting.table import Table
 from mapmore_cli.reporting.tables import levels_table, recordings_table, same_models, terms_table
 
 
-def column(table: Table, heading: str) -> list:
+def column(table, heading):
     j = table.headings.index(heading)
     return [row[j] for row in table.rows]
 
@@ -246,8 +245,8 @@ class TestFormulas:
         assert column(table, "RMSE of left-out samples [N]") == [5.0, 4.0]
 
 
-def test_formulas_that_are_one_model_are_named_once_each_pair() -> None:
-    def fit(name: str, sse: float, status: str = "converged") -> FormulaFit:
+def test_formulas_that_are_one_model_are_named_once_each_pair():
+    def fit(name, sse, status="converged"):
         return FormulaFit(name, {"a": 1.0}, {"a": 0.1}, status, "-", 1, 1.0, sse, 50)
 
     same = same_models(
@@ -264,7 +263,7 @@ def test_formulas_that_are_one_model_are_named_once_each_pair() -> None:
     )  # one formula, fitted in two ways
 
 
-def score(model: str, nrmse: float, split: str = "validate", curve: str = "all") -> Score:
+def score(model, nrmse, split="validate", curve="all"):
     return Score(
         model,
         "force",

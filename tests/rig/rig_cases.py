@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
 
@@ -20,14 +19,12 @@ both = pytest.mark.parametrize("kind", list(MUSCLES))
 
 
 @cache
-def spec(path: str, *changes: str) -> SimulationSpec:
+def spec(path, *changes):
     """A shipped simulation, `mckibben/load_cycles`, with changes."""
     return load_as(DATASETS / f"{path}.yaml", SimulationSpec, changes).spec
 
 
-def friction(
-    base: float, per_pressure: float, yields: Sequence[float], shares: Sequence[float]
-) -> Hysteresis:
+def friction(base, per_pressure, yields, shares):
     """Friction of such stops; N, N/Pa."""
     return Hysteresis(
         base, per_pressure, [Stop(*stop) for stop in zip(yields, shares, strict=True)]

@@ -32,7 +32,7 @@ def closed_muscle():
     )
 
 
-def committed(path: str) -> dict[str, np.ndarray]:
+def committed(path):
     table = np.genfromtxt(DATASETS / path, delimiter=",", names=True)
     return {name: table[name] for name in table.dtype.names}
 

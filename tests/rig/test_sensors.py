@@ -46,15 +46,15 @@ NO_FRICTION = friction(0.0, 0.0, [0.01], [1.0])
 class Spring:
     """`F = 1e-3 P - 1000 e`: 10 kg hang at rest where `P = 1e3 (98.1 + 1000 e)`."""
 
-    def force(self, pressure: np.ndarray | float, strain: np.ndarray | float) -> np.ndarray:
+    def force(self, pressure, strain):
         return np.asarray(1e-3 * np.asarray(pressure) - 1000.0 * np.asarray(strain))
 
 
-def pressure_at_rest(strain: np.ndarray) -> np.ndarray:
+def pressure_at_rest(strain):
     return 1e3 * (LIFT.mass * GRAVITY + 1000.0 * strain)
 
 
-def test_the_right_pressure_keeps_it_at_rest() -> None:
+def test_the_right_pressure_keeps_it_at_rest():
     reference = np.full(200, 0.05)
     found = closed_loop(
         Spring(), NO_FRICTION, LIFT, Loop(5e-3, 0.0, 0.0), reference, pressure_at_rest(reference)
@@ -63,7 +63,7 @@ def test_the_right_pressure_keeps_it_at_rest() -> None:
     assert wanted_force(LIFT, reference, 5e-3) == pytest.approx(np.full(200, LIFT.mass * GRAVITY))
 
 
-def test_the_loop_takes_a_wrong_pressure_off_and_the_command_stays_in_its_limits() -> None:
+def test_the_loop_takes_a_wrong_pressure_off_and_the_command_stays_in_its_limits():
     reference = np.full(800, 0.05)
     wrong = pressure_at_rest(reference) + 3e4
     free, closed = (
@@ -83,7 +83,7 @@ def test_the_loop_takes_a_wrong_pressure_off_and_the_command_stays_in_its_limits
     assert (high["command"].min() >= 0.0) & (high["command"].max() <= LIFT.highest)
 
 
-def test_friction_holds_it_back() -> None:
+def test_friction_holds_it_back():
     holding = friction(30.0, 0.0, [0.002], [1.0])
     reference = np.full(400, 0.05)
     pushed = pressure_at_rest(reference) + 2e4

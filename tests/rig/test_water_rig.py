@@ -39,7 +39,7 @@ RESERVOIR = Reservoir(
 absolute = st.floats(2e4, 1e6)
 
 
-def flow_at(reynolds: float) -> float:
+def flow_at(reynolds):
     return reynolds * WATER_VISCOSITY * TUBE.area / (WATER_DENSITY * TUBE.diameter)
 
 
@@ -86,7 +86,7 @@ def test_supply_fills_to_its_own_pressure_and_exhaust_to_none():
 @settings(deadline=None)
 @given(pressure=st.floats(-8e4, 1e6))
 def test_a_bubble_obeys_boyles_law(pressure):
-    def volume(gauge: float) -> float:
+    def volume(gauge):
         return 1e-6 * ATMOSPHERE / (ATMOSPHERE + gauge)
 
     slope = (volume(pressure - 10) - volume(pressure + 10)) / 20

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
 
 from mapmore_cli.domain.errors import SpecError
-from mapmore_cli.spec.loader import LoadedSpec, load
+from mapmore_cli.spec.loader import load
 
 STATIC = """\
 schema_version: 1
@@ -219,13 +218,13 @@ SHIPPED = sorted(
 )
 
 
-def load_text(folder: Path, text: str | bytes, overrides: Sequence[str] = ()) -> LoadedSpec:
+def load_text(folder, text, overrides=()):
     path = folder / "spec.yaml"
     path.write_bytes(text if isinstance(text, bytes) else text.encode())
     return load(path, overrides)
 
 
-def refusal(folder: Path, text: str | bytes, overrides: Sequence[str] = ()) -> str:
+def refusal(folder, text, overrides=()):
     """The message with which a document is refused; paths start at `folder`."""
     with pytest.raises(SpecError) as caught:
         load_text(folder, text, overrides)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -467,9 +465,7 @@ OTHER_SLIPS = [
     [(STATIC, *slip) for slip in STATIC_SLIPS] + OTHER_SLIPS,
     ids=lambda value: str(value)[:40],
 )
-def test_one_slip_gives_one_message_with_its_place(
-    tmp_path: Path, base: str, old: str, new: str, words: list[str]
-) -> None:
+def test_one_slip_gives_one_message_with_its_place(tmp_path, base, old, new, words):
     """The mistake is where `new` has a mark, a triangle, which is left out; there is no other
     message then.
     """
@@ -483,7 +479,7 @@ def test_one_slip_gives_one_message_with_its_place(
         assert message.count("spec.yaml:") == 1, message
 
 
-def test_all_mistakes_are_reported_at_once_in_the_order_of_the_file(tmp_path: Path) -> None:
+def test_all_mistakes_are_reported_at_once_in_the_order_of_the_file(tmp_path):
     text = (
         STATIC.replace("muscle: {", "muscle: {nmae: x, ")
         .replace("{column: eps}", "{column: eps, unit: kpa}")
@@ -503,7 +499,7 @@ def test_all_mistakes_are_reported_at_once_in_the_order_of_the_file(tmp_path: Pa
     ]
 
 
-def test_a_message_shows_the_line_with_a_caret_under_the_mistake(tmp_path: Path) -> None:
+def test_a_message_shows_the_line_with_a_caret_under_the_mistake(tmp_path):
     lines = refusal(tmp_path, STATIC.replace("max_terms", "max_term")).splitlines()
     assert lines[0] == "spec.yaml:21:30: unknown key `max_term` in `fit`"
     assert (
@@ -513,14 +509,14 @@ def test_a_message_shows_the_line_with_a_caret_under_the_mistake(tmp_path: Path)
     assert lines[3] == "  did you mean `max_terms`?"
 
 
-def test_the_caret_finds_its_place_in_a_long_line(tmp_path: Path) -> None:
+def test_the_caret_finds_its_place_in_a_long_line(tmp_path):
     padding = ", ".join(f'"file_{i}.csv"' for i in range(60))
     lines = refusal(tmp_path, STATIC.replace("files: [", f"files: [{padding}, 5, ")).splitlines()
     assert lines[1][lines[2].index("^")] == "5"
     assert len(lines[1]) < 130
 
 
-def test_a_thousand_mistakes_are_counted_rather_than_listed(tmp_path: Path) -> None:
+def test_a_thousand_mistakes_are_counted_rather_than_listed(tmp_path):
     message = refusal(tmp_path, STATIC + "".join(f"unknown_{i}: 1\n" for i in range(1000)))
     assert message.count("unknown key") == 25
     assert message.endswith("... and at least 175 more mistakes")
@@ -549,9 +545,7 @@ def test_a_thousand_mistakes_are_counted_rather_than_listed(tmp_path: Path) -> N
         ),
     ],
 )
-def test_a_mistake_hides_no_other_one_and_adds_none(
-    tmp_path: Path, base: str, slips: dict[str, str], words: list[str]
-) -> None:
+def test_a_mistake_hides_no_other_one_and_adds_none(tmp_path, base, slips, words):
     for old, new in slips.items():
         assert old in base
         base = base.replace(old, new)
@@ -560,7 +554,7 @@ def test_a_mistake_hides_no_other_one_and_adds_none(
     assert message.count("spec.yaml:") == len(words), message
 
 
-def test_a_long_chain_of_files_is_refused(tmp_path: Path) -> None:
+def test_a_long_chain_of_files_is_refused(tmp_path):
     for number in range(1500):
         (tmp_path / f"{number}.yaml").write_text(f"extends: {number + 1}.yaml\n")
     (tmp_path / "1500.yaml").write_text(STATIC)
@@ -577,7 +571,7 @@ def test_a_long_chain_of_files_is_refused(tmp_path: Path) -> None:
         "+" + "1" * 50_000 + "." + "1" * 50_000 + "!",
     ],
 )
-def test_long_numbers_are_read_in_one_go(tmp_path: Path, text: str) -> None:
+def test_long_numbers_are_read_in_one_go(tmp_path, text):
     """One way to match each: a pattern that tries others would take hours here."""
     assert is_quantity(text) == text.endswith(("x", "!"))
     quoted = text.replace("\n", "\\n")
@@ -589,6 +583,6 @@ def test_long_numbers_are_read_in_one_go(tmp_path: Path, text: str) -> None:
     st.sampled_from(["kPa", "mm", "%", "1", "kPa/s"]),
     st.sampled_from(["", " ", "\t"]),
 )
-def test_quantities_are_taken_apart(number: float, unit: str, blank: str) -> None:
+def test_quantities_are_taken_apart(number, unit, blank):
     blank = blank or (" " if unit == "1" else "")
     assert split_quantity(f" {number!r}{blank}{unit} ") == (number, unit)

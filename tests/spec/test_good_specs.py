@@ -19,7 +19,7 @@ from mapmore_cli.spec.sections.data import Between, GapRule, Levels, Rate
 from mapmore_cli.spec.sections.logs import FileEntry, Keep
 
 
-def test_the_static_study(tmp_path: Path) -> None:
+def test_the_static_study(tmp_path):
     loaded = load_text(tmp_path, STATIC)
     spec = loaded.spec
     assert (spec.muscle.length, spec.muscle.diameter) == (0.088, 0.02)
@@ -34,7 +34,7 @@ def test_the_static_study(tmp_path: Path) -> None:
     assert (loaded.path, loaded.folder) == (tmp_path / "spec.yaml", tmp_path)
 
 
-def test_a_quantity_without_a_canonical_name_is_in_the_unit_of_its_column(tmp_path: Path) -> None:
+def test_a_quantity_without_a_canonical_name_is_in_the_unit_of_its_column(tmp_path):
     heated = STATIC.replace(
         "force:    {",
         "heat: {column: T, unit: degC}\n    share: {column: w, unit: '%'}\n    force:    {",
@@ -44,7 +44,7 @@ def test_a_quantity_without_a_canonical_name_is_in_the_unit_of_its_column(tmp_pa
     assert load_text(tmp_path, said).spec.units == {"heat": "K"}
 
 
-def test_numbers_with_units_are_in_the_units_of_the_model(tmp_path: Path) -> None:
+def test_numbers_with_units_are_in_the_units_of_the_model(tmp_path):
     spec = load_text(tmp_path, MEASURED).spec
     data = spec.data
     assert data.files == [
@@ -84,7 +84,7 @@ def test_numbers_with_units_are_in_the_units_of_the_model(tmp_path: Path) -> Non
     assert spec.report.published.nrmse == {"sarosi": 0.025}
 
 
-def test_logs_in_their_dialects(tmp_path: Path) -> None:
+def test_logs_in_their_dialects(tmp_path):
     data = load_text(tmp_path, LOGS).spec.data
     assert (data.header, data.skip_rows, data.delimiter, data.decimal, data.encoding) == (
         2,
@@ -105,7 +105,7 @@ def test_logs_in_their_dialects(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     "study", [*GOOD.values(), *SHIPPED], ids=[*GOOD, *(path.stem for path in SHIPPED)]
 )
-def test_the_resolved_text_loads_to_the_same_spec(tmp_path: Path, study: str | Path) -> None:
+def test_the_resolved_text_loads_to_the_same_spec(tmp_path, study):
     loaded = load(study) if isinstance(study, Path) else load_text(tmp_path, study)
     again = load_text(tmp_path, loaded.resolved)
     assert again.spec == loaded.spec
@@ -137,7 +137,7 @@ def test_the_resolved_text_loads_to_the_same_spec(tmp_path: Path, study: str | P
         ("samples: 200}", "samples: 0x20}"),
     ],
 )
-def test_variants_of_the_static_study_load(tmp_path: Path, old: str, new: str) -> None:
+def test_variants_of_the_static_study_load(tmp_path, old, new):
     assert old in STATIC
     load_text(tmp_path, STATIC.replace(old, new))
 
@@ -150,7 +150,7 @@ DYNAMIC = DAMPING.replace("target: damping", "target: dynamic").replace(
 DYNAMIC = DYNAMIC[: DYNAMIC.index("dictionary")] + DYNAMIC[DYNAMIC.index("validate: {against") :]
 
 
-def test_the_damping_example(tmp_path: Path) -> None:
+def test_the_damping_example(tmp_path):
     spec = load_text(tmp_path, DAMPING).spec
     assert (spec.fit.scaling, load_text(tmp_path, MOTION).spec.fit.scaling) == ("max_abs", "none")
     assert spec.segment["direction"] == CutByDirection(of="pressure_rate", dead_band=5.0)
@@ -163,7 +163,7 @@ def test_the_damping_example(tmp_path: Path) -> None:
     ]
 
 
-def test_numbers_of_motion_carry_units(tmp_path: Path) -> None:
+def test_numbers_of_motion_carry_units(tmp_path):
     text = (
         DAMPING.replace("5 kPa/s", "0.05 bar/s")
         .replace("plateau: auto", "plateau: [900 ms, 2 s]")
@@ -177,13 +177,13 @@ def test_numbers_of_motion_carry_units(tmp_path: Path) -> None:
     assert spec.data.levels.at == [80, 150, 250, 350]
 
 
-def test_a_sum_is_the_default_of_a_dynamic_target_without_a_dictionary(tmp_path: Path) -> None:
+def test_a_sum_is_the_default_of_a_dynamic_target_without_a_dictionary(tmp_path):
     assert load_text(tmp_path, DYNAMIC).spec.model.type == "sum"
     direct = DAMPING.replace("target: damping", "target: dynamic")
     assert load_text(tmp_path, direct).spec.model.type == "mapmore"
 
 
-def test_weights_between_step_pressures_go_by_the_pressure(tmp_path: Path) -> None:
+def test_weights_between_step_pressures_go_by_the_pressure(tmp_path):
     spec = load_text(
         tmp_path, DAMPING.replace("step_pressure: none}", "step_pressure: levels}")
     ).spec
@@ -193,7 +193,7 @@ def test_weights_between_step_pressures_go_by_the_pressure(tmp_path: Path) -> No
 BREAKPOINTS = "{method: breakpoints, at: [100 kPa, 2]}"
 
 
-def test_segments_depend_on_the_fit_only_where_boundaries_try_it(tmp_path: Path) -> None:
+def test_segments_depend_on_the_fit_only_where_boundaries_try_it(tmp_path):
     """A change of `fit` must not cut the curves anew, unless boundaries are optimal for that
     fit.
     """

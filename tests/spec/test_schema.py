@@ -8,7 +8,7 @@ import ast
 import json
 import re
 from pathlib import Path
-from typing import Any, get_type_hints
+from typing import get_type_hints
 
 import jsonschema
 import pytest
@@ -24,16 +24,16 @@ from mapmore_cli.spec.yaml_loader import parse
 VALIDATOR = jsonschema.Draft202012Validator(json_schema())
 
 
-def document(text: str) -> Any:
+def document(text):
     return written(parse(SourceText("t.yaml", Path(), text), []))
 
 
-def test_the_checked_in_schema_is_up_to_date() -> None:
+def test_the_checked_in_schema_is_up_to_date():
     text = (PROJECT / "configs" / "experiment.schema.json").read_text(encoding="utf-8")
     assert text == json.dumps(json_schema(), indent=2) + "\n", "run `make schema`"
 
 
-def test_it_is_a_schema_with_descriptions() -> None:
+def test_it_is_a_schema_with_descriptions():
     schema = json_schema()
     jsonschema.Draft202012Validator.check_schema(schema)
     assert schema["$schema"] == "https://json-schema.org/draft/2020-12/schema"
@@ -45,7 +45,7 @@ def test_it_is_a_schema_with_descriptions() -> None:
 @pytest.mark.parametrize(
     "study", [*GOOD.values(), *SHIPPED], ids=[*GOOD, *(path.stem for path in SHIPPED)]
 )
-def test_good_documents_validate(study: str | Path) -> None:
+def test_good_documents_validate(study):
     text = study.read_text(encoding="utf-8") if isinstance(study, Path) else study
     assert [error.message for error in VALIDATOR.iter_errors(document(text))] == []
 
@@ -64,12 +64,12 @@ def test_good_documents_validate(study: str | Path) -> None:
         ("method: even", "method: odd"),
     ],
 )
-def test_an_editor_sees_the_slips(old: str, new: str) -> None:
+def test_an_editor_sees_the_slips(old, new):
     assert old in STATIC
     assert list(VALIDATOR.iter_errors(document(STATIC.replace(old, new))))
 
 
-def test_an_heir_may_leave_out_what_it_inherits() -> None:
+def test_an_heir_may_leave_out_what_it_inherits():
     assert not list(
         VALIDATOR.iter_errors(
             document("extends: base.yaml\nname: heir\ndata: {levels: {at: [1, 2 bar]}}\n")
@@ -78,7 +78,7 @@ def test_an_heir_may_leave_out_what_it_inherits() -> None:
     assert list(VALIDATOR.iter_errors(document("name: orphan\ndata: {levels: {at: [1, 2 bar]}}\n")))
 
 
-def test_every_key_is_in_the_reference_and_every_link_has_its_heading() -> None:
+def test_every_key_is_in_the_reference_and_every_link_has_its_heading():
     text = reference()
     for section in json_schema()["$defs"].values():
         for key in section.get("properties", {}):
@@ -90,7 +90,7 @@ def test_every_key_is_in_the_reference_and_every_link_has_its_heading() -> None:
     assert set(re.findall(r"\]\(#([^)]+)\)", text)) <= headings
 
 
-def test_every_number_of_a_score_is_a_metric() -> None:
+def test_every_number_of_a_score_is_a_metric():
     assert list(METRICS) == [
         name for name, kind in get_type_hints(Score).items() if kind in (int, float)
     ]
@@ -109,7 +109,7 @@ target: static  # CHECK: tried
 """
 
 
-def test_questions_are_found_with_their_keys_and_go_when_they_are_confirmed() -> None:
+def test_questions_are_found_with_their_keys_and_go_when_they_are_confirmed():
     assert questions_in(SPEC) == (
         "time: it never decreases",
         "force: a force, or a position? Values do not tell",
@@ -129,7 +129,7 @@ ALIASES = {"validate": "validation", "with": "partners", "as": "as_"}
 REFUSING = ("_contradictions", "__post_init__")
 
 
-def attributes_read(file: Path) -> set[str]:
+def attributes_read(file):
     tree = ast.parse(file.read_text(encoding="utf-8"))
     refusing = {
         inner
@@ -144,7 +144,7 @@ def attributes_read(file: Path) -> set[str]:
     }
 
 
-def test_every_key_is_read() -> None:
+def test_every_key_is_read():
     schema = json_schema()
     handed_on = {"DictionaryEntry", *(form.__name__ for form in FORMS.values())}  # by name
     keys = {

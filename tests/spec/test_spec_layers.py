@@ -4,22 +4,19 @@ line.
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import pytest
 from spec_examples import FORMULA, STATIC, load_text, refusal
 
 from mapmore_cli.domain.errors import SpecError, UsageError
 from mapmore_cli.spec.experiment import Competitor
-from mapmore_cli.spec.loader import LoadedSpec, load
-from mapmore_cli.spec.tree import Loc
+from mapmore_cli.spec.loader import load
 from mapmore_cli.spec.yaml_loader import as_overrides, expand
 
 # Environment
 # --------------------------------------------------------------------------------------------------
 
 
-def test_variables_are_expanded(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_variables_are_expanded(monkeypatch):
     monkeypatch.setenv("MAPMORE_LAB", "lab7")
     monkeypatch.setenv("MAPMORE_EMPTY", "")
     monkeypatch.delenv("MAPMORE_UNSET", raising=False)
@@ -36,7 +33,7 @@ def test_variables_are_expanded(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.parametrize(
     "text", ["${}", "${1A}", "${A", "${A:b}", "${A-b}", "${A:-${B}}", "${ A }"]
 )
-def test_what_is_no_variable_is_refused(text: str) -> None:
+def test_what_is_no_variable_is_refused(text):
     with pytest.raises(ValueError, match="is not"):
         expand(text)
 
@@ -49,9 +46,7 @@ def test_what_is_no_variable_is_refused(text: str) -> None:
         "muscle: {length: '${MAPMORE_TERMS} mm'}",
     ],
 )
-def test_variables_stand_in_paths_alone(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, text: str
-) -> None:
+def test_variables_stand_in_paths_alone(tmp_path, monkeypatch, text):
     monkeypatch.setenv("MAPMORE_TERMS", "3")
     monkeypatch.setenv("MAPMORE_KEY", "secret")
     message = refusal(tmp_path, FORMULA + text)
@@ -59,7 +54,7 @@ def test_variables_stand_in_paths_alone(
     assert "secret" not in message
 
 
-def test_only_variables_of_ours_are_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_only_variables_of_ours_are_read(tmp_path, monkeypatch):
     monkeypatch.setenv("AWS_SECRET_ACCESS_KEY", "secret")
     text = FORMULA.replace("[a.csv]", '["${AWS_SECRET_ACCESS_KEY:-x}/a.csv"]')
     message = refusal(tmp_path, text)
@@ -69,9 +64,7 @@ def test_only_variables_of_ours_are_read(tmp_path: Path, monkeypatch: pytest.Mon
     assert load_text(tmp_path, text).spec.data.files == ["secret/a.csv"]
 
 
-def test_an_unset_variable_is_an_error_at_its_place_and_hides_no_other(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_unset_variable_is_an_error_at_its_place_and_hides_no_other(tmp_path, monkeypatch):
     monkeypatch.delenv("MAPMORE_NOWHERE", raising=False)
     text = FORMULA.replace("[a.csv]", '["${MAPMORE_NOWHERE}/a.csv"]') + "fit:\n  stpo: bic\n"
     message = refusal(tmp_path, text)
@@ -81,9 +74,7 @@ def test_an_unset_variable_is_an_error_at_its_place_and_hides_no_other(
     assert message.count("spec.yaml:") == 2
 
 
-def test_a_variable_in_the_value_of_a_variable_is_not_expanded_again(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_variable_in_the_value_of_a_variable_is_not_expanded_again(tmp_path, monkeypatch):
     monkeypatch.setenv("MAPMORE_ODD", "${MAPMORE_HOME}")
     loaded = load_text(
         tmp_path,
@@ -99,7 +90,7 @@ def test_a_variable_in_the_value_of_a_variable_is_not_expanded_again(
 
 
 @pytest.fixture
-def family(tmp_path: Path) -> Path:
+def family(tmp_path):
     """`child/spec.yaml` extends `../base.yaml`, which extends `deep/root.yaml`."""
     for folder in ("child", "deep"):
         (tmp_path / folder).mkdir()
@@ -115,7 +106,7 @@ def family(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def test_mappings_merge_deeply_and_other_values_replace(family: Path) -> None:
+def test_mappings_merge_deeply_and_other_values_replace(family):
     spec = load(family / "child" / "spec.yaml").spec
     assert (spec.name, spec.muscle.kind, spec.muscle.length) == ("heir", "peano", 0.088)
     assert (spec.fit.max_terms, spec.fit.scaling, spec.fuse.z_s, spec.fuse.transition) == (
@@ -129,7 +120,7 @@ def test_mappings_merge_deeply_and_other_values_replace(family: Path) -> None:
     assert len(spec.dictionary) == 1
 
 
-def test_relative_paths_start_at_the_file_that_they_are_written_in(family: Path) -> None:
+def test_relative_paths_start_at_the_file_that_they_are_written_in(family):
     loaded = load(family / "child" / "spec.yaml")
     assert loaded.folder == family / "child"
     assert loaded.spec.data.files == [
@@ -148,8 +139,8 @@ def test_relative_paths_start_at_the_file_that_they_are_written_in(family: Path)
 
 
 def test_paths_in_inherited_settings_start_there_too_and_their_quantities_wait(
-    family: Path,
-) -> None:
+    family,
+):
     settings = "{data.files: [x.csv, {path: d/*.csv, set: {pressure: 2 bar}}], units.pressure: bar}"
     (family / "base.yaml").write_text(
         f"extends: deep/root.yaml\nvalidate: {{against: [{{set: {settings}, as: other}}]}}\n"
@@ -176,12 +167,12 @@ def test_paths_in_inherited_settings_start_there_too_and_their_quantities_wait(
     ],
 )
 def test_a_value_is_placed_in_the_file_that_it_or_the_section_around_it_comes_from(
-    family: Path, loc: Loc, place: str
-) -> None:
+    family, loc, place
+):
     assert load(family / "child" / "spec.yaml").where(*loc) == f"{family}/{place}"
 
 
-def test_a_mistake_in_an_inherited_file_is_shown_there(family: Path) -> None:
+def test_a_mistake_in_an_inherited_file_is_shown_there(family):
     (family / "base.yaml").write_text(
         "extends: deep/root.yaml\nfit: {max_trems: 3}\ndata: {levels: {at: [1 bar, 2 bra]}}\n"
     )
@@ -193,7 +184,7 @@ def test_a_mistake_in_an_inherited_file_is_shown_there(family: Path) -> None:
     assert "     2 | fit: {max_trems: 3}" in message
 
 
-def test_the_resolved_text_stands_alone(family: Path) -> None:
+def test_the_resolved_text_stands_alone(family):
     loaded = load(family / "child" / "spec.yaml")
     (family / "child" / "resolved.yaml").write_text(loaded.resolved)
     assert "extends" not in loaded.resolved
@@ -209,12 +200,12 @@ def test_the_resolved_text_stands_alone(family: Path) -> None:
         ("extends: .\n", ["there is no file"]),
     ],
 )
-def test_what_cannot_be_extended(tmp_path: Path, text: str, words: list[str]) -> None:
+def test_what_cannot_be_extended(tmp_path, text, words):
     message = refusal(tmp_path, text)
     assert all(word in message for word in words), message
 
 
-def test_a_circle_of_files_is_refused(family: Path) -> None:
+def test_a_circle_of_files_is_refused(family):
     (family / "deep" / "root.yaml").write_text("extends: ../child/spec.yaml\n")
     with pytest.raises(
         SpecError, match=r"in a circle: spec.yaml -> base.yaml -> root.yaml -> spec.yaml"
@@ -226,7 +217,7 @@ def test_a_circle_of_files_is_refused(family: Path) -> None:
 # --------------------------------------------------------------------------------------------------
 
 
-def test_overrides_set_scalars_lists_items_and_new_sections(tmp_path: Path) -> None:
+def test_overrides_set_scalars_lists_items_and_new_sections(tmp_path):
     overrides = [
         "fit.max_terms=2",
         "data.levels.at=[80, 1.5 bar, 250]",
@@ -254,7 +245,7 @@ def test_overrides_set_scalars_lists_items_and_new_sections(tmp_path: Path) -> N
     assert spec.validation.require == {"rmse": 1.0}
 
 
-def test_the_last_override_of_a_key_counts_and_null_restores_a_default(tmp_path: Path) -> None:
+def test_the_last_override_of_a_key_counts_and_null_restores_a_default(tmp_path):
     spec = load_text(
         tmp_path,
         STATIC,
@@ -296,20 +287,18 @@ def test_the_last_override_of_a_key_counts_and_null_restores_a_default(tmp_path:
         ),
     ],
 )
-def test_a_wrong_override_is_placed_at_itself(
-    tmp_path: Path, override: str, words: list[str]
-) -> None:
+def test_a_wrong_override_is_placed_at_itself(tmp_path, override, words):
     message = refusal(tmp_path, STATIC, [override])
     assert all(word in message for word in words), message
 
 
 @pytest.mark.parametrize("override", ["fit.max_terms", "=2", "fit..max_terms=2", ".=3"])
-def test_an_override_of_another_form_is_wrong_usage(tmp_path: Path, override: str) -> None:
+def test_an_override_of_another_form_is_wrong_usage(tmp_path, override):
     with pytest.raises(UsageError, match="not of the form"):
         load_text(tmp_path, STATIC, [override])
 
 
-def test_settings_keep_their_texts_on_their_way(tmp_path: Path) -> None:
+def test_settings_keep_their_texts_on_their_way(tmp_path):
     texts = ["${HOME}", "$${HOME}", "\N{FLEXED BICEPS}", "a: [b"]
     path = tmp_path / "spec.yaml"
     path.write_text(STATIC)
@@ -318,7 +307,7 @@ def test_settings_keep_their_texts_on_their_way(tmp_path: Path) -> None:
     assert loaded.spec.data.files == texts
 
 
-def test_null_removes_what_is_inherited(tmp_path: Path) -> None:
+def test_null_removes_what_is_inherited(tmp_path):
     (tmp_path / "base.yaml").write_text(STATIC)
     heir = (
         "extends: base.yaml\ndata: {columns: {strain: null}, cycles: null, split: null}\n"
@@ -337,7 +326,7 @@ def test_null_removes_what_is_inherited(tmp_path: Path) -> None:
     assert "time" not in without.data.columns
 
 
-def test_the_resolved_text_runs_in_another_folder(family: Path, tmp_path: Path) -> None:
+def test_the_resolved_text_runs_in_another_folder(family, tmp_path):
     """Every relative path starts there: files, needed specs, competitors' specs and settings,
     patterns of held-out files with a folder.
     """
@@ -356,10 +345,10 @@ def test_the_resolved_text_runs_in_another_folder(family: Path, tmp_path: Path) 
     (folder / "experiment.yaml").write_text(loaded.resolved_in(folder))
     again = load(folder / "experiment.yaml")
 
-    def absolute(spec_folder: Path, paths: list[str]) -> list[Path]:
+    def absolute(spec_folder, paths):
         return [(spec_folder / path).resolve() for path in paths]
 
-    def paths_of(one: LoadedSpec) -> list[str]:
+    def paths_of(one):
         competitors = [
             entry for entry in one.spec.validation.against if isinstance(entry, Competitor)
         ]

@@ -34,9 +34,7 @@ RATES = {"v": "displacement", "a": "v"}
         ("b", {}, {"b": "c", "c": "b"}, "1/s/s"),  # a circle, which is reported elsewhere
     ],
 )  # fmt: skip
-def test_default_units(
-    name: str, changes: dict[str, str], rates: dict[str, str], unit: str
-) -> None:
+def test_default_units(name, changes, rates, unit):
     """The units of the spec come first, and rates follow them."""
     assert default_unit(name, changes, rates) == unit
 
@@ -61,7 +59,7 @@ PSI = 0.45359237 * 9.80665 / 0.0254**2
             100),
     ],
 )  # fmt: skip
-def test_conversions_of_numbers_and_arrays(source: str, target: str, factor: float) -> None:
+def test_conversions_of_numbers_and_arrays(source, target, factor):
     assert convert(3.0, source, target) == pytest.approx(3 * factor, rel=1e-12)
     assert convert(3.0 * factor, target, source) == pytest.approx(3, rel=1e-12)
     values = np.array([-1.0, 0.0, 2.5])
@@ -69,11 +67,11 @@ def test_conversions_of_numbers_and_arrays(source: str, target: str, factor: flo
     assert values.tolist() == [-1.0, 0.0, 2.5]
 
 
-def test_a_temperature_has_an_offset() -> None:
+def test_a_temperature_has_an_offset():
     assert convert(20.0, "°C", "K") == pytest.approx(293.15)
 
 
-def test_everyday_units_need_no_pint() -> None:
+def test_everyday_units_need_no_pint():
     code = (
         "import sys; from mapmore_cli.spec.units import convert; convert(1.0, 'kPa', 'kPa'); "
         "convert(88.0, 'mm', 'm'); "
@@ -95,7 +93,7 @@ def test_everyday_units_need_no_pint() -> None:
         ("kNm", 1e3),
     ],
 )
-def test_a_torque_as_people_write_it(unit: str, factor: float) -> None:
+def test_a_torque_as_people_write_it(unit, factor):
     assert convert(1.0, unit, "N*m") == pytest.approx(factor, rel=1e-12)
 
 
@@ -119,7 +117,7 @@ def test_a_torque_as_people_write_it(unit: str, factor: float) -> None:
         ("3 m", "m", ["is unknown"]),
     ],
 )  # fmt: skip
-def test_wrong_units_are_named_with_a_remedy(source: str, target: str, words: list[str]) -> None:
+def test_wrong_units_are_named_with_a_remedy(source, target, words):
     with pytest.raises(SpecError) as caught:
         convert(1.0, source, target)
     assert all(word in str(caught.value) for word in words), str(caught.value)
@@ -136,12 +134,12 @@ def test_wrong_units_are_named_with_a_remedy(source: str, target: str, words: li
             "Pa", 100), ("17.45 cm", "m", 0.1745),
     ],
 )  # fmt: skip
-def test_parse_quantity_gives_the_exact_decimal(text: str, unit: str, value: float) -> None:
+def test_parse_quantity_gives_the_exact_decimal(text, unit, value):
     assert parse_quantity(text, unit) == value
 
 
 @given(st.text(st.sampled_from("kPabrsm1%/*^()-°Cµ 29_."), max_size=12))
-def test_any_text_is_a_unit_or_refused(text: str) -> None:
+def test_any_text_is_a_unit_or_refused(text):
     try:
         convert(1.0, text, "kPa")
     except SpecError as error:

@@ -25,7 +25,7 @@ values = st.recursive(
 )
 
 
-def test_what_is_short_stands_on_one_line() -> None:
+def test_what_is_short_stands_on_one_line():
     ends = {
         "ends": {"of": "strain", "widths": [0.03, 0.1, 0.3], "with": ["pressure", "pressure^2"]}
     }
@@ -45,11 +45,11 @@ def test_what_is_short_stands_on_one_line() -> None:
 
 
 @given(st.dictionaries(st.text(min_size=1, max_size=8), values, max_size=4))
-def test_it_reads_back_as_it_was(document: object) -> None:
+def test_it_reads_back_as_it_was(document):
     assert written(parse(SourceText("t.yaml", Path(), dump(document)), [])) == document
 
 
-def test_the_line_for_editors_leads_from_the_new_place(tmp_path: Path) -> None:
+def test_the_line_for_editors_leads_from_the_new_place(tmp_path):
     folder = tmp_path / "studies"
     folder.mkdir()
     (folder / "a.yaml").write_text(f"{MODELINE}../experiment.schema.json\n{STATIC}")

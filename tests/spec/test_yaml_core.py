@@ -18,11 +18,11 @@ from mapmore_cli.domain.errors import SpecError
 from mapmore_cli.spec.campaign import load_campaign
 from mapmore_cli.spec.diagnostics import Mistake
 from mapmore_cli.spec.loader import load
-from mapmore_cli.spec.tree import Node, SourceText, nearest, written
+from mapmore_cli.spec.tree import SourceText, nearest, written
 from mapmore_cli.spec.yaml_loader import dump, parse
 
 
-def tree(text: str) -> Node:
+def tree(text):
     problems: list[object] = []
     root = parse(SourceText("t.yaml", Path(), text), problems)  # type: ignore[arg-type]
     assert not problems
@@ -48,26 +48,26 @@ def tree(text: str) -> Node:
         ("!!float 3", 3.0), ("!!int 3", 3),
     ],
 )  # fmt: skip
-def test_scalars_of_yaml_1_2(text: str, value: object) -> None:
+def test_scalars_of_yaml_1_2(text, value):
     read = written(tree(f"k: {text}"))["k"]
     assert read == value
     assert isinstance(read, type(value))
     assert isinstance(read, bool) == isinstance(value, bool)
 
 
-def test_not_a_number() -> None:
+def test_not_a_number():
     assert math.isnan(written(tree("k: .NaN"))["k"])
 
 
-def test_a_merge_key_is_an_ordinary_key() -> None:
+def test_a_merge_key_is_an_ordinary_key():
     assert written(tree("a: &x {p: 1}\nb: {<<: *x, q: 2}"))["b"] == {"<<": {"p": 1}, "q": 2}
 
 
-def test_aliases_repeat_a_value() -> None:
+def test_aliases_repeat_a_value():
     assert written(tree("a: &x [1, 2]\nb: *x")) == {"a": [1, 2], "b": [1, 2]}
 
 
-def test_every_value_knows_its_place() -> None:
+def test_every_value_knows_its_place():
     root = tree("a:\n  b: [1, {c: two}]\n  é: x\n")
     place = nearest(root, ("a", "b", 1, "c"))
     assert (place.at.line, place.at.column, place.start.column) == (2, 14, 11)
@@ -75,7 +75,7 @@ def test_every_value_knows_its_place() -> None:
     assert nearest(root, ("a", "missing", "deeper")) is nearest(root, ("a",))
 
 
-def complaint(text: str) -> str:
+def complaint(text):
     """What the reader says about a text; empty where it is content."""
     try:
         parse(SourceText("t.yaml", Path(), text), [])
@@ -115,7 +115,7 @@ LOOKALIKES = [
         st.recursive(SCALARS, lambda inner: st.lists(inner, max_size=3)),
     )
 )
-def test_what_is_dumped_is_read_back(value: object) -> None:
+def test_what_is_dumped_is_read_back(value):
     text = dump(value).replace("${", "$${")
     back = written(tree(text))
     assert back == value
@@ -123,7 +123,7 @@ def test_what_is_dumped_is_read_back(value: object) -> None:
 
 
 @pytest.mark.parametrize("text", LOOKALIKES)
-def test_text_that_looks_like_something_else_stays_text(text: str) -> None:
+def test_text_that_looks_like_something_else_stays_text(text):
     assert written(tree(dump({"k": text}))) == {"k": text}
 
 
@@ -131,7 +131,7 @@ def test_text_that_looks_like_something_else_stays_text(text: str) -> None:
     st.text(st.sampled_from(" \t\n-:,[]{}&*!|>'\"%@`#?ab1.\x00\x85\ufeff$"), max_size=30)
     | st.text(max_size=30)
 )
-def test_any_text_is_read_or_refused(text: str) -> None:
+def test_any_text_is_read_or_refused(text):
     message = complaint(text)
     assert not message or message.startswith("t.yaml:")
 
@@ -142,7 +142,7 @@ def test_any_text_is_read_or_refused(text: str) -> None:
         ["\t", "[", "}", ":", "&a", "*a", "!", "'", "\n", "- ", "\x07", "%", "${", "é"]
     ),
 )
-def test_a_spec_with_one_slip_is_read_or_refused_with_a_place(place: int, slip: str) -> None:
+def test_a_spec_with_one_slip_is_read_or_refused_with_a_place(place, slip):
     message = complaint(STATIC[:place] + slip + STATIC[place:])
     assert not message or message.startswith("t.yaml:")
 
@@ -176,16 +176,16 @@ def test_a_spec_with_one_slip_is_read_or_refused_with_a_place(place: int, slip: 
         (b"\x89HDF\r\n\x1a\n" + bytes(range(256)), ["spec.yaml:1:1: byte 0x89"]),
     ],
 )  # fmt: skip
-def test_unreadable_files(tmp_path: Path, text: str | bytes, words: list[str]) -> None:
+def test_unreadable_files(tmp_path, text, words):
     message = refusal(tmp_path, text)
     assert all(word in message for word in words), message
 
 
-def test_a_byte_order_mark_is_no_part_of_the_text(tmp_path: Path) -> None:
+def test_a_byte_order_mark_is_no_part_of_the_text(tmp_path):
     assert "unknown key `nam`" in refusal(tmp_path, b"\xef\xbb\xbfnam: x\n")
 
 
-def test_a_missing_file_and_a_folder_are_refused(tmp_path: Path) -> None:
+def test_a_missing_file_and_a_folder_are_refused(tmp_path):
     with pytest.raises(SpecError, match="no such file"):
         load(tmp_path / "none.yaml")
     with pytest.raises(SpecError, match="is a directory"):
@@ -209,7 +209,7 @@ def test_a_missing_file_and_a_folder_are_refused(tmp_path: Path) -> None:
         ("name: '" + "x" * 900_000 + "'", "`name` is too long: 900000 characters"),
     ],
 )  # fmt: skip
-def test_hostile_input_is_refused_in_good_time(tmp_path: Path, text: str, words: str) -> None:
+def test_hostile_input_is_refused_in_good_time(tmp_path, text, words):
     start = time.perf_counter()
     message = refusal(tmp_path, text)
     assert words in message
@@ -217,7 +217,7 @@ def test_hostile_input_is_refused_in_good_time(tmp_path: Path, text: str, words:
     assert time.perf_counter() - start < 10
 
 
-def test_a_long_list_is_no_bomb_and_aliases_still_are(tmp_path: Path) -> None:
+def test_a_long_list_is_no_bomb_and_aliases_still_are(tmp_path):
     """What is counted is what aliases repeat: thirty thousand runs are thirty thousand lines."""
     path = tmp_path / "c.yaml"
     path.write_text(
@@ -230,7 +230,7 @@ def test_a_long_list_is_no_bomb_and_aliases_still_are(tmp_path: Path) -> None:
     assert "multiply" in refusal(tmp_path, one + "b: [" + ",".join(["*a"] * 60) + "]\n")
 
 
-def test_specs_with_a_thousand_variations_are_read_by_their_tree_once(tmp_path: Path) -> None:
+def test_specs_with_a_thousand_variations_are_read_by_their_tree_once(tmp_path):
     source = SourceText("s.yaml", tmp_path, "a: [1, 2]\na: 3\n")
     problems: list[Mistake] = []
     assert parse(source, problems) is parse(replace(source), problems)
@@ -239,11 +239,11 @@ def test_specs_with_a_thousand_variations_are_read_by_their_tree_once(tmp_path: 
     ] * 2  # each reading tells of a key that stands twice
 
 
-def test_the_reference_reader_agrees_where_both_versions_of_yaml_do() -> None:
+def test_the_reference_reader_agrees_where_both_versions_of_yaml_do():
     assert written(tree(STATIC)) == yaml.safe_load(STATIC)
 
 
 @pytest.mark.parametrize("word", ["on", "Off", "yes", "NO", "y"])
-def test_other_readers_of_yaml_see_the_words_that_we_wrote(word: str) -> None:
+def test_other_readers_of_yaml_see_the_words_that_we_wrote(word):
     text = dump({word: word})
     assert yaml.safe_load(text) == written(tree(text)) == {word: word}

@@ -151,7 +151,7 @@ def test_shapes_that_do_not_fit(P, y):
         frols(np.ones((4, 2)), np.ones(4), max_terms=0)
 
 
-def test_a_selection_says_its_terms() -> None:
+def test_a_selection_says_its_terms():
     """With names: the example of `frols`."""
     P = np.vander(np.linspace(0, 1, 50), 3)
     found = frols(P, 3 * P[:, 0] - 1, max_terms=2)

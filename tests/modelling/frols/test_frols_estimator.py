@@ -14,7 +14,7 @@ from mapmore_cli.modelling.frols import frols
 
 @pytest.mark.filterwarnings("ignore::sklearn.exceptions.SkipTestWarning")  # pandas is not installed
 @pytest.mark.filterwarnings("ignore:Estimator FROLS does not inherit")  # it needs no scikit-learn
-def test_every_check_of_scikit_learn_passes() -> None:
+def test_every_check_of_scikit_learn_passes():
     results = check_estimator(mm.FROLS(), on_fail=None)
     assert len(results) > 40
     assert {one["status"] for one in results} <= {"passed", "skipped"}, [
@@ -22,7 +22,7 @@ def test_every_check_of_scikit_learn_passes() -> None:
     ]
 
 
-def test_the_engine_decides() -> None:
+def test_the_engine_decides():
     rng = np.random.default_rng(1)
     X = rng.normal(size=(80, 3))
     y = 2 * X[:, 0] * X[:, 2] - 0.5 * X[:, 1] ** 2 + 1e-3 * rng.normal(size=80)
@@ -36,13 +36,13 @@ def test_the_engine_decides() -> None:
     assert model.score(X, y) > 0.999
 
 
-def test_a_search_of_scikit_learn_chooses_its_settings() -> None:
+def test_a_search_of_scikit_learn_chooses_its_settings():
     x = np.linspace(-1, 1, 60)[:, None]
     found = GridSearchCV(mm.FROLS(tolerance=0.0), {"order": [1, 3]}, cv=3).fit(x, x[:, 0] ** 3)
     assert found.best_params_ == {"order": 3}
 
 
-def test_neither_scikit_learn_nor_numpy_is_loaded_before_it_is_needed() -> None:
+def test_neither_scikit_learn_nor_numpy_is_loaded_before_it_is_needed():
     code = (
         "import sys, mapmore_cli; assert 'numpy' not in sys.modules, 'numpy'\n"
         "import numpy as np\n"

@@ -8,9 +8,7 @@ from mapmore_cli.domain.arrays import Array
 from mapmore_cli.modelling.frols.select import RANK_TOLERANCE
 
 
-def textbook(
-    P: Array, y: Array, max_terms: int, tolerance: float = 0.0
-) -> tuple[list[int], Array, Array, Array, Array]:
+def textbook(P, y, max_terms, tolerance=0.0):
     """Select terms as on paper, candidate by candidate (Billings 2013, section 3.2; the equations
     stand in `frols`).
 

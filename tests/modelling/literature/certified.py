@@ -11,12 +11,9 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import permutations
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import Array
-from mapmore_cli.domain.fits import FormulaFit
 from mapmore_cli.modelling.expressions import evaluate, parse
 from mapmore_cli.modelling.literature import Formula, Nonlinear
 from mapmore_cli.modelling.literature.formula import LinearForm
@@ -48,11 +45,11 @@ class Certified:
     logarithm: bool = False
 
     @cached_property
-    def lines(self) -> list[str]:
+    def lines(self):
         return (FOLDER / f"{self.name}.dat").read_text(encoding="ascii").splitlines()
 
     @cached_property
-    def level(self) -> str:
+    def level(self):
         return next(
             level
             for line in self.lines
@@ -61,7 +58,7 @@ class Certified:
         )
 
     @cached_property
-    def table(self) -> dict[str, list[float]]:
+    def table(self):
         """Start 1, start 2, certified value and certified standard deviation of every parameter."""
         rows = [line.split("=") for line in self.lines if re.match(r"\s*b\d\s*=", line)]
         return {
@@ -70,12 +67,12 @@ class Certified:
         }
 
     @cached_property
-    def sse(self) -> float:
+    def sse(self):
         (line,) = [line for line in self.lines if line.startswith("Residual Sum of Squares:")]
         return float(line.split(":")[1])
 
     @cached_property
-    def data(self) -> tuple[dict[str, Array], Array]:
+    def data(self):
         """The predictors by name, and the response."""
         start = max(place for place, line in enumerate(self.lines) if line.startswith("Data:"))
         values = np.array(
@@ -96,7 +93,7 @@ class Certified:
         columns |= {f"x{power}": columns["x"] ** power for power in range(2, self.powers + 1)}
         return columns, np.log(values[:, 0]) if self.logarithm else values[:, 0]
 
-    def formula(self, start: int | None = None) -> Formula:
+    def formula(self, start=None):
         """The formula, to be fitted from one of the two published starts or from none."""
         published = {}
         for number in (0, 1):
@@ -122,12 +119,12 @@ class Certified:
             given=self.given,
         )
 
-    def fitted(self, start: int | None = None) -> FormulaFit:
+    def fitted(self, start=None):
         """From a published start by Levenberg-Marquardt, or without one by variable projection."""
         columns, y = self.data
         return self.formula(start).fit(columns, y, "levenberg_marquardt" if start else None)
 
-    def digits(self, fit: FormulaFit) -> tuple[int, int, int]:
+    def digits(self, fit):
         """Whole correct digits of the worst parameter, of the worst standard error, and of the sum
         of squares.
         """
@@ -138,7 +135,7 @@ class Certified:
             for order in permutations(self.alike)
         )
 
-    def _worst(self, fit: FormulaFit, places: Mapping[str, str]) -> tuple[int, int, int]:
+    def _worst(self, fit, places):
         worst = [
             min(
                 digits(found[places.get(name, name)], row[column])
@@ -149,7 +146,7 @@ class Certified:
         return math.floor(worst[0]), math.floor(worst[1]), math.floor(digits(fit.sse, self.sse))
 
 
-def digits(found: float, certified: float) -> float:
+def digits(found, certified):
     """Number of correct digits (LRE), as NIST counts them."""
     if not math.isfinite(found):
         return 0.0
@@ -229,7 +226,7 @@ TEXTS = {  # the formula, and where its nonlinear parameters are sought
 }
 
 
-def _sought(text: str) -> Nonlinear:
+def _sought(text):
     """A nonlinear parameter from its name, the quantity that its scale is `per` or `of`, and the
     ends of its intervals.
     """
@@ -240,7 +237,7 @@ def _sought(text: str) -> Nonlinear:
     return Nonlinear(name, per, tuple(zip(numbers[::2], numbers[1::2], strict=True)), of)
 
 
-def _own(table: Mapping[str, Any], name: str) -> Any:
+def _own(table, name):
     return table.get(name) or table.get(name.rstrip("123"))
 
 

@@ -4,14 +4,12 @@ other most of the time.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import pytest
 from threadpoolctl import threadpool_limits
 
 
 @pytest.fixture(autouse=True, scope="module")
-def one_thread() -> Iterator[None]:
+def one_thread():
     """Hold the limit over a file of tests."""
     with threadpool_limits(limits=1):
         yield

@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-
 import numpy as np
 from scipy.optimize import brentq
 
-from mapmore_cli.domain.arrays import Array, Columns
 from mapmore_cli.modelling.literature import get, names
 
 STATIC, DAMPING = (
@@ -52,35 +49,35 @@ WRIST = {"a1": -5.699, "a2": 158.773, "a3": -42.647, "a4": -299.482, "a5": 86.21
 """W's published coefficients a..f: pressure in bar, strain as a fraction, force in N."""
 
 
-def uniform(seed: int, rows: int, **ranges: tuple[float, float]) -> dict[str, Array]:
+def uniform(seed, rows, **ranges):
     """Scattered samples of quantities between their ends."""
     rng = np.random.default_rng(seed)
     return {name: rng.uniform(low, high, rows) for name, (low, high) in ranges.items()}
 
 
-def grid(pressures: Array, strains: Array) -> dict[str, Array]:
+def grid(pressures, strains):
     """Every pressure at every strain."""
     pressure, strain = np.meshgrid(pressures, strains)
     return {"pressure": pressure.ravel(), "strain": strain.ravel()}
 
 
-def sarosi(values: Iterable[float], p: Array, x: Array) -> Array:
+def sarosi(values, p, x):
     """M2 eq 14 and W eq 12, written out."""
     a1, a2, a3, a4, a5, a6 = values
     return (a1 * p + a2) * np.exp(a3 * x) + a4 * x * p + a5 * p + a6
 
 
-def muscle_like(values: Iterable[float], p: Array, x: Array, v: Array) -> Array:
+def muscle_like(values, p, x, v):
     """H eq 4-5, written out."""
     f, a0, a1, a2, b0, c0, c1 = values
     return p * f * (1 + a0 * x + a1 * x**2 + a2 * x**3) * (1 + b0 * v) + f * (c0 + c1 * x)
 
 
-def wrist_force(columns: Columns) -> Array:
+def wrist_force(columns):
     return sarosi(WRIST.values(), columns["pressure"], columns["strain"])
 
 
-def wrist_points() -> tuple[dict[str, Array], Array]:
+def wrist_points():
     """W's table rebuilt from its eq 12: the strains at 1 to 7 bar, in kPa, under 0 to 30 kg in
     steps of 2.5 kg (W section II).
     """
@@ -88,7 +85,7 @@ def wrist_points() -> tuple[dict[str, Array], Array]:
         np.arange(1.0, 8.0), 9.81 * np.arange(0.0, 30.1, 2.5), indexing="ij"
     )
 
-    def strain(pressure: float, load: float) -> float:
+    def strain(pressure, load):
         return float(
             brentq(
                 lambda x: wrist_force({"pressure": pressure, "strain": x}) - load,
@@ -104,7 +101,7 @@ def wrist_points() -> tuple[dict[str, Array], Array]:
     return {"pressure": 100.0 * pressures.ravel(), "strain": strains}, loads.ravel()
 
 
-def slack_muscle(seed: int, strains: Array, rows: int = 400) -> tuple[dict[str, Array], Array]:
+def slack_muscle(seed, strains, rows=400):
     """A muscle with a slack foot, in kPa and N: a force that sets in smoothly above a threshold
     pressure, with sensor noise of 1 N.
     """
@@ -119,14 +116,14 @@ def slack_muscle(seed: int, strains: Array, rows: int = 400) -> tuple[dict[str, 
     ) - 5.0 + rng.standard_normal(rows)
 
 
-def noisy_wrist(seed: int, noise: float = 5.0, rows: int = 300) -> tuple[dict[str, Array], Array]:
+def noisy_wrist(seed, noise=5.0, rows=300):
     """Scattered points of W's muscle with sensor noise."""
     rng = np.random.default_rng(seed)
     columns = {"pressure": rng.uniform(1, 7, rows), "strain": rng.uniform(0, 0.2, rows)}
     return columns, wrist_force(columns) + noise * rng.standard_normal(rows)
 
 
-def motion(seed: int, rows: int = 400) -> dict[str, Array]:
+def motion(seed, rows=400):
     """Scattered samples of step responses, in kPa, a fraction, 1/s and N; the direction is that of
     the pressure, not of the strain rate.
     """
@@ -140,14 +137,12 @@ def motion(seed: int, rows: int = 400) -> dict[str, Array]:
     }
 
 
-def scattered(seed: int, rows: int) -> dict[str, Array]:
+def scattered(seed, rows):
     """Pressures in kPa and strains."""
     return uniform(seed, rows, pressure=(50, 600), strain=(-0.01, 0.25))
 
 
-def noisy(
-    name: str, seed: int, rows: int = 400, noise: float = 3.0
-) -> tuple[dict[str, Array], Array]:
+def noisy(name, seed, rows=400, noise=3.0):
     """Scattered samples of a muscle with the planted parameters of a formula."""
     columns = motion(seed, rows) if name in DAMPING else scattered(seed, rows)
     return columns, get(name).predict(PLANTED[name], columns) + noise * np.random.default_rng(

@@ -10,9 +10,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from certified import FOLDER, LEVELS, PROBLEMS, Certified, digits
+from certified import FOLDER, LEVELS, PROBLEMS, digits
 
-from mapmore_cli.domain.fits import FormulaFit
 from mapmore_cli.modelling.literature import Formula, solvers
 
 STARTS = (None, 1, 2)
@@ -27,18 +26,18 @@ SHORT_OF_STEPS = ("MGH17", "MGH09", "Bennett5")  # from their first start
 
 
 @cache
-def fitted(problem: Certified, start: int | None) -> FormulaFit:
+def fitted(problem, start):
     return problem.fitted(start)
 
 
-def test_all_problems_of_all_levels_are_there() -> None:
+def test_all_problems_of_all_levels_are_there():
     assert {problem.name for problem in PROBLEMS} == {path.stem for path in FOLDER.glob("*.dat")}
     assert [sum(problem.level == level for problem in PROBLEMS) for level in LEVELS] == [8, 11, 8]
 
 
 @pytest.mark.parametrize("problem", PROBLEMS, ids=lambda problem: problem.name)
 @pytest.mark.parametrize("start", STARTS)
-def test_certified_digits(problem: Certified, start: int | None) -> None:
+def test_certified_digits(problem, start):
     fit = fitted(problem, start)
     if start == 1 and problem.name in SHORT_OF_STEPS:
         assert fit.status == "stopped_by_limit"  # far from the minimum, and told
@@ -51,16 +50,14 @@ def test_certified_digits(problem: Certified, start: int | None) -> None:
 @pytest.mark.parametrize(
     "problem", [p for p in PROBLEMS if p.name in SHORT_OF_STEPS], ids=lambda problem: problem.name
 )
-def test_only_steps_are_missing_where_a_start_ends_early(
-    problem: Certified, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_only_steps_are_missing_where_a_start_ends_early(problem, monkeypatch):
     monkeypatch.setattr(solvers, "EVALUATIONS", 20_000)
     fit = problem.fitted(1)
     assert fit.status == "converged"
     assert all(found >= least for found, least in zip(problem.digits(fit), PROMISED, strict=True))
 
 
-def test_the_page_states_what_is_promised() -> None:
+def test_the_page_states_what_is_promised():
     page = (Path(__file__).resolve().parents[3] / "docs" / "reliability.md").read_text(
         encoding="utf-8"
     )
@@ -71,7 +68,7 @@ def test_the_page_states_what_is_promised() -> None:
     assert all(row.endswith(f"| {' | '.join(map(str, PROMISED))} |") for row in rows)
 
 
-def test_wampler_polynomials_have_their_certified_digits() -> None:
+def test_wampler_polynomials_have_their_certified_digits():
     """Wampler1 and Wampler2: exact polynomials of order five on 0..20 (coefficients one, and powers
     of a tenth).
     """

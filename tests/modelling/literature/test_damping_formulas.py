@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from literature_cases import DAMPING, PLANTED, motion, noisy
 
-from mapmore_cli.domain.arrays import Array, Columns
 from mapmore_cli.modelling.expressions import to_text
 from mapmore_cli.modelling.literature import get
 
@@ -17,7 +16,7 @@ FRICTION = ["tondu_kinetic_friction", "peternel", "peternel_absolute"]
 BY_REGION = ["reynolds", "cao"]
 
 
-def written_out(name: str, planted: dict[str, float], columns: Columns) -> Array:
+def written_out(name, planted, columns):
     """M2 table 1 and eq 16, 24, without the parser."""
     B = planted
     P, v = columns["pressure"], columns["strain_rate"]
@@ -53,7 +52,7 @@ def written_out(name: str, planted: dict[str, float], columns: Columns) -> Array
     )
 
 
-def test_every_damping_formula_is_here_or_fitted_to_load_cycles() -> None:
+def test_every_damping_formula_is_here_or_fitted_to_load_cycles():
     assert {*DAMPING} == {*DAMPED, "sarosi_hysteresis_loss", "sarosi_hysteresis_loss_printed"}
     for name in DAMPING:
         assert get(name).fitted_to == ("target" if name in PLANTED else "load_cycles")
@@ -61,7 +60,7 @@ def test_every_damping_formula_is_here_or_fitted_to_load_cycles() -> None:
 
 
 @pytest.mark.parametrize("name", DAMPED)
-def test_it_is_what_is_published(name: str) -> None:
+def test_it_is_what_is_published(name):
     columns = motion(1)
     columns["pressure"][:4], columns["direction"][:4] = (
         200.0,
@@ -77,7 +76,7 @@ def test_it_is_what_is_published(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", BY_REGION)
-def test_regions_are_fitted_each_to_its_own_rows(name: str) -> None:
+def test_regions_are_fitted_each_to_its_own_rows(name):
     columns, y = noisy(name, 5)
     fit = get(name).fit(columns, y)
     unit = {
@@ -91,7 +90,7 @@ def test_regions_are_fitted_each_to_its_own_rows(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", ["tondu_kinetic_friction", "peternel_absolute"])
-def test_a_friction_that_does_not_decay_is_at_bound(name: str) -> None:
+def test_a_friction_that_does_not_decay_is_at_bound(name):
     columns = motion(9)
     cubic = columns["strain_rate"] ** 3 if name == "peternel_absolute" else columns["strain_rate"]
     fit = get(name).fit(columns, -30.0 * cubic)
@@ -102,7 +101,7 @@ def test_a_friction_that_does_not_decay_is_at_bound(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", BY_REGION)
-def test_a_region_without_samples_is_told_and_predicts_nothing(name: str) -> None:
+def test_a_region_without_samples_is_told_and_predicts_nothing(name):
     columns, y = noisy(name, 10)
     rising = columns["direction"] > 0
     own = {quantity: column[rising] for quantity, column in columns.items()}
@@ -116,7 +115,7 @@ def test_a_region_without_samples_is_told_and_predicts_nothing(name: str) -> Non
 
 
 @pytest.mark.parametrize("name", BY_REGION)
-def test_before_the_muscle_moves_nothing_is_fitted_and_nothing_predicted(name: str) -> None:
+def test_before_the_muscle_moves_nothing_is_fitted_and_nothing_predicted(name):
     columns, y = noisy(name, 12)
     resting = np.arange(len(y)) < 50
     rested = {**columns, "direction": np.where(resting, 0.0, columns["direction"])}
@@ -130,7 +129,7 @@ def test_before_the_muscle_moves_nothing_is_fitted_and_nothing_predicted(name: s
 
 
 @pytest.mark.parametrize("name", DAMPED)
-def test_a_muscle_that_stands_still_shows_no_parameter(name: str) -> None:
+def test_a_muscle_that_stands_still_shows_no_parameter(name):
     columns, y = noisy(name, 18)
     fit = get(name).fit({**columns, "strain_rate": np.zeros(len(y))}, y)
     assert fit.rank == 0
@@ -139,7 +138,7 @@ def test_a_muscle_that_stands_still_shows_no_parameter(name: str) -> None:
     assert np.isfinite(get(name).predict(fit.parameters, columns)).all()
 
 
-def test_equations_read_as_published() -> None:
+def test_equations_read_as_published():
     columns, y = noisy("reynolds", 17, noise=0.0)
     (equation,) = get("reynolds").equations(get("reynolds").fit(columns, y)).values()
     assert to_text(equation, digits=4) == (

@@ -5,14 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mapmore_cli.domain.arrays import Array
 from mapmore_cli.modelling.literature.solvers import descend, onto_bounds
 
 
 def test_each_start_ends_in_its_own_minimum():
     """The two minima of `(x^2 - 1)^2 + 0.01` are as deep as each other."""
 
-    def system(x: Array) -> tuple[Array, Array]:
+    def system(x):
         return np.array([x[0] ** 2 - 1.0, 0.1]), np.array([[2 * x[0]], [0.0]])
 
     ends = descend(system, [np.array([0.9]), np.array([-3.0])])
@@ -22,7 +21,7 @@ def test_each_start_ends_in_its_own_minimum():
 
 @pytest.mark.parametrize("method", ["trf", "lm"])
 def test_a_start_without_a_value_has_no_end_and_a_step_to_such_a_place_is_not_taken(method):
-    def system(x: Array) -> tuple[Array, Array]:
+    def system(x):
         return np.sqrt(x) - 0.001, 0.5 / np.sqrt(x)[:, None]
 
     (end,) = descend(system, [np.array([-1.0]), np.array([4.0])], method=method)

@@ -12,7 +12,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from literature_cases import DAMPING, PLANTED, STATIC, grid, motion, noisy, noisy_wrist
 
-from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.modelling.expressions import evaluate
 from mapmore_cli.modelling.literature import get, names, reference
@@ -21,7 +20,7 @@ EVERY = [*STATIC, *(name for name in DAMPING if name in PLANTED)]
 every = pytest.mark.parametrize("name", EVERY)
 
 
-def training(name: str, seed: int, rows: int = 60) -> tuple[dict[str, Array], Array]:
+def training(name, seed, rows=60):
     """Noisy samples: of the formula itself, or of W's muscle in kPa."""
     if name in DAMPING:
         return noisy(name, seed, rows)
@@ -36,9 +35,7 @@ def training(name: str, seed: int, rows: int = 60) -> tuple[dict[str, Array], Ar
         *((name, "levenberg_marquardt") for name in PLANTED if name in DAMPING),
     ],
 )
-def test_planted_parameters_are_recovered_without_starting_values(
-    name: str, method: str | None
-) -> None:
+def test_planted_parameters_are_recovered_without_starting_values(name, method):
     columns = (
         motion(2) if name in DAMPING else grid(np.linspace(60, 600, 8), np.linspace(0, 0.25, 15))
     )
@@ -58,7 +55,7 @@ def test_planted_parameters_are_recovered_without_starting_values(
         *((name, "levenberg_marquardt") for name in ("sarosi", "polynomial_5")),
     ],
 )
-def test_row_order_does_not_change_a_digit(name: str, method: str | None) -> None:
+def test_row_order_does_not_change_a_digit(name, method):
     columns, y = training(name, 5, 80)
     order = np.random.default_rng(0).permutation(len(y))
     shuffled = {quantity: column[order] for quantity, column in columns.items()}
@@ -68,7 +65,7 @@ def test_row_order_does_not_change_a_digit(name: str, method: str | None) -> Non
 
 
 @every
-def test_the_equation_is_the_prediction(name: str) -> None:
+def test_the_equation_is_the_prediction(name):
     columns, y = training(name, 1, 300)
     fit = get(name).fit(columns, y)
     (equation,) = get(name).equations(fit).values()
@@ -93,9 +90,7 @@ def test_the_equation_is_the_prediction(name: str) -> None:
     ),
     *[st.floats(1e-4, 1e4)] * 3,
 )
-def test_units_change_the_numbers_but_not_the_fit(
-    case: tuple[str, str | None], pressure: float, motion: float, force: float
-) -> None:
+def test_units_change_the_numbers_but_not_the_fit(case, pressure, motion, force):
     """But for Cao's, whose regions part at 200 kPa."""
     name, method = case
     columns, y = training(name, 3, 120)
@@ -118,9 +113,7 @@ def test_units_change_the_numbers_but_not_the_fit(
 
 @every
 @pytest.mark.parametrize("value", [np.nan, np.inf])
-def test_values_that_are_not_finite_are_refused_with_column_and_row(
-    name: str, value: float
-) -> None:
+def test_values_that_are_not_finite_are_refused_with_column_and_row(name, value):
     for column in (*get(name).inputs, "the target"):
         columns, y = training(name, 14)
         {**columns, "the target": y}[column][7] = value
@@ -129,7 +122,7 @@ def test_values_that_are_not_finite_are_refused_with_column_and_row(
 
 
 @pytest.mark.parametrize("name", [*EVERY, "sarosi_hysteresis_loss"])
-def test_an_unknown_input_is_unknown_in_the_prediction_and_an_absent_one_refused(name: str) -> None:
+def test_an_unknown_input_is_unknown_in_the_prediction_and_an_absent_one_refused(name):
     for column in get(name).inputs:
         columns = motion(15, 60)
         columns[column][7] = np.nan
@@ -144,7 +137,7 @@ def test_an_unknown_input_is_unknown_in_the_prediction_and_an_absent_one_refused
                 get(name).fit(columns, predicted)
 
 
-def test_every_formula_is_on_the_page_and_in_the_reference() -> None:
+def test_every_formula_is_on_the_page_and_in_the_reference():
     page, text = (
         (Path(__file__).resolve().parents[3] / "docs" / "formulas.md").read_text(encoding="utf-8"),
         reference(),

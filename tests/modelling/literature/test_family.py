@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.modelling import literature
 from mapmore_cli.modelling.literature import family
@@ -14,16 +13,14 @@ from mapmore_cli.modelling.literature.own import FamilySettings
 LENGTHS = (0.1, 0.2, 0.3)
 
 
-def force(
-    pressure: Array, strain: Array, length: float, scale: float = 1.0, stretch: float = 1.0
-) -> Array:
+def force(pressure, strain, length, scale=1.0, stretch=1.0):
     """A muscle that is slack below a threshold; its largest force follows Bolen's law."""
     largest = 300 * np.arctan(19.03 * (length - 0.0075))
     share = pressure / 600 * (1 - stretch * strain / 0.25) ** 2 - 0.1 * stretch * strain / 0.25
     return np.asarray(-8.0 + scale * largest * np.maximum(share, 0.0))
 
 
-def measured(lengths: tuple[float, ...]) -> tuple[dict[str, Array], Array]:
+def measured(lengths):
     """Pressures at five strains of each length."""
     rows = np.array(
         [
@@ -39,13 +36,13 @@ def measured(lengths: tuple[float, ...]) -> tuple[dict[str, Array], Array]:
     )
 
 
-def fitted(lengths: tuple[float, ...] = LENGTHS, metres: float = 1.0):
+def fitted(lengths=LENGTHS, metres=1.0):
     columns, y = measured(lengths)
     columns["length"] = columns["length"] / metres
     return literature.get(FamilySettings(of="length").definition(metres)).fit(columns, y)
 
 
-def test_a_length_never_measured_is_predicted() -> None:
+def test_a_length_never_measured_is_predicted():
     fit = fitted((0.1, 0.3))
     columns, y = measured((0.2,))
     predicted = literature.of(fit).predict(fit.parameters, columns)
@@ -55,7 +52,7 @@ def test_a_length_never_measured_is_predicted() -> None:
     assert "2 specimens" in fit.notes[0]
 
 
-def test_millimetres_make_the_same_family() -> None:
+def test_millimetres_make_the_same_family():
     one, other = fitted(), fitted(metres=1e-3)
     columns, _ = measured(LENGTHS)
     expected = literature.of(one).predict(one.parameters, columns)
@@ -65,7 +62,7 @@ def test_millimetres_make_the_same_family() -> None:
     )
 
 
-def test_a_diameter_scales_by_a_power() -> None:
+def test_a_diameter_scales_by_a_power():
     columns, _ = measured((0.2,))
     parts = [{**columns, "length": np.full(125, d)} for d in (10.0, 20.0)]
     y = np.concatenate(
@@ -78,19 +75,19 @@ def test_a_diameter_scales_by_a_power() -> None:
     assert fit.parameters["b"] == pytest.approx(2.2, abs=0.05)  # drawn a little towards the prior
 
 
-def test_one_specimen_is_no_family() -> None:
+def test_one_specimen_is_no_family():
     with pytest.raises(DataError, match="a family of one"):
         fitted((0.2,))
 
 
-def test_few_points_find_the_scales_of_a_specimen() -> None:
+def test_few_points_find_the_scales_of_a_specimen():
     fit = fitted()
     columns, _ = measured((0.2,))
     del columns["length"]
     y = force(columns["pressure"], columns["strain"], 0.2, scale=1.15, stretch=1.1)
     few = np.isin(columns["strain"], (0.0, 0.1))
 
-    def error(rows: Array) -> float:
+    def error(rows):
         own = family.adapted(fit, {name: x[rows] for name, x in columns.items()}, y[rows], 0.2)
         return float(
             np.sqrt(np.mean((literature.of(own).predict(own.parameters, columns) - y) ** 2))
@@ -104,7 +101,7 @@ def test_few_points_find_the_scales_of_a_specimen() -> None:
     assert own.errors["q_force"] < family.PRIOR
 
 
-def test_without_points_a_specimen_is_the_family_at_its_length() -> None:
+def test_without_points_a_specimen_is_the_family_at_its_length():
     fit = fitted()
     columns, _ = measured((0.2,))
     own = family.adapted(fit, {}, np.empty(0), 0.2)
@@ -125,6 +122,6 @@ def test_without_points_a_specimen_is_the_family_at_its_length() -> None:
         '{"family": [',
     ],
 )
-def test_what_defines_no_family(text: str) -> None:
+def test_what_defines_no_family(text):
     with pytest.raises(ValueError, match=r"family|formula|Expecting"):
         literature.get(text)

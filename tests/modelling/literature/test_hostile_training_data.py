@@ -25,9 +25,7 @@ LEVELS = {
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("name", FORMULAS)
 @pytest.mark.parametrize("columns", LEVELS.values(), ids=LEVELS)
-def test_one_level_is_rank_deficient_but_still_fits_what_it_shows(
-    columns, name: str, method: str
-) -> None:
+def test_one_level_is_rank_deficient_but_still_fits_what_it_shows(columns, name, method):
     columns = {quantity: np.repeat(column, 24) for quantity, column in columns.items()}
     y = wrist_force(columns)
     formula = get(name)
@@ -59,7 +57,7 @@ HOSTILE = {
 
 @pytest.mark.parametrize("target", HOSTILE.values(), ids=HOSTILE)
 @pytest.mark.parametrize("name", STATIC)
-def test_any_finite_target_gets_an_answer_no_worse_than_nothing(name: str, target) -> None:
+def test_any_finite_target_gets_an_answer_no_worse_than_nothing(name, target):
     """And a status of the vocabulary; what ends at a bound is named."""
     columns, y = noisy_wrist(0, rows=60)
     columns["pressure"] *= 100.0
@@ -80,7 +78,7 @@ def test_any_finite_target_gets_an_answer_no_worse_than_nothing(name: str, targe
 
 
 @pytest.mark.parametrize("name", STATIC)
-def test_absurd_inputs_are_no_reason_to_raise(name: str) -> None:
+def test_absurd_inputs_are_no_reason_to_raise(name):
     """Pressures of minus 10 MPa, where exp(-P) of W eq 10 overflows, with the strain in per
     cent.
     """
@@ -92,7 +90,7 @@ def test_absurd_inputs_are_no_reason_to_raise(name: str) -> None:
     assert np.isnan(list(fit.parameters.values())).all() == fit.failed
 
 
-def test_constant_strain_says_that_the_curvature_is_arbitrary() -> None:
+def test_constant_strain_says_that_the_curvature_is_arbitrary():
     columns = {"pressure": np.linspace(1, 7, 30), "strain": np.full(30, 0.1)}
     fit = get("sarosi").fit(columns, wrist_force(columns))
     assert any("a3 is arbitrary" in note for note in fit.notes)
@@ -100,13 +98,13 @@ def test_constant_strain_says_that_the_curvature_is_arbitrary() -> None:
 
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("target", [0.0, 1e-12, -3e12])
-def test_constant_targets(method: str, target: float) -> None:
+def test_constant_targets(method, target):
     columns, y = noisy_wrist(0)
     fit = get("sarosi").fit(columns, np.full_like(y, target), method)
     assert fit.sse <= 1e-18 * target**2 * len(y)
 
 
-def test_a_curvature_that_runs_away_is_at_bound() -> None:
+def test_a_curvature_that_runs_away_is_at_bound():
     """A step at the smallest strain is the limit of ever faster decay, and a parabola p*x^2 that of
     none.
     """
@@ -123,7 +121,7 @@ def test_a_curvature_that_runs_away_is_at_bound() -> None:
 
 
 @pytest.mark.parametrize("name", STATIC)
-def test_one_sample_less_than_parameters_is_refused(name: str) -> None:
+def test_one_sample_less_than_parameters_is_refused(name):
     count = len(get(name).parameters)
     columns, y = noisy_wrist(0, rows=count - 1)
     with pytest.raises(
@@ -133,7 +131,7 @@ def test_one_sample_less_than_parameters_is_refused(name: str) -> None:
     assert not get(name).fit(*noisy_wrist(0, rows=count)).failed
 
 
-def test_as_many_samples_as_parameters_leave_no_standard_error() -> None:
+def test_as_many_samples_as_parameters_leave_no_standard_error():
     columns, y = noisy_wrist(1, rows=5)
     fit = get("polynomial_2").fit(columns, y)
     assert fit.status == "converged"
@@ -141,14 +139,14 @@ def test_as_many_samples_as_parameters_leave_no_standard_error() -> None:
     assert np.isnan(list(fit.errors.values())).all()
 
 
-def test_unknown_methods_are_refused() -> None:
+def test_unknown_methods_are_refused():
     columns, y = noisy_wrist(0)
     with pytest.raises(ValueError, match="unknown method `magic`"):
         get("sarosi").fit(columns, y, "magic")
 
 
 @pytest.mark.parametrize("method", METHODS)
-def test_a_formula_that_overflows_everywhere_has_failed(method: str) -> None:
+def test_a_formula_that_overflows_everywhere_has_failed(method):
     nonlinear = tuple(Nonlinear(name, None, ((1e6, 1e7),)) for name in "bc")
     explosive = Formula("explosive", "-", ("x",), ("a", "b", "c"), "a*exp(b*x + c*x^2)", nonlinear)
     fit = explosive.fit({"x": np.linspace(1, 2, 9)}, np.ones(9), method)
@@ -167,8 +165,6 @@ def test_a_formula_that_overflows_everywhere_has_failed(method: str) -> None:
         ("a*exp(b*x)", (), "nonlinear without being declared"),
     ],
 )
-def test_a_formula_that_is_not_what_it_declares_cannot_be_made(
-    text: str, nonlinear, message: str
-) -> None:
+def test_a_formula_that_is_not_what_it_declares_cannot_be_made(text, nonlinear, message):
     with pytest.raises(ValueError, match=message):
         Formula("wrong", "-", ("x",), ("a", "b"), text, nonlinear).checked()

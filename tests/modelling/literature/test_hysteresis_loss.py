@@ -14,7 +14,6 @@ from literature_cases import grid, motion, sarosi
 from scipy.integrate import quad
 from scipy.optimize import brentq
 
-from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.modelling.expressions import evaluate, to_text
 from mapmore_cli.modelling.literature import get
@@ -32,11 +31,11 @@ PLANTED = {
 }
 
 
-def force(branch: dict[str, float], pressure: float, strain: float) -> float:
+def force(branch, pressure, strain):
     return sarosi(branch.values(), pressure, strain)
 
 
-def cycles(**changed: float) -> dict[str, Array]:
+def cycles(**changed):
     """Load cycles without noise at three pressures, of parameters that are planted."""
     planted = PLANTED | changed
     columns = grid(np.array([80.0, 150.0, 350.0]), np.linspace(STRAIN_MIN, 0.2, 60))
@@ -47,7 +46,7 @@ def cycles(**changed: float) -> dict[str, Array]:
     return {**columns, "force": (upper + lower) / 2, "hysteresis": (upper - lower) / 2}
 
 
-def noted_pressures(notes: tuple[str, ...], what: str) -> tuple[float, float]:
+def noted_pressures(notes, what):
     """The range of pressures in the one note that says `what`."""
     (note,) = [note for note in notes if what in note]
     numbers = re.search(r"between (\S+) and (\S+) kPa", note)
@@ -56,7 +55,7 @@ def noted_pressures(notes: tuple[str, ...], what: str) -> tuple[float, float]:
 
 
 @pytest.mark.parametrize("formula", [LOSS, PRINTED], ids=lambda formula: formula.name)
-def test_both_branches_are_recovered_from_mean_and_half_width(formula) -> None:
+def test_both_branches_are_recovered_from_mean_and_half_width(formula):
     fit = formula.fit_cycles(cycles(), LENGTH)
     assert (fit.name, fit.status, fit.rank, fit.samples) == (formula.name, "converged", 12, 360)
     assert tuple(fit.parameters) == formula.parameters
@@ -68,7 +67,7 @@ def test_both_branches_are_recovered_from_mean_and_half_width(formula) -> None:
 
 
 @pytest.mark.parametrize("pressure", [20.0, 80.0, 143.7, 350.0, 500.0])
-def test_zeta_is_the_lost_share_of_the_energy_by_quadrature(pressure: float) -> None:
+def test_zeta_is_the_lost_share_of_the_energy_by_quadrature(pressure):
     free = brentq(lambda strain: force(UPPER, pressure, strain), STRAIN_MIN, 0.5, xtol=1e-15)
     up, low = (
         quad(lambda strain, b=branch: force(b, pressure, strain), STRAIN_MIN, free, epsabs=0)[0]
@@ -78,7 +77,7 @@ def test_zeta_is_the_lost_share_of_the_energy_by_quadrature(pressure: float) -> 
     assert zeta(PLANTED, np.array([pressure])) == pytest.approx([(up - low) / up], rel=1e-9)
 
 
-def test_where_the_muscle_is_slack_zeta_is_one_as_just_above() -> None:
+def test_where_the_muscle_is_slack_zeta_is_one_as_just_above():
     threshold = brentq(lambda pressure: force(UPPER, pressure, STRAIN_MIN), 0.0, 80.0, xtol=1e-14)
     around = threshold + np.array([-5.0, -1e-3, -1e-9, 1e-9, 1e-3])
     np.testing.assert_array_equal(zeta(PLANTED, around), 1.0)
@@ -98,9 +97,7 @@ def test_where_the_muscle_is_slack_zeta_is_one_as_just_above() -> None:
     st.floats(-60, 60).filter(lambda c: abs(c) > 1e-6),
     st.floats(-0.05, 0.3),
 )
-def test_the_stroke_ends_at_the_first_zero_whatever_the_shape(
-    a: float, b: float, c: float, curvature: float, start: float
-) -> None:
+def test_the_stroke_ends_at_the_first_zero_whatever_the_shape(a, b, c, curvature, start):
     curve = ForceCurve(np.array([a]), np.array([b]), np.array([c]), curvature)
     ends = curve.end_of_stroke(start)
     strains = np.linspace(start, 1.0, 4001)
@@ -121,14 +118,14 @@ def test_the_stroke_ends_at_the_first_zero_whatever_the_shape(
         assert (values[strains < end - 1e-9] > -1e-12 * scale).all()
 
 
-def test_a_curve_that_overflows_beyond_the_strains_tested_is_no_reason_to_raise() -> None:
+def test_a_curve_that_overflows_beyond_the_strains_tested_is_no_reason_to_raise():
     """Strokes of 2 % leave room for a decay within 0.04 % of strain, of either sign."""
     steep = PLANTED | {"au3": 2500.0, "al3": 2500.0}
     assert np.isfinite(zeta(steep, np.array([-1.0, 0.0, 50.0, 350.0]))).all()
     assert np.isfinite(zeta(PLANTED | {"au3": -2500.0}, np.array([-1.0, 0.0, 50.0, 350.0]))).all()
 
 
-def test_crossed_branches_give_no_negative_damping() -> None:
+def test_crossed_branches_give_no_negative_damping():
     """Where the lower curve lies above the upper one, energy would come out of nothing."""
     swapped = PLANTED | {name.replace("a", "au"): value for name, value in LOWER.items()}
     swapped |= {name.replace("a", "al"): value for name, value in UPPER.items()}
@@ -136,7 +133,7 @@ def test_crossed_branches_give_no_negative_damping() -> None:
 
 
 @pytest.mark.parametrize("formula", [LOSS, PRINTED], ids=lambda formula: formula.name)
-def test_the_equations_are_the_prediction_but_for_zeta(formula) -> None:
+def test_the_equations_are_the_prediction_but_for_zeta(formula):
     fit, columns = formula.fit_cycles(cycles(), LENGTH), motion(3)
     equations = formula.equations(fit)
     assert list(equations) == [
@@ -162,7 +159,7 @@ def test_the_equations_are_the_prediction_but_for_zeta(formula) -> None:
     )
 
 
-def test_what_is_no_load_cycle_is_refused() -> None:
+def test_what_is_no_load_cycle_is_refused():
     with pytest.raises(DataError, match="fitted to load cycles, not to the target"):
         LOSS.fit(motion(0), np.zeros(400))
     for length in (0.0, -0.1, np.nan, np.inf):
@@ -180,7 +177,7 @@ def test_what_is_no_load_cycle_is_refused() -> None:
         LOSS.fit_cycles({name: column[:5] for name, column in cycles().items()}, LENGTH)
 
 
-def test_one_pressure_does_not_pass_for_a_good_fit() -> None:
+def test_one_pressure_does_not_pass_for_a_good_fit():
     columns = {name: column[cycles()["pressure"] == 150.0] for name, column in cycles().items()}
     fit = LOSS.fit_cycles(columns, LENGTH)
     assert fit.status == "rank_deficient"

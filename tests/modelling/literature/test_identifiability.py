@@ -16,7 +16,7 @@ from mapmore_cli.modelling.literature.problem import nominal
 
 
 @pytest.mark.parametrize(("fastest", "seen"), [(1e-4, False), (0.5, True)])
-def test_damping_is_not_seen_in_a_record_at_rest_and_motion_shows_it(fastest, seen) -> None:
+def test_damping_is_not_seen_in_a_record_at_rest_and_motion_shows_it(fastest, seen):
     rng = np.random.default_rng(1)
     columns = {
         "pressure": rng.uniform(200, 600, 400),
@@ -30,7 +30,7 @@ def test_damping_is_not_seen_in_a_record_at_rest_and_motion_shows_it(fastest, se
 
 
 @pytest.mark.parametrize("freedom", [1, 5, 84])
-def test_half_width_is_that_of_the_t_distribution(freedom: int) -> None:
+def test_half_width_is_that_of_the_t_distribution(freedom):
     assert half_width(2.0, freedom) == pytest.approx(2.0 * student.ppf(0.975, freedom), rel=1e-9)
     assert np.isnan(half_width(2.0, 0))
 

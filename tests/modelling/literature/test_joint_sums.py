@@ -18,7 +18,6 @@ from mapmore_cli.annexes.sums.joint import (
     split,
     sum_of,
 )
-from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import SpecError
 from mapmore_cli.domain.fits import FormulaFit
 from mapmore_cli.domain.models import CurveRange, Formula, Model
@@ -33,11 +32,11 @@ PAIR = (
 )
 
 
-def motion(seed: int, rows: int = 800) -> dict[str, Array]:
+def motion(seed, rows=800):
     return uniform(seed, rows, p1=(200, 600), p2=(200, 600), x=(-0.015, 0.015), v=(-0.3, 0.3))
 
 
-def pair_force(columns: dict[str, Array]) -> Array:
+def pair_force(columns):
     """H eq 4-5 for both muscles."""
     p1, p2, x, v = (columns[name] for name in ("p1", "p2", "x", "v"))
     return muscle_like(TABLE_I["16 cm"], p1, 0.02 - x, v) - muscle_like(
@@ -45,7 +44,7 @@ def pair_force(columns: dict[str, Array]) -> Array:
     )
 
 
-def test_both_muscles_are_recovered_but_for_what_their_difference_does_not_show() -> None:
+def test_both_muscles_are_recovered_but_for_what_their_difference_does_not_show():
     """Two passive springs against each other are one: of the four parameters of both, the
     difference shows two combinations.
     """
@@ -73,7 +72,7 @@ def test_both_muscles_are_recovered_but_for_what_their_difference_does_not_show(
     st.integers(0, 999),
     st.sampled_from([1.0, -1.0]),
 )
-def test_a_joint_formula_is_the_signed_sum_of_its_parts(name: str, seed: int, sign: float) -> None:
+def test_a_joint_formula_is_the_signed_sum_of_its_parts(name, seed, sign):
     pair = (
         Summand(name, 1.0, {"pressure": "p1", "strain": "x"}),
         Summand(name, sign, {"pressure": "p2", "strain": "0.1 - x"}),
@@ -106,12 +105,12 @@ def test_a_joint_formula_is_the_signed_sum_of_its_parts(name: str, seed: int, si
 
 
 @pytest.mark.parametrize("name", ["sarosi_hinged", "tondu_lopez_fixed_area"])
-def test_a_formula_with_a_fit_of_its_own_is_refused(name: str) -> None:
+def test_a_formula_with_a_fit_of_its_own_is_refused(name):
     with pytest.raises(SpecError, match=f"{name} cannot be fitted within a sum"):
         joint_formula((Summand(name), Summand("sarosi")))
 
 
-def braid(name: str, c1: float) -> Model:
+def braid(name, c1):
     fit = FormulaFit(
         "chou_hannaford",
         {"c1": c1, "c2": 0.5},
@@ -132,7 +131,7 @@ def braid(name: str, c1: float) -> Model:
     )
 
 
-def flexed() -> Model:
+def flexed():
     parts = [
         Part(braid("flexor", 2.0), 1.0, {"pressure": "p1", "strain": "s"}),
         Part(braid("extensor", 3.0), -1.0, {"pressure": "p2", "strain": "-s"}),
@@ -145,7 +144,7 @@ def flexed() -> Model:
     )
 
 
-def test_a_sum_predicts_with_its_signs_and_its_renamed_inputs() -> None:
+def test_a_sum_predicts_with_its_signs_and_its_renamed_inputs():
     columns = {
         "p1": np.array([300.0, 100.0]),
         "p2": np.array([200.0, 100.0]),
@@ -158,7 +157,7 @@ def test_a_sum_predicts_with_its_signs_and_its_renamed_inputs() -> None:
     assert [quantity.name for quantity in flexed().inputs] == ["p1", "p2", "s"]
 
 
-def test_the_range_of_each_part_is_looked_at_under_its_own_names() -> None:
+def test_the_range_of_each_part_is_looked_at_under_its_own_names():
     columns = {
         "p1": np.array([300.0, 600.0, 300.0, 300.0]),
         "p2": np.array([200.0] * 4),
@@ -167,13 +166,13 @@ def test_the_range_of_each_part_is_looked_at_under_its_own_names() -> None:
     assert outside_range(flexed(), columns).tolist() == [False, True, True, True]
 
 
-def test_the_equations_begin_with_what_is_added_up() -> None:
+def test_the_equations_begin_with_what_is_added_up():
     first = equations(flexed())[0]
     assert first.text == "flexor(pressure = p1, strain = s) - extensor(pressure = p2, strain = -s)"
     assert first.latex.count("text{") >= 2
 
 
-def test_two_pressures_never_share_a_name() -> None:
+def test_two_pressures_never_share_a_name():
     parts = [
         ("flexor", ["pressure", "strain"], {"strain": "s"}),
         ("extensor", ["pressure", "strain"], {"strain": "-s"}),
@@ -190,7 +189,7 @@ def test_two_pressures_never_share_a_name() -> None:
     refuse_shared_names(said)
 
 
-def test_another_unit_is_refused_and_an_input_that_is_lacking() -> None:
+def test_another_unit_is_refused_and_an_input_that_is_lacking():
     with pytest.raises(SpecError, match="in N, the force of this study in kN"):
         sum_of("joint", [Part(braid("flexor", 2.0))], Quantity("force", "kN"), {})
     with pytest.raises(SpecError, match="function of pressure"):

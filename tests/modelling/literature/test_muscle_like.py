@@ -10,23 +10,22 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from literature_cases import MUSCLE_LIKE, TABLE_I, muscle_like, uniform
 
-from mapmore_cli.domain.arrays import Array
 from mapmore_cli.modelling.expressions import to_text
 from mapmore_cli.modelling.literature import get
 
 
-def motion(seed: int, rows: int = 1500) -> dict[str, Array]:
+def motion(seed, rows=1500):
     """Scattered samples: kPa, m, m/s."""
     return uniform(seed, rows, pressure=(200, 650), length=(0, 0.03), velocity=(-0.3, 0.3))
 
 
-def force(values: tuple[float, ...], columns: dict[str, Array]) -> Array:
+def force(values, columns):
     return muscle_like(values, *columns.values())
 
 
 @pytest.mark.parametrize("method", ["variable_projection", "levenberg_marquardt"])
 @pytest.mark.parametrize("muscle", TABLE_I)
-def test_the_seven_parameters_of_each_muscle_are_recovered(muscle: str, method: str) -> None:
+def test_the_seven_parameters_of_each_muscle_are_recovered(muscle, method):
     """Noise-free, to 1e-4 and better; nothing of the truth goes into the search, whose ten starts
     lie within the declared bounds of b0.
     """
@@ -55,9 +54,7 @@ STATED = [
 
 
 @pytest.mark.parametrize(("muscle", "pressure", "length", "expected"), STATED)
-def test_the_forces_that_the_text_states(
-    muscle: str, pressure: float, length: float, expected: float
-) -> None:
+def test_the_forces_that_the_text_states(muscle, pressure, length, expected):
     row = {"pressure": np.array([pressure]), "length": np.array([length]), "velocity": np.zeros(1)}
     found = get("muscle_like").predict(dict(zip(MUSCLE_LIKE, TABLE_I[muscle], strict=True)), row)
     assert found[0] == pytest.approx(expected, abs=0.5 if length else 0.2)
@@ -65,9 +62,7 @@ def test_the_forces_that_the_text_states(
 
 @settings(deadline=None, max_examples=15)
 @given(st.integers(0, 10**6), st.sampled_from(sorted(TABLE_I)))
-def test_standard_errors_of_the_printed_parameters_are_those_of_a_fit_in_them(
-    seed: int, muscle: str
-) -> None:
+def test_standard_errors_of_the_printed_parameters_are_those_of_a_fit_in_them(seed, muscle):
     """The Jacobian of eq 4-5 by finite differences gives the same covariance."""
     columns = motion(seed, 200)
     noisy = force(TABLE_I[muscle], columns) + np.random.default_rng(seed).standard_normal(200)
@@ -92,7 +87,7 @@ def test_standard_errors_of_the_printed_parameters_are_those_of_a_fit_in_them(
     )
 
 
-def test_the_simplex_comes_near_but_its_starts_do_not_agree() -> None:
+def test_the_simplex_comes_near_but_its_starts_do_not_agree():
     """With the settings of fminsearch, the best of ten starts explains the data without having
     found the parameters' digits.
     """
@@ -105,7 +100,7 @@ def test_the_simplex_comes_near_but_its_starts_do_not_agree() -> None:
     assert "of 10 starts agree" in fit.notes[0]
 
 
-def test_the_equation_is_printed_with_the_parameters_of_table_i() -> None:
+def test_the_equation_is_printed_with_the_parameters_of_table_i():
     columns = motion(4)
     fit = get("muscle_like").fit(columns, force(TABLE_I["16 cm"], columns))
     text = to_text(get("muscle_like").equation(fit), digits=4)

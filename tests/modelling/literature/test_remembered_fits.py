@@ -3,29 +3,26 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
-import pytest
 from common import curve_of
 from literature_cases import uniform
 
-from mapmore_cli.domain.recording import Curve
 from mapmore_cli.modelling.literature import backbone
 from mapmore_cli.modelling.literature.formula import Formula
 
 
-def curve() -> Curve:
+def curve():
     columns = uniform(3, 60, pressure=(0, 300), strain=(0, 0.2))
     return curve_of({**columns, "force": 2 * columns["pressure"] * (1 - 4 * columns["strain"])})
 
 
-def test_the_same_data_are_fitted_once(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_same_data_are_fitted_once(monkeypatch):
     monkeypatch.setattr(backbone, "_FITTED", {})
     fits: list[str] = []
     fit = Formula.fit
 
-    def counted(self: Formula, *arguments: Any, **named: Any) -> Any:
+    def counted(self, *arguments, **named):
         fits.append(self.name)
         return fit(self, *arguments, **named)
 

@@ -10,7 +10,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from literature_cases import sarosi, slack_muscle, wrist_points
 
-from mapmore_cli.domain.arrays import Array
 from mapmore_cli.modelling.expressions import evaluate, to_text
 from mapmore_cli.modelling.literature import get, hinge
 
@@ -19,7 +18,7 @@ FOUR = np.array([0.0, 0.04, 0.08, 0.12])
 SWEPT = np.linspace(0.0, 0.12, 400)
 
 
-def textbook(q: Array, p: Array, x: Array) -> Array:
+def textbook(q, p, x):
     """`lo + w ln(1 + exp((hi - lo)/w))`, written out."""
     b0, b1, b2, log_w = q[6:]
     high, low, w = sarosi(q[:6], p, x), b0 + b1 * p + b2 * x, np.exp(log_w)
@@ -32,7 +31,7 @@ def textbook(q: Array, p: Array, x: Array) -> Array:
     st.floats(np.log(0.004), np.log(0.3)),
     st.integers(0, 1000),
 )
-def test_force_and_derivatives(values: list[float], log_w: float, seed: int) -> None:
+def test_force_and_derivatives(values, log_w, seed):
     q = np.array([*values, log_w])
     p, x = np.random.default_rng(seed).uniform(0, 1, (2, 20))
     with np.errstate(over="ignore"):
@@ -53,7 +52,7 @@ def test_force_and_derivatives(values: list[float], log_w: float, seed: int) -> 
 
 
 @pytest.mark.parametrize("strains", [FOUR, SWEPT], ids=["levels", "swept"])
-def test_a_slack_muscle_is_described_where_the_plain_formula_fails(strains: Array) -> None:
+def test_a_slack_muscle_is_described_where_the_plain_formula_fails(strains):
     columns, y = slack_muscle(0, strains)
     hinged, plain = HINGED.fit(columns, y), PLAIN.fit(columns, y)
     assert hinged.sse < 0.06 * plain.sse
@@ -65,7 +64,7 @@ def test_a_slack_muscle_is_described_where_the_plain_formula_fails(strains: Arra
     assert scatter[0] < 0.3 * scatter[1]
 
 
-def test_data_without_a_foot_keep_sarosi() -> None:
+def test_data_without_a_foot_keep_sarosi():
     """On the wrist robot's table the plain formula is exact; the blend halves what the hinge is
     off.
     """
@@ -77,7 +76,7 @@ def test_data_without_a_foot_keep_sarosi() -> None:
         assert fit.parameters[own] == PLAIN.fit(columns, y).parameters[plain]
 
 
-def test_the_shares_follow_from_the_training_errors() -> None:
+def test_the_shares_follow_from_the_training_errors():
     columns, y = slack_muscle(3, FOUR)
     fit = HINGED.fit(columns, y)
     parts = [HINGED.predict({**fit.parameters, "share": share}, columns) for share in (1.0, 0.0)]
@@ -88,7 +87,7 @@ def test_the_shares_follow_from_the_training_errors() -> None:
     )
 
 
-def test_parameters_and_equation_are_the_whole_prediction() -> None:
+def test_parameters_and_equation_are_the_whole_prediction():
     """Which does not overflow where the printed equation does."""
     columns, y = slack_muscle(4, FOUR)
     fit = HINGED.fit(columns, y)
@@ -101,7 +100,7 @@ def test_parameters_and_equation_are_the_whole_prediction() -> None:
     assert not np.isfinite(evaluate(HINGED.equation(fit), far)).all()
 
 
-def test_a_plain_fit_that_ran_away_has_no_share() -> None:
+def test_a_plain_fit_that_ran_away_has_no_share():
     """Three levels do not show its curvature: past them exp(+-400 strain) would swamp the blend,
     whatever the share.
     """
@@ -121,9 +120,7 @@ def test_a_plain_fit_that_ran_away_has_no_share() -> None:
     [(FOUR, False), (FOUR[[0, 1, 3]], True), (FOUR[[0, 3]], True), (SWEPT, False)],
 )
 @pytest.mark.parametrize("jitter", [0.0, 5e-4])
-def test_three_levels_or_fewer_leave_the_curvature_to_the_prior(
-    strains: Array, warned: bool, jitter: float
-) -> None:
+def test_three_levels_or_fewer_leave_the_curvature_to_the_prior(strains, warned, jitter):
     """Measured strains scatter a little about their levels."""
     columns, y = slack_muscle(2, strains)
     columns["strain"] = columns["strain"] + jitter * np.random.default_rng(0).uniform(-1, 1, len(y))
@@ -137,7 +134,7 @@ def test_three_levels_or_fewer_leave_the_curvature_to_the_prior(
 @pytest.mark.parametrize(
     "strains", [FOUR, FOUR[[0, 1, 3]], SWEPT], ids=["four levels", "three levels", "swept"]
 )
-def test_the_fit_minimises_the_penalised_squares_as_specified(strains: Array) -> None:
+def test_the_fit_minimises_the_penalised_squares_as_specified(strains):
     """The objective and its priors written out, in normalised parameters: no small step of any of
     them lowers it.
     """
@@ -161,7 +158,7 @@ def test_the_fit_minimises_the_penalised_squares_as_specified(strains: Array) ->
         ]
     )
 
-    def objective(q: Array) -> float:
+    def objective(q):
         a1, a2, a3, a4, a5, a6, b0, b1, b2, log_w = q
         slopes = [
             0.01 * a1,
@@ -183,7 +180,7 @@ def test_the_fit_minimises_the_penalised_squares_as_specified(strains: Array) ->
                 assert moved[7] < 0 or objective(moved) >= least * (1 - 1e-9)
 
 
-def test_repeating_every_sample_changes_nothing() -> None:
+def test_repeating_every_sample_changes_nothing():
     """The data count as 300 samples at most against the priors, so a faster logger is no stronger
     evidence.
     """
@@ -198,7 +195,7 @@ def test_repeating_every_sample_changes_nothing() -> None:
 
 
 @pytest.mark.parametrize(("pressure", "force"), [(0.145, 0.2248), (1e3, 1e-3)])
-def test_units_of_pressure_and_force_are_no_matter(pressure: float, force: float) -> None:
+def test_units_of_pressure_and_force_are_no_matter(pressure, force):
     columns, y = slack_muscle(6, FOUR)
     fit, other = (
         HINGED.fit(columns, y),
@@ -208,7 +205,7 @@ def test_units_of_pressure_and_force_are_no_matter(pressure: float, force: float
     assert other.parameters["w"] == pytest.approx(force * fit.parameters["w"], rel=1e-3)
 
 
-def test_a_foot_that_does_not_rise_is_at_its_bound_by_name() -> None:
+def test_a_foot_that_does_not_rise_is_at_its_bound_by_name():
     columns, y = slack_muscle(9, FOUR)
     fit = HINGED.fit(columns, y - 0.05 * columns["pressure"])
     assert fit.status == "at_bound"
@@ -216,7 +213,7 @@ def test_a_foot_that_does_not_rise_is_at_its_bound_by_name() -> None:
     assert "b1 ends at its bound" in fit.notes
 
 
-def test_noise_at_one_pressure_is_fitted() -> None:
+def test_noise_at_one_pressure_is_fitted():
     """Found by fuzzing `init`: the normal equations were singular, which was an internal fault."""
     places = [
         *range(7),

@@ -17,7 +17,7 @@ from mapmore_cli.modelling.literature import Formula, get, names, problem
 WRIST_GRID = grid(np.arange(1.0, 8.0), np.linspace(0.0, 0.2, 13))
 
 
-def test_there_is_a_formula_for_every_name() -> None:
+def test_there_is_a_formula_for_every_name():
     geometric = {"chou_hannaford", "tondu_lopez", "tondu_lopez_corrected", "kerscher"}
     assert {"sarosi", "sarosi_hinged", "polynomial_2", "polynomial_5", *geometric} <= set(names())
     assert [get(name).name for name in names()] == list(names())
@@ -26,15 +26,15 @@ def test_there_is_a_formula_for_every_name() -> None:
             formula.checked()
 
 
-def test_an_unknown_formula_is_a_key_error_with_all_names() -> None:
+def test_an_unknown_formula_is_a_key_error_with_all_names():
     with pytest.raises(KeyError, match=r"no formula `saroshi`; there are: .*polynomial_2"):
         get("saroshi")
 
 
-def test_published_wrist_muscle() -> None:
+def test_published_wrist_muscle():
     sarosi = get("sarosi")
 
-    def force(pressure: float, strain: float) -> float:
+    def force(pressure, strain):
         return float(
             sarosi.predict(WRIST, {"pressure": np.array([pressure]), "strain": np.array([strain])})[
                 0
@@ -49,7 +49,7 @@ def test_published_wrist_muscle() -> None:
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_no_grid_of_curvatures_finds_a_better_fit(seed: int) -> None:
+def test_no_grid_of_curvatures_finds_a_better_fit(seed):
     columns, y = noisy_wrist(seed, noise=60.0, rows=40)
     fit = get("sarosi").fit(columns, y)
     p, x = columns["pressure"], columns["strain"]
@@ -63,7 +63,7 @@ def test_no_grid_of_curvatures_finds_a_better_fit(seed: int) -> None:
 @pytest.mark.parametrize(
     ("pressures", "rank"), [(1, 6), (2, 11), (3, 15), (4, 18), (5, 20), (6, 21), (7, 21)]
 )
-def test_rank_of_polynomial_5_by_number_of_pressures(pressures: int, rank: int) -> None:
+def test_rank_of_polynomial_5_by_number_of_pressures(pressures, rank):
     columns = grid(np.linspace(80, 350, pressures), np.linspace(0, 0.25, 40))
     fit = get("polynomial_5").fit(
         columns, wrist_force({**columns, "pressure": columns["pressure"] / 100})
@@ -76,7 +76,7 @@ def test_rank_of_polynomial_5_by_number_of_pressures(pressures: int, rank: int) 
         assert f"{pressures} of pressure" in fit.notes[0]
 
 
-def test_the_equation_reads_as_published() -> None:
+def test_the_equation_reads_as_published():
     fit = get("sarosi").fit(WRIST_GRID, wrist_force(WRIST_GRID))
     assert to_text(get("sarosi").equation(fit), digits=6) == (
         "(-5.699*pressure + 158.773)*exp(-42.647*strain) - 299.482*strain*pressure + "
@@ -91,7 +91,7 @@ SEVERAL = ["tondu_lopez_corrected", "kerscher"]
 
 
 @pytest.mark.parametrize("name", SEVERAL)
-def test_no_random_parameters_within_the_bounds_fit_better(name: str) -> None:
+def test_no_random_parameters_within_the_bounds_fit_better(name):
     """Noise as large as the force puts the minimum anywhere; the linear parameters of every trial
     are the best ones.
     """
@@ -118,7 +118,7 @@ def test_no_random_parameters_within_the_bounds_fit_better(name: str) -> None:
         assert fit.sse <= residual @ residual * (1 + 1e-9)
 
 
-def test_the_pressure_of_eq_10_must_be_in_kpa() -> None:
+def test_the_pressure_of_eq_10_must_be_in_kpa():
     """In other units the same data do not fit: the formula has a pressure of its own."""
     columns, y = noisy("kerscher", 0, rows=80)
     fit, other = (
@@ -128,7 +128,7 @@ def test_the_pressure_of_eq_10_must_be_in_kpa() -> None:
     assert other.sse > 2 * fit.sse
 
 
-def test_a_parameter_that_ends_at_its_bound_is_put_there_and_named() -> None:
+def test_a_parameter_that_ends_at_its_bound_is_put_there_and_named():
     """A factor on the strain that does not depend on the pressure has a_k at its least."""
     columns = scattered(0, 150)
     y = get("tondu_lopez").predict(
@@ -145,9 +145,7 @@ def test_a_parameter_that_ends_at_its_bound_is_put_there_and_named() -> None:
 
 
 @pytest.mark.parametrize("name", SEVERAL)
-def test_starts_over_cells_end_at_the_minimum_of_all_samples(
-    name: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_starts_over_cells_end_at_the_minimum_of_all_samples(name, monkeypatch):
     columns, y = noisy(name, 5, rows=3 * problem.LIMIT)
     quick = get(name).fit(columns, y)
     monkeypatch.setattr(problem, "LIMIT", len(y))
@@ -155,7 +153,7 @@ def test_starts_over_cells_end_at_the_minimum_of_all_samples(
 
 
 @pytest.mark.parametrize("seed", [0, 3])
-def test_a_decay_over_the_slowest_rates_is_found_among_many_samples(seed: int) -> None:
+def test_a_decay_over_the_slowest_rates_is_found_among_many_samples(seed):
     """It shows in few samples, which means over cells would hide: no decay on a grid has less than
     the fit.
     """
@@ -164,7 +162,7 @@ def test_a_decay_over_the_slowest_rates_is_found_among_many_samples(seed: int) -
     force = np.sign(rate) * (3 + 2 * rate + 4 * np.exp(-np.abs(rate) / 0.002)) + np.sin(40 * rate)
     fit = get("peternel").fit({"strain_rate": rate}, force)
 
-    def sse(decay: float) -> float:
+    def sse(decay):
         terms = np.sign(rate) * np.stack(
             [np.ones_like(rate), rate, rate**2, np.exp(-np.abs(rate) / decay)]
         )
@@ -182,7 +180,7 @@ def test_a_decay_over_the_slowest_rates_is_found_among_many_samples(seed: int) -
     st.sampled_from([1, 7, 4096, 4097, 20000]),
     st.booleans(),
 )
-def test_cells_keep_sums_and_ranges(seed: int, inputs: int, rows: int, levels: bool) -> None:
+def test_cells_keep_sums_and_ranges(seed, inputs, rows, levels):
     rng = np.random.default_rng(seed)
     columns = {
         str(i): rng.choice([0.0, 0.1, 0.5], rows)

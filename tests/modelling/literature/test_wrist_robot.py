@@ -41,7 +41,7 @@ PRINTED = {
 
 
 @pytest.mark.parametrize("name", ["tondu_lopez_corrected", "kerscher"])
-def test_the_notes_say_how_many_of_ten_starts_agree(name: str) -> None:
+def test_the_notes_say_how_many_of_ten_starts_agree(name):
     agreeing = re.fullmatch(
         r"(\d+) of 10 starts agree on the sum of squares", get(name).fit(COLUMNS, FORCE).notes[0]
     )
@@ -56,7 +56,7 @@ def test_the_notes_say_how_many_of_ten_starts_agree(name: str) -> None:
         *((start, "levenberg_marquardt") for start in ("random", "published", "printed")),
     ],
 )
-def test_sarosi_is_recovered_from_the_table_itself(start: str, method: str | None) -> None:
+def test_sarosi_is_recovered_from_the_table_itself(start, method):
     """The table has 13 strains of its own at each pressure; `printed` starts from the numbers as
     they stand, for a strain in per cent.
     """
@@ -69,7 +69,7 @@ def test_sarosi_is_recovered_from_the_table_itself(start: str, method: str | Non
     assert per_bar == pytest.approx(WRIST, rel=1e-6)
 
 
-def test_starting_values_that_lead_nowhere_are_refused() -> None:
+def test_starting_values_that_lead_nowhere_are_refused():
     with pytest.raises(SpecError, match="no starting values called `guessed`") as caught:
         get("sarosi").starting_from("guessed")
     assert "random, published, printed" in caught.value.remedy
@@ -78,7 +78,7 @@ def test_starting_values_that_lead_nowhere_are_refused() -> None:
 
 
 @pytest.mark.parametrize("name", ["tondu_lopez_fixed_area", "tondu_lopez_corrected_fixed_area"])
-def test_a_formula_of_a_nominal_diameter_asks_for_it(name: str) -> None:
+def test_a_formula_of_a_nominal_diameter_asks_for_it(name):
     with pytest.raises(SpecError, match=f"{name} needs the diameter of the muscle"):
         get(name).fit(COLUMNS, FORCE)
     with pytest.raises(SpecError, match="needs the diameter"):
@@ -90,7 +90,7 @@ def test_a_formula_of_a_nominal_diameter_asks_for_it(name: str) -> None:
     assert np.isfinite(fit.errors["theta"])
 
 
-def test_a_force_that_no_braid_of_this_area_has_is_a_failed_fit() -> None:
+def test_a_force_that_no_braid_of_this_area_has_is_a_failed_fit():
     fit = (
         get("tondu_lopez_fixed_area")
         .of_muscle(MUSCLE)

@@ -1,6 +1,5 @@
 """Models of motion: segments by direction and pressure, damping as what a static model leaves."""
 
-from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -10,7 +9,6 @@ from hypothesis import strategies as st
 from surfaces import recipe as settings_of
 
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.recording import Curve, Quantity
 from mapmore_cli.modelling.kinds import equations as model_equations
 from mapmore_cli.modelling.kinds import predict
@@ -30,7 +28,7 @@ QUANTITIES = {
 }
 
 
-def curve(level: float, **columns: np.ndarray) -> Curve:
+def curve(level, **columns):
     """A step response at one pressure; its damping is what `columns` says, else one."""
     rng = np.random.default_rng(0)
     way = np.repeat([1.0, -1.0], 200)
@@ -48,7 +46,7 @@ def curve(level: float, **columns: np.ndarray) -> Curve:
     )
 
 
-def built(curves: Sequence[Curve], level: str | None, *terms: str) -> Model:
+def built(curves, level, *terms):
     cuts = {"direction": CutByDirection("pressure", 1.0)}
     made = settings_of(
         target="damping", level=level, cuts=cuts, dictionary=terms, scaling="max_abs"
@@ -59,14 +57,14 @@ def built(curves: Sequence[Curve], level: str | None, *terms: str) -> Model:
 @given(
     st.lists(st.tuples(st.floats(-50, 600), st.sampled_from([-1.0, 1.0])), min_size=1, max_size=30)
 )
-def test_weights_of_direction_and_pressure_sum_to_one(points: list[tuple[float, float]]) -> None:
+def test_weights_of_direction_and_pressure_sum_to_one(points):
     pressure, way = (np.array(values) for values in zip(*points, strict=True))
     constant = built([curve(p) for p in (80.0, 150.0, 350.0)], "pressure", "1")
     found = predict(constant, {"pressure": pressure, "direction": way})
     assert np.allclose(found, 1.0, atol=1e-12)
 
 
-def test_each_direction_has_terms_of_its_own() -> None:
+def test_each_direction_has_terms_of_its_own():
     one = curve(350.0)
     x, way = one.columns["strain_rate"], one.columns["direction"]
     planted = np.where(way > 0, -30.0 * x, 7.0 * x**2)
@@ -80,12 +78,12 @@ def test_each_direction_has_terms_of_its_own() -> None:
     assert in_ms[0].text == "7e+06*strain_rate^2"
 
 
-def test_a_direction_that_never_occurs_is_refused() -> None:
+def test_a_direction_that_never_occurs_is_refused():
     with pytest.raises(DataError, match="direction=fall"):
         built([curve(350.0, direction=np.ones(400))], None, "strain_rate")
 
 
-def test_one_level_trains_the_pieces() -> None:
+def test_one_level_trains_the_pieces():
     """`highest` is the highest that trains: 350 kPa is held out here."""
     curves = [curve(p, damping=np.full(400, p)) for p in (80.0, 150.0, 350.0)]
     held = replace(curves[2], held_out=np.ones(400, bool))
@@ -96,13 +94,13 @@ def test_one_level_trains_the_pieces() -> None:
     assert np.allclose(predict(built(trained_at(curves, 80.0), None, "1"), curves[0].columns), 80.0)
 
 
-def test_the_plateau_never_trains() -> None:
+def test_the_plateau_never_trains():
     resting = np.arange(400) % 3 == 0
     spoilt = replace(curve(350.0, damping=np.where(resting, 1e6, 1.0)), at_rest=resting)
     assert np.allclose(predict(built([spoilt], None, "1"), spoilt.columns), 1.0)
 
 
-def test_the_steady_state_is_taken_from_each_recording_by_itself() -> None:
+def test_the_steady_state_is_taken_from_each_recording_by_itself():
     """Two recordings at one pressure, whose static models err by 3 and by -5 N."""
     one = curve(350.0)
     origin = np.repeat([0, 1], 200)

@@ -11,7 +11,7 @@ from common import dataset_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mapmore_cli.domain.recording import Curve, Dataset
+from mapmore_cli.domain.recording import Curve
 from mapmore_cli.domain.results import Forecast
 from mapmore_cli.modelling.validation import metrics
 from mapmore_cli.modelling.validation.metrics import bands, normaliser, uncentred_correlation
@@ -147,11 +147,11 @@ def test_without_two_training_cycles_one_tells_nothing():
     assert of(np.where(CYCLE > 1, np.nan, 1.0), held=CYCLE > 0) == ()
 
 
-def forces(measured: np.ndarray, held_out: np.ndarray | None = None) -> Dataset:
+def forces(measured, held_out=None):
     return dataset_of({"force": measured}, held_out=held_out, output="force")
 
 
-def test_each_sample_is_in_the_band_of_its_size() -> None:
+def test_each_sample_is_in_the_band_of_its_size():
     measured = np.array([0.0, -5.0, 10.0, -24.0, 30.0, 60.0, -100.0])
     found = bands(forces(measured), {"off": (measured + np.arange(7.0),)})
     assert [(band.low, band.high, band.samples) for band in found] == [
@@ -165,7 +165,7 @@ def test_each_sample_is_in_the_band_of_its_size() -> None:
     )
 
 
-def test_held_out_samples_decide_where_there_are_any_and_empty_bands_are_left_out() -> None:
+def test_held_out_samples_decide_where_there_are_any_and_empty_bands_are_left_out():
     measured = np.array([1.0, 100.0, 2.0, 90.0])
     found = bands(
         forces(measured, np.array([False, False, True, True])), {"off": (measured + 2.0,)}
@@ -176,7 +176,7 @@ def test_held_out_samples_decide_where_there_are_any_and_empty_bands_are_left_ou
     ]
 
 
-def test_the_uncentred_correlation_is_about_zero() -> None:
+def test_the_uncentred_correlation_is_about_zero():
     measured, predicted = np.array([10.0, 11.0, 12.0]), np.array([12.0, 11.0, 10.0])
     assert np.corrcoef(measured, predicted)[0, 1] == pytest.approx(-1.0)
     assert uncentred_correlation(measured, predicted) == pytest.approx(361 / 365)
@@ -186,7 +186,7 @@ def test_the_uncentred_correlation_is_about_zero() -> None:
 
 
 @given(st.integers(0, 10**6), st.integers(40, 120))
-def test_one_piece_is_the_textbook_formula(seed: int, n: int) -> None:
+def test_one_piece_is_the_textbook_formula(seed, n):
     random = np.random.default_rng(seed)
     e, u = random.normal(2, 1, n), random.normal(-3, 2, n)
     found = autocorrelation([e])
@@ -203,7 +203,7 @@ def test_one_piece_is_the_textbook_formula(seed: int, n: int) -> None:
         )
 
 
-def test_noise_stays_within_the_bounds_nineteen_times_in_twenty() -> None:
+def test_noise_stays_within_the_bounds_nineteen_times_in_twenty():
     random = np.random.default_rng(11)
     own = [autocorrelation([random.normal(size=150), random.normal(size=250)]) for _ in range(60)]
     crossed = [
@@ -214,13 +214,13 @@ def test_noise_stays_within_the_bounds_nineteen_times_in_twenty() -> None:
         assert 0.02 < sum(test.beyond for test in tests) / sum(test.tested for test in tests) < 0.08
 
 
-def test_errors_with_memory_are_seen() -> None:
+def test_errors_with_memory_are_seen():
     noise = np.random.default_rng(2).normal(size=600)
     errors = np.convolve(noise, 0.8 ** np.arange(30))[:600]
     assert autocorrelation([errors]).beyond > 5
 
 
-def test_a_forgotten_input_shows_at_its_lag() -> None:
+def test_a_forgotten_input_shows_at_its_lag():
     random = np.random.default_rng(4)
     u = random.normal(size=500)
     errors = np.concatenate([np.zeros(3), 0.5 * u[:-3]]) + random.normal(size=500)
@@ -229,7 +229,7 @@ def test_a_forgotten_input_shows_at_its_lag() -> None:
     assert found.values.max() > 3 * found.bound
 
 
-def test_pieces_do_not_touch() -> None:
+def test_pieces_do_not_touch():
     """The end of one piece tells nothing of the beginning of the next."""
     ramp = np.linspace(-1, 1, 40)
     apart, joined = (
@@ -241,7 +241,7 @@ def test_pieces_do_not_touch() -> None:
     assert joined.values[1] > apart.values[1]  # +1 meets +1 where they were put together
 
 
-def test_parts_are_values_where_there_are_few_else_as_many_samples_each() -> None:
+def test_parts_are_values_where_there_are_few_else_as_many_samples_each():
     random = np.random.default_rng(6)
     level = random.choice([80.0, 150.0, 250.0], 300)
     errors = np.where(level == 150, 1.0, 0.0) + random.normal(0, 0.5, 300)

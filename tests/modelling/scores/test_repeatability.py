@@ -22,11 +22,11 @@ UP_AND_DOWN = np.concatenate([np.linspace(50, 600, 400), np.linspace(600, 50, 40
 
 
 def curve(
-    offsets: dict[str, float],
-    pressure: np.ndarray = UP_AND_DOWN,
-    hysteresis: float = 0.0,
-    level: float = 0.1,
-) -> Curve:
+    offsets,
+    pressure=UP_AND_DOWN,
+    hysteresis=0.0,
+    level=0.1,
+):
     """One recording for each name: the same force up to an offset, higher by `hysteresis` on the
     way down.
     """
@@ -52,16 +52,14 @@ def repeated(curves, inputs):
     return repeats(curves, "force", inputs, logs)
 
 
-def errors(one: Curve) -> np.ndarray:
+def errors(one):
     """Others minus own, `(recordings, samples)`."""
     (found,) = repeated([one], ["pressure"])
     return (found - one.columns["force"]).reshape(len(one.recordings), -1)
 
 
 @given(st.lists(st.floats(-50, 50), min_size=2, max_size=5), st.floats(0, 30))
-def test_a_repeat_is_held_against_the_mean_of_the_others_on_its_own_branch(
-    offsets: list[float], hysteresis: float
-) -> None:
+def test_a_repeat_is_held_against_the_mean_of_the_others_on_its_own_branch(offsets, hysteresis):
     found = errors(
         curve({f"r{i}": offset for i, offset in enumerate(offsets)}, hysteresis=hysteresis)
     )
@@ -75,7 +73,7 @@ def test_a_repeat_is_held_against_the_mean_of_the_others_on_its_own_branch(
         np.testing.assert_allclose(inner, others - offset, atol=1e-6)
 
 
-def test_nothing_is_said_beyond_the_ends_of_the_others() -> None:
+def test_nothing_is_said_beyond_the_ends_of_the_others():
     both = curve({"long": 0.0, "short": 0.0})
     kept = (both.origin == 0) | (both.columns["pressure"] > 190)
     columns = {name: x[kept] for name, x in both.columns.items()}
@@ -87,7 +85,7 @@ def test_nothing_is_said_beyond_the_ends_of_the_others() -> None:
     assert np.isfinite(found[800:]).mean() > 0.99
 
 
-def test_a_dwell_counts_no_more_than_a_passage() -> None:
+def test_a_dwell_counts_no_more_than_a_passage():
     dwelling = np.concatenate(
         [UP_AND_DOWN[:200], np.full(2000, UP_AND_DOWN[200]), UP_AND_DOWN[200:]]
     )
@@ -118,20 +116,20 @@ def test_a_dwell_counts_no_more_than_a_passage() -> None:
         "two inputs vary",
     ],
 )
-def test_what_does_not_repeat(changed) -> None:  # type: ignore[no-untyped-def]
+def test_what_does_not_repeat(changed):  # type: ignore[no-untyped-def]
     one = changed(curve({"a": 0.0, "b": 1.0}))
     inputs = ["pressure", *(["temperature"] if "temperature" in one.columns else [])]
     assert repeated([one], inputs) is None
 
 
-def test_a_single_recording_has_no_repeat_and_other_levels_are_none() -> None:
+def test_a_single_recording_has_no_repeat_and_other_levels_are_none():
     alone, pair = curve({"c": 0.0}, level=0.2), curve({"a": 0.0, "b": 1.0})
     assert repeated([alone, curve({"d": 5.0}, level=0.3)], ["pressure"]) is None
     found = repeated([alone, pair], ["pressure"])
     assert [np.isfinite(values).any() for values in found] == [False, True]
 
 
-def test_recordings_at_the_same_value_of_a_held_input_repeat_each_other() -> None:
+def test_recordings_at_the_same_value_of_a_held_input_repeat_each_other():
     one = curve({"a": 0.0, "b": 1.0, "c": 40.0, "d": 41.0})
     length = np.where(one.origin < 2, 83.0, 281.0)  # type: ignore[operator]
     found = repeated(
@@ -141,7 +139,7 @@ def test_recordings_at_the_same_value_of_a_held_input_repeat_each_other() -> Non
 
 
 @given(st.integers(1, 4), st.floats(0, 0.04), st.integers(0, 10**6))
-def test_direction_is_known_through_noise(cycles: int, noise: float, seed: int) -> None:
+def test_direction_is_known_through_noise(cycles, noise, seed):
     clean = np.tile(UP_AND_DOWN, cycles)
     up = rising_samples(
         clean + noise * 550 * np.random.default_rng(seed).uniform(-1, 1, len(clean))
@@ -150,13 +148,13 @@ def test_direction_is_known_through_noise(cycles: int, noise: float, seed: int) 
     np.testing.assert_array_equal(up[inner], np.tile(np.arange(800) < 400, cycles)[inner])
 
 
-def test_a_record_that_never_turns_rises() -> None:
+def test_a_record_that_never_turns_rises():
     assert rising_samples(np.linspace(0, 1, 5)).all()
     assert not rising_samples(np.linspace(1, 0, 5)).any()
     assert rising_samples(np.ones(4)).all()
 
 
-def test_a_loop_has_its_floor_told() -> None:
+def test_a_loop_has_its_floor_told():
     x = np.tile(np.arange(10.0), 2)
     loop = np.where(np.arange(20) < 10, 5.0, -5.0) + 10 * x
     assert floors([x, x], [loop, 10 * x]) == pytest.approx([5.0 / 95.0, 0.0], abs=1e-9)

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from pathlib import Path
+from collections.abc import Mapping
 from typing import Any
 
 import h5py
@@ -11,21 +10,20 @@ import numpy as np
 import pytest
 from scipy.io import savemat
 
-from mapmore_cli.annexes.drafting.draft import Draft
 from mapmore_cli.annexes.drafting.start import start
 from mapmore_cli.pipeline.inspection import inspect
-from mapmore_cli.spec.loader import LoadedSpec, load
+from mapmore_cli.spec.loader import load
 
 Columns = Mapping[str, Any]
 
 
 def write(
-    path: Path,
-    columns: Columns | Sequence[Any],
-    head: str | None = None,
-    mark: str = ",",
-    point: str = ".",
-) -> None:
+    path,
+    columns,
+    head=None,
+    mark=",",
+    point=".",
+):
     """Write columns as text, under their names or under `head`."""
     path.parent.mkdir(parents=True, exist_ok=True)
     titles = mark.join(columns) + "\n" if isinstance(columns, Mapping) else ""
@@ -37,7 +35,7 @@ def write(
     path.write_text((titles if head is None else head) + "\n".join(rows) + "\n")
 
 
-def workbook(path: Path, sheets: Mapping[str, Sequence[Sequence[Any]]]) -> None:
+def workbook(path, sheets):
     """Write rows of cells as sheets."""
     book = pytest.importorskip("openpyxl").Workbook()
     book.remove(book.active)
@@ -48,7 +46,7 @@ def workbook(path: Path, sheets: Mapping[str, Sequence[Sequence[Any]]]) -> None:
     book.save(path)
 
 
-def tree(path: Path, runs: Mapping[str, Columns]) -> None:
+def tree(path, runs):
     """Write runs at 50 Hz as groups of an HDF5 or TDMS file, or structs of a MAT file, with
     something of another kind beside them.
     """
@@ -81,26 +79,26 @@ def tree(path: Path, runs: Mapping[str, Columns]) -> None:
             file.write_segment([nptdms.ChannelObject("Notes", "who", ["me", "you"])])
 
 
-def drafts(folder: Path, **settings: Any) -> list[Draft]:
+def drafts(folder, **settings):
     """All drafts of a folder."""
     return [*start(folder, folder, search=lambda draft, _: draft, **settings).drafts]
 
 
-def drafted(folder: Path, **settings: Any) -> Draft:
+def drafted(folder, **settings):
     """The one draft of a folder; that of its hysteresis may stand beside it."""
     draft, *beside = drafts(folder, **settings)
     assert all(one.spec["target"] == "hysteresis" for one in beside)
     return draft
 
 
-def loaded(draft: Draft, folder: Path) -> LoadedSpec:
+def loaded(draft, folder):
     """The spec of a draft, read from a file."""
     path = folder / f"{draft.name}.yaml"
     path.write_text(draft.text(), encoding="utf-8")
     return load(path)
 
 
-def checked(draft: Draft, folder: Path) -> LoadedSpec:
+def checked(draft, folder):
     """The spec of a draft, of which `check` has hints at most."""
     spec = loaded(draft, folder)
     assert [issue for issue in inspect(spec).issues if issue.severity != "hint"] == []

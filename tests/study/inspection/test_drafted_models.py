@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
 
 import drafted_tables
 import numpy as np
@@ -21,7 +20,7 @@ from recorded import drafted as untried
 
 from mapmore_cli.annexes.drafting import proof
 from mapmore_cli.annexes.drafting.answers import Answers
-from mapmore_cli.annexes.drafting.draft import Draft, draft_page
+from mapmore_cli.annexes.drafting.draft import draft_page
 from mapmore_cli.annexes.drafting.groups import find_groups
 from mapmore_cli.annexes.drafting.proof import proven
 from mapmore_cli.annexes.drafting.start import start
@@ -34,7 +33,7 @@ from mapmore_cli.storage.readers import reader_of
 # --------------------------------------------------------------------------------------
 
 
-def pull(path: Path, bar: int, strength: float) -> None:
+def pull(path, bar, strength):
     k = np.arange(40)
     write(
         path,
@@ -60,9 +59,7 @@ SPECIMENS = [
     bars=st.lists(st.integers(1, 9), min_size=2, max_size=4, unique=True),
     first=st.booleans(),
 )
-def test_specimens_that_names_tell_apart_are_never_pooled_unasked(
-    words: tuple[str, ...], bars: list[int], first: bool
-) -> None:
+def test_specimens_that_names_tell_apart_are_never_pooled_unasked(words, bars, first):
     with TemporaryDirectory() as place:
         folder = Path(place)
         for number, word in enumerate(words):
@@ -89,7 +86,7 @@ def test_specimens_that_names_tell_apart_are_never_pooled_unasked(
         )
 
 
-def expand_all(draft: Draft, folder: Path) -> list[Path]:
+def expand_all(draft, folder):
     """The files that a draft reads."""
     return [
         path
@@ -98,7 +95,7 @@ def expand_all(draft: Draft, folder: Path) -> list[Path]:
     ]
 
 
-def test_the_groups_are_no_input_of_a_search(tmp_path: Path) -> None:
+def test_the_groups_are_no_input_of_a_search(tmp_path):
     for number in (1, 2):
         for bar in (1, 2, 3):
             pull(tmp_path / f"{10 * number}cm_pull_{bar}bar.csv", bar, 2 + number / 10)
@@ -110,7 +107,7 @@ def test_the_groups_are_no_input_of_a_search(tmp_path: Path) -> None:
 # --------------------------------------------------------------------------------------------------
 
 
-def table(folder: Path, levels: int, samples: int, force: Any) -> None:
+def table(folder, levels, samples, force):
     strain = np.linspace(0, 0.15, samples)
     for pressure in 100.0 * np.arange(1, levels + 1):
         write(
@@ -119,12 +116,12 @@ def table(folder: Path, levels: int, samples: int, force: Any) -> None:
         )
 
 
-def drafted(folder: Path) -> Draft:
+def drafted(folder):
     (draft,) = start(folder, folder, search=lambda one, place: proven(one, place, 20.0)).drafts
     return draft
 
 
-def test_the_page_counts_all_files_and_those_that_are_drawn(tmp_path: Path) -> None:
+def test_the_page_counts_all_files_and_those_that_are_drawn(tmp_path):
     table(tmp_path, 7, 12, lambda p, e: p * (2 - 9 * e))
     draft = untried(tmp_path)
     drawn = len(draft.raw["eps"])
@@ -135,7 +132,7 @@ def test_the_page_counts_all_files_and_those_that_are_drawn(tmp_path: Path) -> N
 
 
 @pytest.mark.usefixtures("fewer_families")
-def test_held_out_levels_do_not_move_the_structure(tmp_path: Path) -> None:
+def test_held_out_levels_do_not_move_the_structure(tmp_path):
     """What is held out is spoilt: the same structure is found, and the score tells of it."""
     found = []
     for spoil in (0.0, 40.0):
@@ -175,9 +172,7 @@ ROWS = [tuple(row) for row in read_rows(drafted_tables.PAGE, "drafts")[1:]]
         "festo_fmax_by_length",
     ],
 )
-def test_the_page_says_what_is_proposed(
-    measured_data: Path, name: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_page_says_what_is_proposed(measured_data, name, monkeypatch):
     monkeypatch.setattr(searching, "FAMILIES", FAMILIES)
     monkeypatch.setattr(proof, "BUDGET", 60.0)  # no structure is cut off on a busy machine
     rows = drafted_tables.rows_of(measured_data / name)
@@ -185,7 +180,7 @@ def test_the_page_says_what_is_proposed(
     assert [row for row in ROWS if row[0] == name] == rows
 
 
-def test_every_recording_is_in_a_study_or_named(measured_data: Path) -> None:
+def test_every_recording_is_in_a_study_or_named(measured_data):
     """No file of a folder is left out in silence."""
     folders = sorted({row[0] for row in ROWS})
     assert len(folders) >= 9

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import gzip
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -46,9 +44,7 @@ PLAIN = "1,10\n2,20\n3,30\n4,40\n"
         ),
     ],
 )
-def test_dialects_are_recognised(
-    tmp_path: Path, text: str, settings: dict[str, Any], titles: tuple[str, ...] | None
-) -> None:
+def test_dialects_are_recognised(tmp_path, text, settings, titles):
     path = tmp_path / "a.csv"
     path.write_bytes(text.encode())
     found = preview(path)
@@ -59,9 +55,7 @@ def test_dialects_are_recognised(
 
 
 @pytest.mark.parametrize("encoding", ["utf-8-sig", "cp1252", "utf-16"])
-def test_files_of_older_programs_are_read_as_what_they_look_like(
-    tmp_path: Path, encoding: str
-) -> None:
+def test_files_of_older_programs_are_read_as_what_they_look_like(tmp_path, encoding):
     """Umlauts and degree signs of a logger under Windows; a mark at the beginning of UTF-8 needs no
     word.
     """
@@ -96,7 +90,7 @@ def test_files_of_older_programs_are_read_as_what_they_look_like(
         b'"never closed,1\n2,3\n',
     ],
 )
-def test_what_is_no_table_is_refused(tmp_path: Path, content: bytes) -> None:
+def test_what_is_no_table_is_refused(tmp_path, content):
     path = tmp_path / "a.csv"
     path.write_bytes(content)
     with pytest.raises(DataError, match=r"a\.csv"):
@@ -109,7 +103,7 @@ T = np.arange(0, 20, 0.02)
 LOOP = 1 - np.abs(T / 10 - 1)
 
 
-def isobaric(folder: Path, name: str = "pull_{:g}.csv", percent: float = 1.0) -> None:
+def isobaric(folder, name="pull_{:g}.csv", percent=1.0):
     strain = 0.15 * LOOP
     for level in (100, 200, 300, 400):
         columns = {
@@ -121,7 +115,7 @@ def isobaric(folder: Path, name: str = "pull_{:g}.csv", percent: float = 1.0) ->
         write(folder / name.format(level), columns)
 
 
-def test_an_isobaric_campaign(tmp_path: Path) -> None:
+def test_an_isobaric_campaign(tmp_path):
     isobaric(tmp_path)
     (draft,) = start(tmp_path, tmp_path).drafts
     data = checked(draft, tmp_path).spec.data
@@ -133,7 +127,7 @@ def test_an_isobaric_campaign(tmp_path: Path) -> None:
     assert "# 4 files, pressure held at 100 200 300 400 kPa" in draft.text()
 
 
-def test_the_held_strain_in_the_names_of_files(tmp_path: Path) -> None:
+def test_the_held_strain_in_the_names_of_files(tmp_path):
     steps = 600 * np.floor(10 * LOOP) / 10
     for word, strain in (("slack", 0.0), ("c5", 0.05), ("c10", 0.1), ("c15", 0.15)):
         for repeat in (1, 2):
@@ -147,7 +141,7 @@ def test_the_held_strain_in_the_names_of_files(tmp_path: Path) -> None:
     assert "# CHECK: 'c10' taken as strain 10 %: say what was measured" in draft.text()
 
 
-def test_tests_of_another_kind_in_the_same_folder_are_another_study(tmp_path: Path) -> None:
+def test_tests_of_another_kind_in_the_same_folder_are_another_study(tmp_path):
     for name in ("left/pull", "left/slow_pull", "right/pull", "right/slow_pull"):
         isobaric(tmp_path, name + "_{:g}.csv")
     assert [draft.name for draft in drafts(tmp_path)] == [
@@ -158,7 +152,7 @@ def test_tests_of_another_kind_in_the_same_folder_are_another_study(tmp_path: Pa
     ]
 
 
-def test_what_readers_stumble_over_is_named_in_the_draft(tmp_path: Path) -> None:
+def test_what_readers_stumble_over_is_named_in_the_draft(tmp_path):
     isobaric(tmp_path)
     for path in tmp_path.glob("*.csv"):
         lines = path.read_text().splitlines()
@@ -171,7 +165,7 @@ def test_what_readers_stumble_over_is_named_in_the_draft(tmp_path: Path) -> None
     assert "missing: drop  # 4 samples have an empty cell" in draft.text()
 
 
-def test_a_backward_clock_is_left_out(tmp_path: Path) -> None:
+def test_a_backward_clock_is_left_out(tmp_path):
     isobaric(tmp_path)
     path = tmp_path / "pull_100.csv"
     lines = path.read_text().splitlines()
@@ -183,7 +177,7 @@ def test_a_backward_clock_is_left_out(tmp_path: Path) -> None:
     assert "left out: time_s" in draft.text()
 
 
-def test_a_position_under_pressure_is_a_model_with_memory(tmp_path: Path) -> None:
+def test_a_position_under_pressure_is_a_model_with_memory(tmp_path):
     lag = np.convolve(LOOP, np.exp(-T[:200] / 0.5) / np.exp(-T[:200] / 0.5).sum())[: len(T)]
     write(tmp_path / "lift.csv", {"t_s": T, "pressure_psi": 60 * LOOP, "position_mm": -8 * lag})
     spec = checked(drafted(tmp_path), tmp_path).spec
@@ -196,7 +190,7 @@ def test_a_position_under_pressure_is_a_model_with_memory(tmp_path: Path) -> Non
     assert "displacement" not in str([strained.spec.get(key) for key in ("dictionary", "model")])
 
 
-def test_a_line_of_units_and_every_sheet(tmp_path: Path) -> None:
+def test_a_line_of_units_and_every_sheet(tmp_path):
     head = [["time", "P", "eps", "F"], ["s", "bar", "%", "kN"]]
     pull = list(zip(T[::20].tolist(), LOOP[::20].tolist(), strict=True))
     rows = {
@@ -216,7 +210,7 @@ def test_a_line_of_units_and_every_sheet(tmp_path: Path) -> None:
     assert data.levels.at == [100, 200, 300, 400]
 
 
-def test_what_fails_its_own_run_is_made_simpler(tmp_path: Path) -> None:
+def test_what_fails_its_own_run_is_made_simpler(tmp_path):
     """Two samples at each of three pressures: too few to leave any out."""
     for level in (100, 200, 300):
         write(
@@ -235,7 +229,7 @@ def test_what_fails_its_own_run_is_made_simpler(tmp_path: Path) -> None:
 # --------------------------------------------------------------------------------------------------
 
 
-def test_results_of_runs_are_no_recordings(tmp_path: Path) -> None:
+def test_results_of_runs_are_no_recordings(tmp_path):
     isobaric(tmp_path)
     isobaric(tmp_path / "runs" / "old")
     (tmp_path / "runs" / "old" / "run.json").write_text("{}")
@@ -243,7 +237,7 @@ def test_results_of_runs_are_no_recordings(tmp_path: Path) -> None:
     assert drafted(tmp_path).files == 4
 
 
-def test_patterns_match_their_files_and_no_others(tmp_path: Path) -> None:
+def test_patterns_match_their_files_and_no_others(tmp_path):
     names = ["a_1_up.csv", "a_2_up.csv", "a_1_down.csv", "a_2_down.csv", "[x].csv"]
     files = {name: tmp_path / name for name in names}
     for path in files.values():
@@ -257,7 +251,7 @@ def test_patterns_match_their_files_and_no_others(tmp_path: Path) -> None:
     assert patterns([files["[x].csv"]], tmp_path) == ["[x].csv"]
 
 
-def test_yaml_says_what_the_dictionary_says() -> None:
+def test_yaml_says_what_the_dictionary_says():
     columns = {"force": {"column": "no: #1", "scale": 0.5}}
     spec = {
         "name": "1e5",
@@ -282,7 +276,7 @@ def test_yaml_says_what_the_dictionary_says() -> None:
     assert max(map(len, text.splitlines())) <= 132
 
 
-def test_titles_with_commands_to_a_terminal_are_told_as_text(tmp_path: Path) -> None:
+def test_titles_with_commands_to_a_terminal_are_told_as_text(tmp_path):
     """In a comment of the draft, they made it no YAML."""
     rows = "".join(
         f"{i / 10},{100 + 100 * (i // 30)},{i % 30 / 200},"
@@ -295,7 +289,7 @@ def test_titles_with_commands_to_a_terminal_are_told_as_text(tmp_path: Path) -> 
     loaded(draft, tmp_path)
 
 
-def stamped(path: Path, stamp: str, *, odd: str = "") -> None:
+def stamped(path, stamp, *, odd=""):
     """Ten contractions with a stamp every half a second, as `stamp` writes minutes and seconds; one
     cell of the force may be `odd`.
     """
@@ -315,7 +309,7 @@ def stamped(path: Path, stamp: str, *, odd: str = "") -> None:
     "stamp",
     ["12:{:02}:{:04.1f}", "2026-03-01 12:{:02}:{:04.1f}", "11:{:02}:{:04.1f} PM", "{:02}:{:04.1f}"],
 )
-def test_time_stamps_are_read_in_seconds(tmp_path: Path, stamp: str) -> None:
+def test_time_stamps_are_read_in_seconds(tmp_path, stamp):
     stamped(tmp_path / "a.csv", stamp)
     spec = yaml.safe_load(drafted(tmp_path).text())
     assert spec["data"]["columns"]["time"]["column"] == "time [s]"
@@ -323,7 +317,7 @@ def test_time_stamps_are_read_in_seconds(tmp_path: Path, stamp: str) -> None:
 
 
 @pytest.mark.parametrize("odd", ["0:03:20", "01.05.2026 12:00:00", "TRUE", '"20"1.2', "1'234.5"])
-def test_a_cell_that_is_no_number_is_told_rather_than_left_out(tmp_path: Path, odd: str) -> None:
+def test_a_cell_that_is_no_number_is_told_rather_than_left_out(tmp_path, odd):
     stamped(tmp_path / "a.csv", "12:{:02}:{:04.1f}", odd=odd)
     with pytest.raises(DataError, match=r"a\.csv:row 57, column force"):
         drafted(tmp_path)

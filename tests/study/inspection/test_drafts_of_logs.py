@@ -5,17 +5,14 @@ an end beyond the rest.
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 from recorded import drafted, drafts, write
 
 from mapmore_cli.annexes.drafting.answers import Answers
-from mapmore_cli.annexes.drafting.draft import Draft, NamedColumn
+from mapmore_cli.annexes.drafting.draft import NamedColumn
 from mapmore_cli.annexes.drafting.proof import score_in_words
-from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.scores import Score
 
@@ -24,7 +21,7 @@ DRIVE = 3 + 2 * np.sin(0.031 * K) * np.cos(0.012 * K)
 NOISE = np.random.default_rng(0).normal(size=len(K))
 
 
-def followed(drive: Array, lag: float = 20.0) -> Array:
+def followed(drive, lag=20.0):
     state, found = drive[0], []
     for value in drive:
         state += (value - state) / lag
@@ -33,10 +30,10 @@ def followed(drive: Array, lag: float = 20.0) -> Array:
 
 
 @pytest.fixture
-def untried(tmp_path: Path) -> Any:
+def untried(tmp_path):
     """Drafts of a folder as they were before their trials."""
 
-    def of(**tables: dict[str, Array]) -> list[Draft]:
+    def of(**tables):
         for name, columns in tables.items():
             write(tmp_path / f"{name}.csv", columns)
         return drafts(tmp_path)
@@ -44,7 +41,7 @@ def untried(tmp_path: Path) -> Any:
     return of
 
 
-def has_memory(draft: Draft) -> bool:
+def has_memory(draft):
     return "resample" in draft.data  # even steps, without which a search tries no memory
 
 
@@ -60,7 +57,7 @@ def has_memory(draft: Draft) -> bool:
 # --------------------------------------------------------------------------------------------------
 
 
-def two_logs() -> dict[str, dict[str, Array]]:
+def two_logs():
     """A tester that holds four strains, and a logger of the pressure that begins later and rests
     now and then.
     """
@@ -74,7 +71,7 @@ def two_logs() -> dict[str, dict[str, Array]]:
     }
 
 
-def test_the_pressure_of_a_second_log_is_joined(untried: Any) -> None:
+def test_the_pressure_of_a_second_log_is_joined(untried):
     (draft,) = untried(**two_logs())
     (join,) = draft.data["join"]
     assert join["files"] == ["gauge.csv"]
@@ -91,16 +88,14 @@ def test_the_pressure_of_a_second_log_is_joined(untried: Any) -> None:
         ("tester", "Time_ms", "no clock goes on in both logs"),
     ],
 )
-def test_a_log_whose_clock_is_none_cannot_be_joined(
-    untried: Any, log: str, stamps: str, told: str
-) -> None:
+def test_a_log_whose_clock_is_none_cannot_be_joined(untried, log, stamps, told):
     logs = two_logs()
     with pytest.raises(DataError) as caught:
         untried(**logs | {log: logs[log] | {stamps: -logs[log][stamps]}})
     assert told in (caught.value.remedy or "")
 
 
-def test_two_logs_of_pressure_are_no_pair(untried: Any) -> None:
+def test_two_logs_of_pressure_are_no_pair(untried):
     logs = two_logs()
     names = {
         draft.name
@@ -111,7 +106,7 @@ def test_two_logs_of_pressure_are_no_pair(untried: Any) -> None:
     assert "tester" in names
 
 
-def test_a_force_that_never_changes_is_no_target(untried: Any) -> None:
+def test_a_force_that_never_changes_is_no_target(untried):
     """The load cell was off, or a dead load hung there."""
     (draft,) = untried(
         lift={"t_s": 0.1 * K, "P_kPa": 100 * DRIVE, "F_N": 0 * DRIVE, "x_mm": followed(DRIVE)}
@@ -120,14 +115,14 @@ def test_a_force_that_never_changes_is_no_target(untried: Any) -> None:
     assert "force" not in draft.data["columns"]
 
 
-def test_a_force_without_a_pressure_follows_the_position(untried: Any) -> None:
+def test_a_force_without_a_pressure_follows_the_position(untried):
     (draft,) = untried(spring={"x_mm": 10 * DRIVE, "F_N": 30 - 4 * DRIVE + 0.01 * NOISE})
     assert list(draft.data["columns"]) == ["displacement", "force"]
     assert draft.output == "force"
     assert not has_memory(draft)
 
 
-def test_a_static_response_keeps_the_unit_that_was_told(tmp_path: Path) -> None:
+def test_a_static_response_keeps_the_unit_that_was_told(tmp_path):
     write(tmp_path / "bend.csv", {"P": 100 * DRIVE[:150], "b": np.tanh(DRIVE[:150])})
     draft = drafted(
         tmp_path,
@@ -147,7 +142,7 @@ def test_a_static_response_keeps_the_unit_that_was_told(tmp_path: Path) -> None:
 # --------------------------------------------------------------------------------------------------
 
 
-def test_a_response_to_a_step_is_not_static(untried: Any) -> None:
+def test_a_response_to_a_step_is_not_static(untried):
     """The pressure jumps and rests, the muscle swings and creeps long after: force, strain and
     pressure, but nothing was held.
     """
@@ -173,9 +168,7 @@ def test_a_response_to_a_step_is_not_static(untried: Any) -> None:
         ("x_mm", -0.1 * K / 6, "-displacement/0.088"),
     ],
 )
-def test_a_known_length_makes_a_strain(
-    tmp_path: Path, title: str, values: Array, rule: str
-) -> None:
+def test_a_known_length_makes_a_strain(tmp_path, title, values, rule):
     pressure = np.repeat([100.0, 200.0, 300.0], 200)
     write(tmp_path / "pull.csv", {"P_kPa": pressure, title: values, "F_N": pressure - 0.1 * values})
     draft = drafted(tmp_path, answers=Answers(length=0.088))
@@ -199,7 +192,7 @@ def test_a_known_length_makes_a_strain(
 # --------------------------------------------------------------------------------------------------
 
 
-def score(rmse: float, model: str = "mapmore", r2: float = 0.5) -> Score:
+def score(rmse, model="mapmore", r2=0.5):
     share, scale = rmse / 100, "max|force| over validate"
     return Score(model, "force", "validate", "all", 10, rmse, share, 100.0, scale, rmse, share, r2)
 
@@ -215,7 +208,5 @@ def score(rmse: float, model: str = "mapmore", r2: float = 0.5) -> Score:
         (replace(score(3.0), nrmse=np.nan), None, "no finite error on held-out data"),
     ],
 )
-def test_a_plainer_model_that_errs_less_is_told(
-    own: Score, plainer: Score | None, told: str
-) -> None:
+def test_a_plainer_model_that_errs_less_is_told(own, plainer, told):
     assert score_in_words(own, plainer) == told

@@ -16,14 +16,13 @@ from mapmore_cli.checking.evidence import (
     settling,
     spikes,
 )
-from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.recording import Curve, Recording
 from mapmore_cli.modelling.expressions.operator import linear, run_recursion
 
 STRAINS = np.array([0.0, 0.05, 0.1, 0.15])
 
 
-def samples(force, seed: int = 1):
+def samples(force, seed=1):
     """Pressure, strain and force of a static muscle at four strains, with noise and the offset of a
     load cell.
     """
@@ -34,7 +33,7 @@ def samples(force, seed: int = 1):
 
 @settings(deadline=None, max_examples=30)
 @given(start=st.floats(100, 150), slope=st.floats(1000, 2500))
-def test_the_threshold_of_a_slack_muscle_is_found(start: float, slope: float) -> None:
+def test_the_threshold_of_a_slack_muscle_is_found(start, slope):
     foot = find_slack_foot(*samples(lambda p, e: 0.8 * np.maximum(p - start - slope * e, 0)))
     bins = (
         590 / 24 + 0.05 * 480 / 0.8
@@ -54,18 +53,18 @@ def test_the_threshold_of_a_slack_muscle_is_found(start: float, slope: float) ->
         lambda p, e: -0.3 * p + 50 * e,  # it pushes
     ],
 )
-def test_no_foot_where_there_is_none(force) -> None:
+def test_no_foot_where_there_is_none(force):
     assert find_slack_foot(*samples(force)) is None
 
 
-def test_no_foot_can_be_seen_at_a_few_held_pressures() -> None:
+def test_no_foot_can_be_seen_at_a_few_held_pressures():
     pressure, strain = (
         grid.ravel() for grid in np.meshgrid([100.0, 250, 400, 600], np.linspace(0, 0.2, 100))
     )
     assert find_slack_foot(pressure, strain, np.maximum(pressure - 2000 * strain - 100, 0)) is None
 
 
-def recording(**columns) -> Recording:
+def recording(**columns):
     return Recording(
         "r",
         "r.csv",
@@ -79,7 +78,7 @@ T = np.arange(0, 40, 0.02)
 LOOP = 1 - np.abs(T / 20 - 1)
 
 
-def strokes(pressures, rows: slice = slice(None)) -> list[Recording]:
+def strokes(pressures, rows=slice(None)):
     """Strokes there and back, each at a pressure or the course of one."""
     return [
         recording(time=T[rows], pressure=(pressure + 0 * T)[rows], strain=0.2 * LOOP[rows])
@@ -107,7 +106,7 @@ BOTH = ("pressure", "strain")
         (100 * (LEVELS + np.where(T < 30, 0.0, -0.6)), [70, 170, 270], 0),
     ],
 )
-def test_what_hardly_moves_was_held(pressures, at: list[float], off: float) -> None:
+def test_what_hardly_moves_was_held(pressures, at, off):
     recordings = strokes(pressures)
     held = find_held(recordings, BOTH)
     assert (held.of, held.swept) == BOTH
@@ -117,7 +116,7 @@ def test_what_hardly_moves_was_held(pressures, at: list[float], off: float) -> N
     assert not goes_in_cycles(there, find_held(there, BOTH))
 
 
-def test_holds_within_one_recording_keep_the_ways_between_out() -> None:
+def test_holds_within_one_recording_keep_the_ways_between_out():
     holds = np.concatenate(
         [
             np.concatenate([np.full(T.size, e), np.linspace(e, e + 0.1, 300)])
@@ -130,7 +129,7 @@ def test_holds_within_one_recording_keep_the_ways_between_out() -> None:
     assert held.within < 0.02
 
 
-def loops(heights: list[float]) -> list[Curve]:
+def loops(heights):
     """A loop at each level, so many newtons wide in the middle."""
     x = np.linspace(0, 1, 200)
     columns = [{"strain": x, "hysteresis": height * np.sin(np.pi * x)} for height in heights]
@@ -141,14 +140,14 @@ def loops(heights: list[float]) -> list[Curve]:
 
 
 @given(st.floats(-5, 5), st.floats(0.1, 5), st.integers(4, 9))
-def test_levels_on_a_line_tell_of_each_other(first: float, step: float, count: int) -> None:
+def test_levels_on_a_line_tell_of_each_other(first, step, count):
     heights = [first + step * level for level in range(count)]
     near, far = neighbourhood(loops(heights), "strain", "hysteresis")
     assert near == pytest.approx(0, abs=1e-9)
     assert far > near
 
 
-def test_levels_in_turns_do_not_tell_of_each_other() -> None:
+def test_levels_in_turns_do_not_tell_of_each_other():
     near, far = neighbourhood(loops([1.0, 4.0, 1.0, 4.0, 1.0, 4.0]), "strain", "hysteresis")
     assert near == pytest.approx(3 / 4 / np.sqrt(2), rel=0.02)  # always 3 of 4 off
     assert far == pytest.approx((3 * 3 / 5) / 4 / np.sqrt(2), rel=0.02)
@@ -156,20 +155,20 @@ def test_levels_in_turns_do_not_tell_of_each_other() -> None:
     assert neighbourhood(loops([0.0] * 5), "strain", "hysteresis") is None
 
 
-def test_nothing_was_held_where_both_move_or_only_one_level_was() -> None:
+def test_nothing_was_held_where_both_move_or_only_one_level_was():
     assert find_held(strokes([500 * LOOP]), BOTH) is None
     assert find_held(strokes([100]), BOTH) is None
 
 
-def test_steps_are_told_from_sweeps() -> None:
-    def rests(pressure: Array) -> float:
+def test_steps_are_told_from_sweeps():
+    def rests(pressure):
         return settling([recording(time=T, pressure=pressure)]).share_between
 
     assert rests(500 * (np.floor(10 * LOOP) / 10)) > 0.5 > rests(2000 * LOOP)
     assert settling([recording(time=T, pressure=0 * T + 100)]) is None
 
 
-def test_one_signal_in_two_units_is_found_and_a_loop_is_none() -> None:
+def test_one_signal_in_two_units_is_found_and_a_loop_is_none():
     one = np.sin(T)
     assert same_signals([one, np.cos(T), 7 - 3 * one]) == [[0, 2]]
     assert same_signals([one, one + 0.1 * np.cos(T)]) == []
@@ -178,21 +177,21 @@ def test_one_signal_in_two_units_is_found_and_a_loop_is_none() -> None:
 
 @settings(deadline=None)
 @given(st.lists(st.floats(0, 1e3), unique=True, max_size=20).map(sorted))
-def test_held_out_levels_are_inner_ones(levels: list[float]) -> None:
+def test_held_out_levels_are_inner_ones(levels):
     inner = levels_to_hold_out(levels)
     assert set(inner) <= set(levels[1:-1])
     assert bool(inner) == (len(levels) >= 3)
     assert len(levels) - len(inner) >= min(len(levels), 2)
 
 
-def test_nothing_was_set_where_nothing_was_recorded() -> None:
+def test_nothing_was_set_where_nothing_was_recorded():
     """Found by fuzzing `init`: recordings without a finite row were an internal fault."""
     assert set_in_steps([]) is None
     assert set_in_steps([np.zeros(0), np.ones(1)]) is None
 
 
 @st.composite
-def smooth_signals(draw: st.DrawFn) -> Array:
+def smooth_signals(draw):
     """Sums of slow waves with normal noise of any size, as records of a sensor are."""
     n, seed = draw(st.integers(30, 3000)), draw(st.integers(0, 2**32 - 1))
     rng, time = np.random.default_rng(seed), np.arange(n)
@@ -207,13 +206,13 @@ def smooth_signals(draw: st.DrawFn) -> Array:
 
 @settings(max_examples=300, deadline=None)
 @given(smooth_signals())
-def test_noise_has_no_spikes(values: Array) -> None:
+def test_noise_has_no_spikes(values):
     assert not spikes(values).size
 
 
 @settings(deadline=None)
 @given(st.integers(30, 2000), st.integers(0, 2**32 - 1), st.sampled_from(["two", "many", "steps"]))
-def test_commands_and_steps_have_no_spikes(n: int, seed: int, kind: str) -> None:
+def test_commands_and_steps_have_no_spikes(n, seed, kind):
     rng = np.random.default_rng(seed)
     held = rng.geometric(rng.uniform(0.02, 1.0), size=n)
     if kind == "steps":
@@ -232,9 +231,7 @@ def test_commands_and_steps_have_no_spikes(n: int, seed: int, kind: str) -> None
     st.floats(1.0, 100.0),
     st.sampled_from([-1.0, 1.0]),
 )
-def test_a_sample_that_left_the_range_is_a_spike(
-    n: int, seed: int, height: float, sign: float
-) -> None:
+def test_a_sample_that_left_the_range_is_a_spike(n, seed, height, sign):
     rng = np.random.default_rng(seed)
     values = np.sin(np.arange(n) * rng.uniform(0.01, 0.1)) + 0.01 * rng.normal(size=n)
     place = int(rng.integers(1, n - 1))

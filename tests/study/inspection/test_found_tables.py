@@ -4,16 +4,12 @@ files that hold trees of arrays.
 
 from __future__ import annotations
 
-from pathlib import Path
-from typing import Any
-
 import h5py
 import numpy as np
 import pytest
 from recorded import drafted, tree, workbook
 from scipy.io import savemat
 
-from mapmore_cli.annexes.drafting.draft import Draft
 from mapmore_cli.annexes.drafting.preview import preview
 from mapmore_cli.annexes.drafting.recordings import read_draft
 from mapmore_cli.domain.errors import DataError
@@ -23,7 +19,7 @@ T = 0.05 * np.arange(N)
 SWING = np.sin(0.1 * np.arange(N)) ** 2
 
 
-def table(**columns: np.ndarray) -> list[list[Any]]:
+def table(**columns):
     return [list(columns), *np.column_stack(list(columns.values())).tolist()]
 
 
@@ -32,13 +28,13 @@ RUN = table(
 )
 
 
-def read(folder: Path, rows: list[list[Any]], title: str = "P_kPa") -> Draft:
+def read(folder, rows, title="P_kPa"):
     """The draft of rows as text, in which the pressure has this title."""
     (folder / "a.csv").write_text(as_text(rows).replace("P_kPa", title))
     return drafted(folder)
 
 
-def as_text(rows: list[list[Any]], delimiter: str = ",") -> str:
+def as_text(rows, delimiter=","):
     return "".join(delimiter.join(map(str, row)) + "\n" for row in rows)
 
 
@@ -46,7 +42,7 @@ def as_text(rows: list[list[Any]], delimiter: str = ",") -> str:
 # --------------------------------------------------------------------------------------------------
 
 
-def test_a_column_of_words_is_left_out(tmp_path: Path) -> None:
+def test_a_column_of_words_is_left_out(tmp_path):
     rows = [
         [*row[:2], "note" if not k else "up" if k < 30 else "down", *row[2:]]
         for k, row in enumerate(RUN)
@@ -57,7 +53,7 @@ def test_a_column_of_words_is_left_out(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("place", [7, 40])
-def test_a_word_for_a_missing_number_is_told_to_the_reader(tmp_path: Path, place: int) -> None:
+def test_a_word_for_a_missing_number_is_told_to_the_reader(tmp_path, place):
     """Also beyond the lines that are looked at first."""
     rows = [list(row) for row in RUN]
     rows[place][3] = rows[place + 3][3] = "OVLD"
@@ -70,7 +66,7 @@ def test_a_word_for_a_missing_number_is_told_to_the_reader(tmp_path: Path, place
     assert read_draft(draft, tmp_path, "force").recordings[0].dropped == {"missing value": 2}
 
 
-def test_a_column_that_is_hardly_filled_hides_no_other(tmp_path: Path) -> None:
+def test_a_column_that_is_hardly_filled_hides_no_other(tmp_path):
     """Where the remark's number stands the pressure is 4 kPa, and elsewhere up to 300: no bar."""
     rows = [[*row, "remark" if not k else 1.0 if k in (1, 2) else ""] for k, row in enumerate(RUN)]
     for k in (1, 2):
@@ -82,7 +78,7 @@ def test_a_column_that_is_hardly_filled_hides_no_other(tmp_path: Path) -> None:
         }
 
 
-def test_a_line_of_units_that_has_a_one_and_words_beside_numbers(tmp_path: Path) -> None:
+def test_a_line_of_units_that_has_a_one_and_words_beside_numbers(tmp_path):
     path = tmp_path / "a.csv"
     path.write_text("P;eps\nkPa;1\n" + "".join(f"{k};0,{k}\n" for k in range(10, 30)))
     assert (preview(path).settings, preview(path).below) == (
@@ -112,9 +108,7 @@ def test_a_line_of_units_that_has_a_one_and_words_beside_numbers(tmp_path: Path)
         ),
     ],
 )
-def test_a_row_ends_at_its_last_filled_cell(
-    tmp_path: Path, rows: list[list[Any]], settings: dict[str, int]
-) -> None:
+def test_a_row_ends_at_its_last_filled_cell(tmp_path, rows, settings):
     workbook(tmp_path / "a.xlsx", {"run": rows})
     assert (preview(tmp_path / "a.xlsx").titles, preview(tmp_path / "a.xlsx").settings) == (
         ("t", "P", "F"),
@@ -126,7 +120,7 @@ NOTES = [["operator", "remarks"], ["me", "none"]]
 
 
 @pytest.mark.parametrize("titles", [("run 1", "run 2"), ("left", "right"), ("one",)])
-def test_every_sheet_that_is_alike_is_read(tmp_path: Path, titles: tuple[str, ...]) -> None:
+def test_every_sheet_that_is_alike_is_read(tmp_path, titles):
     summary = [["P", "F"], [1, 2], [3, 4]]
     workbook(
         tmp_path / "a.xlsx", {"notes": NOTES, **dict.fromkeys(titles, RUN), "summary": summary}
@@ -145,7 +139,7 @@ def test_every_sheet_that_is_alike_is_read(tmp_path: Path, titles: tuple[str, ..
 COLUMNS = dict(zip(RUN[0], np.array(RUN[1:]).T, strict=True))
 
 
-def hdf5(path: Path, **arrays: Any) -> None:
+def hdf5(path, **arrays):
     with h5py.File(path, "w") as file:
         for name, values in arrays.items():
             file[name] = values
@@ -187,15 +181,13 @@ RECORDED = np.array(list(zip(T, SWING, strict=True)), dtype=[("t", "f8"), ("P", 
         ),
     ],
 )
-def test_columns_of_an_hdf5_file(
-    tmp_path: Path, arrays: Any, columns: tuple[str, ...], settings: dict[str, Any]
-) -> None:
+def test_columns_of_an_hdf5_file(tmp_path, arrays, columns, settings):
     hdf5(tmp_path / "a.h5", **arrays)
     found = preview(tmp_path / "a.h5")
     assert (found.columns, found.settings) == (columns, settings)
 
 
-def test_links_in_circles_end(tmp_path: Path) -> None:
+def test_links_in_circles_end(tmp_path):
     with h5py.File(tmp_path / "a.h5", "w") as file:
         run = file.create_group("run")
         run["t"], run["P"] = T, SWING
@@ -204,7 +196,7 @@ def test_links_in_circles_end(tmp_path: Path) -> None:
     assert preview(tmp_path / "a.h5").columns == ("run/P", "run/t")
 
 
-def test_columns_of_a_mat_file(tmp_path: Path) -> None:
+def test_columns_of_a_mat_file(tmp_path):
     cells = np.empty(2, dtype=object)
     cells[:] = [{"t": T, "P": SWING}, {"t": T, "P": SWING}]
     for content, columns, settings in (
@@ -221,7 +213,7 @@ def test_columns_of_a_mat_file(tmp_path: Path) -> None:
         assert (found.columns, found.settings) == (columns, settings)
 
 
-def test_columns_of_a_tdms_file(tmp_path: Path) -> None:
+def test_columns_of_a_tdms_file(tmp_path):
     nptdms = pytest.importorskip("nptdms")
     with nptdms.TdmsWriter(tmp_path / "a.tdms") as file:
         waves = [
@@ -241,9 +233,7 @@ def test_columns_of_a_tdms_file(tmp_path: Path) -> None:
     ("suffix", "word"),
     [("h5", "run_{}"), ("h5", "Run.{}"), ("mat", "run_{}"), ("tdms", "run_{}"), ("tdms", "Run.{}")],
 )
-def test_groups_of_a_tree_are_recordings_in_the_order_of_their_numbers(
-    tmp_path: Path, suffix: str, word: str
-) -> None:
+def test_groups_of_a_tree_are_recordings_in_the_order_of_their_numbers(tmp_path, suffix, word):
     """Also where something of another kind lies beside them; the sample time stands for a clock."""
     levels = [100, 200, 1000]
     runs = {
@@ -266,14 +256,14 @@ def test_groups_of_a_tree_are_recordings_in_the_order_of_their_numbers(
 
 
 @pytest.mark.parametrize("other", ["P_kPa", "F_N"])
-def test_a_run_that_lacks_columns_is_no_recording_among_others(tmp_path: Path, other: str) -> None:
+def test_a_run_that_lacks_columns_is_no_recording_among_others(tmp_path, other):
     """Half a run must not be passed over in silence: it is not drafted as one of them."""
     runs = {f"run_{k}/{title}": values for k in range(2) for title, values in COLUMNS.items()}
     hdf5(tmp_path / "a.h5", **runs, **{f"run_9/{other}": T})
     assert "root" not in preview(tmp_path / "a.h5").settings
 
 
-def test_a_tree_is_drafted_by_the_titles_of_its_arrays(tmp_path: Path) -> None:
+def test_a_tree_is_drafted_by_the_titles_of_its_arrays(tmp_path):
     """The name of the group is no title; a clock among the columns takes the place of the sample
     time.
     """
@@ -289,7 +279,7 @@ def test_a_tree_is_drafted_by_the_titles_of_its_arrays(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("content", [{"x": 1.0}, {"who": "me"}, {"only": T}])
-def test_a_tree_without_a_table_is_refused(tmp_path: Path, content: dict[str, Any]) -> None:
+def test_a_tree_without_a_table_is_refused(tmp_path, content):
     hdf5(tmp_path / "a.h5", **content)
     with pytest.raises(DataError, match=r"a\.h5: no table of numbers"):
         preview(tmp_path / "a.h5")

@@ -10,7 +10,6 @@ import gzip
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -74,7 +73,7 @@ class Folder:
     files: Mapping[str, bytes | Sequence[tuple[str, list[list[Any]]]]]
     length: float | None
 
-    def save(self, place: Path) -> None:
+    def save(self, place):
         """Write everything below `place`."""
         for name, content in self.files.items():
             path = place / name
@@ -89,7 +88,7 @@ class Folder:
                 tree(path, {name: _arrays(table) for name, table in content})
 
 
-def measured(experiment: str, level: float, rows: int, seed: int) -> Columns:
+def measured(experiment, level, rows, seed):
     """What a muscle of 100 mm does in one recording; SI and kPa."""
     rng = np.random.default_rng(seed)
     swing = 0.5 * (1 - np.cos(np.linspace(0, 2 * np.pi, rows)))
@@ -117,7 +116,7 @@ KINDS = ("text", "xlsx", "sheets", "hdf5", "mat", "tdms")
 
 
 @st.composite
-def folders(draw: st.DrawFn, kinds: Sequence[str] = KINDS) -> Folder:
+def folders(draw, kinds=KINDS):
     """A campaign of one experiment in files of one of these kinds: everything else about it as it
     comes.
     """
@@ -167,11 +166,11 @@ def folders(draw: st.DrawFn, kinds: Sequence[str] = KINDS) -> Folder:
     return _files(draw, tables, draw(st.sampled_from(kinds)))
 
 
-def _size(text: str) -> float:
+def _size(text):
     return next((size for unit, size in SIZES.items() if unit in text), 1.0)
 
 
-def _with_holes(body: list[list[Any]], holes: str, number: int) -> list[list[Any]]:
+def _with_holes(body, holes, number):
     rng = np.random.default_rng(number)
     for row, cells in enumerate(body):
         if holes == "one" and row == len(body) // 2:
@@ -185,7 +184,7 @@ def _with_holes(body: list[list[Any]], holes: str, number: int) -> list[list[Any
     return body
 
 
-def _files(draw: st.DrawFn, tables: Mapping[float, list[list[Any]]], kind: str) -> Folder:
+def _files(draw, tables, kind):
     """The tables as files: of one format, with names that say the level or not, one after the other
     or in one file.
     """
@@ -233,7 +232,7 @@ def _files(draw: st.DrawFn, tables: Mapping[float, list[list[Any]]], kind: str) 
     return Folder({f"{name}.{suffix}": [("Run", table)] for name, table in named.items()}, length)
 
 
-def _as_text(draw: st.DrawFn, named: Mapping[str, list[list[Any]]]) -> dict[str, bytes]:
+def _as_text(draw, named):
     delimiter, comma = draw(
         st.sampled_from(
             [(",", False), (";", False), (";", True), ("\t", False), ("\t", True), ("  ", False)]
@@ -249,7 +248,7 @@ def _as_text(draw: st.DrawFn, named: Mapping[str, list[list[Any]]]) -> dict[str,
     end = draw(st.sampled_from(["\n", "\r\n", "\r"]))
     digits = draw(st.sampled_from([5, 6, 9]))
 
-    def cell(value: Any) -> str:
+    def cell(value):
         if isinstance(value, float):
             text = f"{value:.{digits}g}"
             return text.replace(".", ",") if comma else text
@@ -263,7 +262,7 @@ def _as_text(draw: st.DrawFn, named: Mapping[str, list[list[Any]]]) -> dict[str,
     return found
 
 
-def _arrays(table: list[list[Any]]) -> Columns:
+def _arrays(table):
     """The columns of a table as arrays with names that MATLAB takes; what is missing is not a
     number.
     """
@@ -302,9 +301,7 @@ PHASES = (Phase.generate,) if MORE else tuple(Phase)
 @pytest.mark.parametrize(
     ("kind", "examples"), [(kind, 5 if kind == "text" else 1) for kind in KINDS]
 )
-def test_no_proposal_fails_its_own_check_or_run(
-    tmp_path_factory: pytest.TempPathFactory, kind: str, examples: int
-) -> None:
+def test_no_proposal_fails_its_own_check_or_run(tmp_path_factory, kind, examples):
     @settings(
         deadline=None,
         max_examples=int(MORE or examples),
@@ -313,7 +310,7 @@ def test_no_proposal_fails_its_own_check_or_run(
         suppress_health_check=list(HealthCheck),
     )
     @given(folders([kind]))
-    def holds(campaign: Folder) -> None:
+    def holds(campaign):
         place = tmp_path_factory.mktemp(kind)
         campaign.save(place)
         hold_true(place, campaign.length)
@@ -321,7 +318,7 @@ def test_no_proposal_fails_its_own_check_or_run(
     holds()
 
 
-def hold_true(place: Path, length: float | None) -> None:
+def hold_true(place, length):
     """Every draft of a folder passes its check and its run, and holds out what is there; a folder
     without any says why of every file.
     """

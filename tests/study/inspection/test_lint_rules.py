@@ -5,7 +5,7 @@ that explains them.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -14,11 +14,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mapmore_cli.checking.rules import Issue
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import DataError, SpecError
 from mapmore_cli.modelling.validation.repeatability import monotone_floor
-from mapmore_cli.pipeline.inspection import Inspection, inspect
+from mapmore_cli.pipeline.inspection import inspect
 from mapmore_cli.spec.loader import load
 from mapmore_cli.spec.yaml_loader import dump
 
@@ -47,7 +46,7 @@ SPEC: dict[str, Any] = {
 }
 
 
-def table(level: float, samples: int = 60) -> Table:
+def table(level, samples=60):
     """A slow pull at constant pressure."""
     strain = np.linspace(0, 0.2, samples)
     return {
@@ -58,7 +57,7 @@ def table(level: float, samples: int = 60) -> Table:
     }
 
 
-def merged(base: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:
+def merged(base, over):
     """`over` on top of `base`, mappings merged deeply; a split and what is empty replace, None
     removes.
     """
@@ -72,11 +71,11 @@ def merged(base: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def inspected(
-    folder: Path,
-    spoil: Spoil = lambda _, columns: columns,
-    names: Mapping[str, str] | None = None,
-    **spec: Any,
-) -> Inspection:
+    folder,
+    spoil=lambda _, columns: columns,
+    names=None,
+    **spec,
+):
     """What `check` finds in the clean study with spoilt recordings, other names of columns, and a
     spec that is merged over its own.
     """
@@ -94,12 +93,12 @@ def inspected(
     return inspect(load(path))
 
 
-def found(inspection: Inspection, severity: str | None = None) -> set[str]:
+def found(inspection, severity=None):
     """Ids of the issues, of one severity where it is given."""
     return {issue.id for issue in inspection.issues if severity in (None, issue.severity)}
 
 
-def only(inspection: Inspection, id_: str) -> Issue:
+def only(inspection, id_):
     """The one issue of a rule."""
     (issue,) = [issue for issue in inspection.issues if issue.id == id_]
     return issue
@@ -109,47 +108,47 @@ def only(inspection: Inspection, id_: str) -> Issue:
 # --------------------------------------------------------------------------------------------------
 
 
-def clean(_: float, columns: Table) -> Table:
+def clean(_, columns):
     return columns
 
 
-def scaled(**factors: float) -> Spoil:
+def scaled(**factors):
     return lambda _, columns: {
         name: values * factors.get(name, 1.0) for name, values in columns.items()
     }
 
 
-def at(level: float, spoil: Spoil) -> Spoil:
+def at(level, spoil):
     """One level alone is spoilt."""
     return lambda own, columns: spoil(own, columns) if own == level else columns
 
 
-def first_rows(rows: int) -> Spoil:
+def first_rows(rows):
     return lambda _, columns: {name: values[:rows] for name, values in columns.items()}
 
 
-def copied(of: float) -> Spoil:
+def copied(of):
     """The recording of one level instead of another's: a file copied under a wrong name."""
     return lambda _level, _columns: table(of)
 
 
-def at_most(name: str, limit: float) -> Spoil:
+def at_most(name, limit):
     return lambda _, columns: {**columns, name: np.minimum(columns[name], limit)}
 
 
-def slow(stamps: str) -> Spoil:
+def slow(stamps):
     return lambda level, _: {
         stamps: 20.0 * np.arange(1200),
         **{name: values for name, values in table(level, 1200).items() if name != "t"},
     }
 
 
-def staircase(slack: bool) -> Spoil:
+def staircase(slack):
     """Isometric steps of pressure, one second of rest after a tenth of a second of change; with a
     slack foot or without.
     """
 
-    def spoil(level: float, _: Table) -> Table:
+    def spoil(level, _):
         t = np.arange(0, 22, 0.02)
         pressure = 30 * (np.floor(t / 1.1) + np.clip((t % 1.1 - 1.0) / 0.1, 0, 1))
         taut = pressure - 1000 * STRAINS[level] - 100
@@ -159,12 +158,12 @@ def staircase(slack: bool) -> Spoil:
     return spoil
 
 
-def sweep(level: float, columns: Table) -> Table:
+def sweep(level, columns):
     stairs = staircase(slack=False)(level, columns)
     return {**stairs, "P": 600 * (1 - np.abs(stairs["t"] / 11 - 1))}
 
 
-def wandering(level: float, columns: Table) -> Table:
+def wandering(level, columns):
     return {
         **columns,
         "P": level + np.sin(np.arange(60.0)),
@@ -172,10 +171,10 @@ def wandering(level: float, columns: Table) -> Table:
     }
 
 
-def looped(width: Callable[[float], float]) -> Spoil:
+def looped(width):
     """Loading and unloading, the branches so many newtons off their mean."""
 
-    def spoil(level: float, columns: Table) -> Table:
+    def spoil(level, columns):
         strain = np.concatenate([columns["eps"][::2], columns["eps"][::-2]])
         force = (
             level * (2 - 8 * strain) + level**2 / 400 + width(level) * np.repeat([1.0, -1.0], 30)
@@ -185,20 +184,20 @@ def looped(width: Callable[[float], float]) -> Spoil:
     return spoil
 
 
-def set_force(level: float, columns: Table) -> Table:
+def set_force(level, columns):
     """The force in steps of 5 N, the strain as it was then."""
     force = 5.0 * np.arange(60, 0, -1)
     return {**columns, "F": force, "eps": 0.2 * (1 - force / 300) ** 1.5 + level / 4000}
 
 
-def with_spike(place: int) -> Spoil:
+def with_spike(place):
     return lambda _, columns: {
         **columns,
         "F": np.where(np.arange(len(columns["F"])) == place, 9000.0, columns["F"]),
     }
 
 
-def with_vacuum(_: float, columns: Table) -> Table:
+def with_vacuum(_, columns):
     """A current loop that drops to 0 mA."""
     return {**columns, "P": np.where(np.isin(np.arange(60), (10, 40)), -300.0, columns["P"])}
 
@@ -207,11 +206,11 @@ def with_vacuum(_: float, columns: Table) -> Table:
 # --------------------------------------------------------------------------------------------------
 
 
-def column(name: str, **changes: Any) -> dict[str, Any]:
+def column(name, **changes):
     return {"data": {"columns": {name: changes}}}
 
 
-def levels_times(factor: float) -> dict[str, Any]:
+def levels_times(factor):
     """The spec for pressures in another unit."""
     return {
         "data": {
@@ -221,11 +220,11 @@ def levels_times(factor: float) -> dict[str, Any]:
     }
 
 
-def held_out(**condition: Any) -> dict[str, Any]:
+def held_out(**condition):
     return {"data": {"split": {"validate": condition}}}
 
 
-def cycles(over: str, **spec: Any) -> dict[str, Any]:
+def cycles(over, **spec):
     return {"data": {"cycles": {"over": over, "samples": 20}}, **spec}
 
 
@@ -442,9 +441,7 @@ FINE = [{"set": {"segment.strain.count": 30}, "as": "fine"}]
         ),
     ],
 )
-def test_a_rule_speaks_of_what_it_is_made_for(
-    tmp_path: Path, id_: str, severity: str, spoil: Spoil, spec: dict[str, Any], told: list[str]
-) -> None:
+def test_a_rule_speaks_of_what_it_is_made_for(tmp_path, id_, severity, spoil, spec, told):
     inspection = inspected(tmp_path, spoil, **spec)
     issue = next(issue for issue in inspection.issues if issue.id == id_)
     assert issue.severity == severity
@@ -517,13 +514,11 @@ def test_a_rule_speaks_of_what_it_is_made_for(
         ("loops-apart", looped(lambda level: 0.1 * level), HYSTERESIS),
     ],
 )
-def test_a_rule_is_silent_where_nothing_is_wrong(
-    tmp_path: Path, id_: str, spoil: Spoil, spec: dict[str, Any]
-) -> None:
+def test_a_rule_is_silent_where_nothing_is_wrong(tmp_path, id_, spoil, spec):
     assert id_ not in found(inspected(tmp_path, spoil, **spec))
 
 
-def test_every_issue_that_a_rule_can_raise_is_on_the_page_and_no_other() -> None:
+def test_every_issue_that_a_rule_can_raise_is_on_the_page_and_no_other():
     project = Path(__file__).resolve().parents[3]
     sources = (project / "mapmore_cli").rglob("*.py")
     raised = {
@@ -541,14 +536,14 @@ def test_every_issue_that_a_rule_can_raise_is_on_the_page_and_no_other() -> None
     assert len(raised) > 10
 
 
-def test_the_clean_study_has_no_issues(tmp_path: Path) -> None:
+def test_the_clean_study_has_no_issues(tmp_path):
     inspection = inspected(tmp_path)
     assert (inspection.issues, inspection.verdict) == ((), None)
     assert inspection.dataset is not None
     assert inspected(tmp_path, **MEMORY).issues == ()
 
 
-def test_a_column_named_after_another_unit(tmp_path: Path) -> None:
+def test_a_column_named_after_another_unit(tmp_path):
     names = {"P": "P_psi"}
     assert (
         only(
@@ -565,7 +560,7 @@ def test_a_column_named_after_another_unit(tmp_path: Path) -> None:
         assert "unit-in-name" not in found(inspected(tmp_path, names=names, data=spec))
 
 
-def test_per_cent_is_reported_where_it_also_made_the_levels_impossible(tmp_path: Path) -> None:
+def test_per_cent_is_reported_where_it_also_made_the_levels_impossible(tmp_path):
     """The level that no sample is at is a consequence; the user is told the cause with it."""
     isometric = {
         "levels": {"of": "strain", "at": [0.0, 0.1, 0.2]},
@@ -585,19 +580,19 @@ def test_per_cent_is_reported_where_it_also_made_the_levels_impossible(tmp_path:
 
 
 def test_curves_that_are_impossible_for_no_known_reason_are_an_error_as_before(
-    tmp_path: Path,
-) -> None:
+    tmp_path,
+):
     with pytest.raises(DataError, match="no sample is within"):
         inspected(tmp_path, data={"levels": {"at": [100, 200, 300, 400, 500]}})
 
 
-def test_data_errors_end_as_such(tmp_path: Path) -> None:
+def test_data_errors_end_as_such(tmp_path):
     inspection = inspected(tmp_path, at(300, first_rows(5)))
     assert isinstance(inspection.verdict, DataError)
     assert "clean/" not in str(inspection.verdict)
 
 
-def test_the_worst_comes_first(tmp_path: Path) -> None:
+def test_the_worst_comes_first(tmp_path):
     spoilt = inspected(
         tmp_path, scaled(eps=100, F=7), data={"split": {"validate": {"pressure": [400]}}}
     )
@@ -606,7 +601,7 @@ def test_the_worst_comes_first(tmp_path: Path) -> None:
     assert len(severities) >= 3
 
 
-def with_unit_line(folder: Path, units: str) -> Any:
+def with_unit_line(folder, units):
     """The clean study with a line of units under the names, and a header of two lines."""
     inspected(folder)
     for path in folder.glob("level_*.csv"):
@@ -617,13 +612,13 @@ def with_unit_line(folder: Path, units: str) -> Any:
     return inspect(load(folder / "clean.yaml"))
 
 
-def test_a_line_of_units_is_read(tmp_path: Path) -> None:
+def test_a_line_of_units_is_read(tmp_path):
     issue = only(with_unit_line(tmp_path, "s,kPa,-,[kN]"), "unit-line")
     assert "column 'F' is read in N, but the line under its name says kN" in issue.message
     assert found(with_unit_line(tmp_path, "s,kPa,-,N")) == set()
 
 
-def test_a_run_that_is_compared_with_is_checked(tmp_path: Path) -> None:
+def test_a_run_that_is_compared_with_is_checked(tmp_path):
     """Its own units, on the same recordings: a strain in per cent read as a fraction."""
     wrong = merged(SPEC, {"name": "wrong", "data": {"columns": {"strain": {"scale": 100}}}})
     (tmp_path / "wrong.yaml").write_text(dump(wrong))
@@ -650,7 +645,7 @@ def test_a_run_that_is_compared_with_is_checked(tmp_path: Path) -> None:
         ),
     ],
 )
-def test_copied_sheets_are_named(tmp_path: Path, files: list[Any], names: list[str]) -> None:
+def test_copied_sheets_are_named(tmp_path, files, names):
     book = pytest.importorskip("openpyxl").Workbook()
     book.remove(book.active)
     for title in ("run A", "run B"):
@@ -672,7 +667,7 @@ def test_copied_sheets_are_named(tmp_path: Path, files: list[Any], names: list[s
 
 
 @given(st.lists(st.tuples(st.integers(0, 9), st.floats(-1, 1)), min_size=2, max_size=40))
-def test_the_floor_is_below_every_monotone_curve(samples: list[tuple[int, float]]) -> None:
+def test_the_floor_is_below_every_monotone_curve(samples):
     """Any line is such a curve, and a monotone one through all points has none."""
     x, y = (np.array(values, dtype=float) for values in zip(*samples, strict=True))
     floor = monotone_floor(x, y)

@@ -4,9 +4,6 @@ tell is used.
 
 from __future__ import annotations
 
-from pathlib import Path
-from typing import Any
-
 import numpy as np
 import pytest
 from recorded import drafted, drafts, workbook, write
@@ -21,16 +18,14 @@ LEFT, RIGHT = 3 + 2 * np.sin(2 * T[:600]), 3 - 2 * np.sin(2 * T[:600]) + np.sin(
 PAIR = (2 * T[:600], LEFT, RIGHT, 5 * np.tanh(LEFT - RIGHT))  # of muscles at a joint
 
 
-def force(bar: float, strain: Any) -> Any:
+def force(bar, strain):
     return 40 * bar * (1 - 3 * strain) - 100 * strain
 
 
 @pytest.mark.parametrize(
     "name", ["{:g} psi/Specimen_RawData_{}.csv", "{:g}psi/{}.csv", "psi_{:g}psi_up/run{}.csv"]
 )
-def test_pressures_in_names_of_folders_are_levels_and_numbers_of_files_repeats(
-    tmp_path: Path, name: str
-) -> None:
+def test_pressures_in_names_of_folders_are_levels_and_numbers_of_files_repeats(tmp_path, name):
     for psi in (10, 20, 30, 40):
         for repeat in (1, 2):
             own = force(psi / 14.5, THERE_AND_BACK) + repeat
@@ -45,7 +40,7 @@ def test_pressures_in_names_of_folders_are_levels_and_numbers_of_files_repeats(
     assert len(data["files"]) == 4
 
 
-def test_lines_of_fewer_cells_before_the_titles_are_no_titles(tmp_path: Path) -> None:
+def test_lines_of_fewer_cells_before_the_titles_are_no_titles(tmp_path):
     for number, bar in enumerate((1, 2, 3, 4)):
         columns = (
             0.05 * np.arange(80),
@@ -61,7 +56,7 @@ def test_lines_of_fewer_cells_before_the_titles_are_no_titles(tmp_path: Path) ->
     assert data["levels"]["at"] == [100, 200, 300, 400]
 
 
-def test_a_title_that_is_missing_leaves_the_others_above_their_units(tmp_path: Path) -> None:
+def test_a_title_that_is_missing_leaves_the_others_above_their_units(tmp_path):
     columns = (
         np.arange(80.0),
         100.0 + np.arange(80) % 40,
@@ -73,7 +68,7 @@ def test_a_title_that_is_missing_leaves_the_others_above_their_units(tmp_path: P
     assert told == {"pressure": 1, "strain": 2, "force": 3}
 
 
-def test_titles_in_a_remark_name_the_columns_by_their_places(tmp_path: Path) -> None:
+def test_titles_in_a_remark_name_the_columns_by_their_places(tmp_path):
     write(tmp_path / "pair.dat", PAIR, "# a joint\n# time pL pR theta\n", "   ")
     draft = drafted(tmp_path)
     told = {name: one["column"] for name, one in draft.data["columns"].items()}
@@ -81,7 +76,7 @@ def test_titles_in_a_remark_name_the_columns_by_their_places(tmp_path: Path) -> 
     assert draft.spec["target"]["column"] == "theta"
 
 
-def test_numbers_behind_names_are_refused_with_the_line_that_converts_them(tmp_path: Path) -> None:
+def test_numbers_behind_names_are_refused_with_the_line_that_converts_them(tmp_path):
     (tmp_path / "log.txt").write_text(
         "ready\n" + "".join(f"t:{k},p:{3 * k % 50},d:{k / 7:.2f}\n" for k in range(100))
     )
@@ -89,7 +84,7 @@ def test_numbers_behind_names_are_refused_with_the_line_that_converts_them(tmp_p
         start(tmp_path, tmp_path)
 
 
-def test_pressures_in_the_names_of_sheets_are_levels(tmp_path: Path) -> None:
+def test_pressures_in_the_names_of_sheets_are_levels(tmp_path):
     pulls = {
         f"{bar} bar": [(100 * e, force(bar, e)) for e in STRAIN.tolist()] for bar in (1, 2, 3, 4)
     }
@@ -103,7 +98,7 @@ def test_pressures_in_the_names_of_sheets_are_levels(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("title", ["set_pressure_kPa", "desired", "Valve", "p_set"])
-def test_what_was_commanded_is_no_target_and_no_second_pressure(tmp_path: Path, title: str) -> None:
+def test_what_was_commanded_is_no_target_and_no_second_pressure(tmp_path, title):
     command = 200 + 100 * np.sin(T) * np.cos(3.1 * T)
     pressure = np.concatenate([np.full(9, command[0]), command[:-9]])
     write(
@@ -116,14 +111,14 @@ def test_what_was_commanded_is_no_target_and_no_second_pressure(tmp_path: Path, 
     assert draft.data["columns"]["pressure"]["column"] == "pressure_kPa"
 
 
-def test_files_that_no_reader_takes_are_named(tmp_path: Path) -> None:
+def test_files_that_no_reader_takes_are_named(tmp_path):
     write(tmp_path / "run.csv", (STRAIN, force(2, STRAIN)), "strain,force_N\n")
     (tmp_path / "run.npz").write_bytes(b"PK")
     remarks = start(tmp_path, tmp_path, search=lambda one, _: one).remarks
     assert [one for one in remarks if "run.npz: no reader takes .npz" in one]
 
 
-def test_names_of_files_say_what_tests(tmp_path: Path) -> None:
+def test_names_of_files_say_what_tests(tmp_path):
     for name, speed in (("train_1", 1.0), ("train_2", 1.3), ("validation_1", 1.15)):
         t = 0.02 * np.arange(1500)
         pressure = 200 + 100 * np.sin(speed * t) * np.cos(0.31 * t)

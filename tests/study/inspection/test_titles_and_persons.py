@@ -4,8 +4,6 @@ guessed from the size of values.
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 from hypothesis import given
@@ -47,9 +45,7 @@ WAVES = [np.sin(speed * T) for speed in (3.0, 4.1, 5.7, 7.9, 9.3)]
         ("temperature||42|y_V", None, None),
     ],
 )
-def test_titles_say_quantities_and_units(
-    titles: str, quantity: str | None, unit: str | None
-) -> None:
+def test_titles_say_quantities_and_units(titles, quantity, unit):
     for title in titles.split("|"):
         label = read_label(title)
         assert (label and label.quantity) == quantity, title
@@ -57,7 +53,7 @@ def test_titles_say_quantities_and_units(
 
 
 @given(st.text())
-def test_any_name_of_a_column_or_a_file_can_be_read(name: str) -> None:
+def test_any_name_of_a_column_or_a_file_can_be_read(name):
     read_label(name)
     read_names([name + ".csv", name + "_1.csv"])
 
@@ -72,7 +68,7 @@ def test_any_name_of_a_column_or_a_file_can_be_read(name: str) -> None:
         ("t,Motor position,", "time:s? displacement:m? column_2:1"),
     ],
 )
-def test_columns_are_called_by_their_titles(titles: str, names: str) -> None:
+def test_columns_are_called_by_their_titles(titles, names):
     places = list(enumerate(titles.split(",")))
     raw = {place: [T if not place else WAVES[place]] for place, _ in places}
     told = named_by_titles(TitledColumns(dict(places), raw))
@@ -83,7 +79,7 @@ def test_columns_are_called_by_their_titles(titles: str, names: str) -> None:
     assert [one.column for one in told.values()] == [place for place, _ in places]
 
 
-def test_copies_constants_and_counters_are_left_out() -> None:
+def test_copies_constants_and_counters_are_left_out():
     columns = {"F raw (V)": 3 * WAVES[0], "F [N]": 2 - WAVES[0], "x": WAVES[1], "n": np.arange(400)}
     raw = {name: [values] for name, values in {**columns, "T": 21 + 0 * T}.items()}
     told = named_by_titles(TitledColumns({name: name for name in raw}, raw))
@@ -108,11 +104,11 @@ def test_copies_constants_and_counters_are_left_out() -> None:
         ("y", None),
     ],
 )
-def test_the_target_is_what_titles_leave_no_choice_of(names: str, target: str | None) -> None:
+def test_the_target_is_what_titles_leave_no_choice_of(names, target):
     assert target_of(names.split(), is_driven=False) == target
 
 
-def test_a_choice_is_refused_with_the_columns_and_the_command(tmp_path: Path) -> None:
+def test_a_choice_is_refused_with_the_columns_and_the_command(tmp_path):
     write(tmp_path / "log.txt", [T, *WAVES[:2]], mark="\t")
     with pytest.raises(UsageError, match="do not say what is to be predicted") as refusal:
         start(tmp_path, tmp_path)
@@ -124,7 +120,7 @@ def test_a_choice_is_refused_with_the_columns_and_the_command(tmp_path: Path) ->
         drafted(tmp_path, answers=Answers(told.columns, target="z"))
 
 
-def test_columns_are_said_by_place_or_by_title() -> None:
+def test_columns_are_said_by_place_or_by_title():
     told = read_columns("time:ms,_,force=Load Cell:N*1.744-18.6,pressure:mbar-1013")
     assert told == {
         "time": NamedColumn(0, "ms"),
@@ -148,7 +144,7 @@ def test_columns_are_said_by_place_or_by_title() -> None:
         "x:parrots,y",
     ],
 )
-def test_columns_that_cannot_be_are_refused(text: str) -> None:
+def test_columns_that_cannot_be_are_refused(text):
     with pytest.raises(UsageError):
         read_columns(text)
     with pytest.raises(UsageError):
@@ -159,7 +155,7 @@ def test_columns_that_cannot_be_are_refused(text: str) -> None:
 # --------------------------------------------------------------------------------------------------
 
 
-def test_names_of_files_tell_groups_conditions_and_repeats() -> None:
+def test_names_of_files_tell_groups_conditions_and_repeats():
     names = [
         f"10mm_{size}_{state}_Test{n}.csv.gz"
         for size in ("10cm", "20cm")
@@ -186,7 +182,7 @@ def test_names_of_files_tell_groups_conditions_and_repeats() -> None:
         ("2kg", (2, "kgf")),
     ],
 )
-def test_numbers_in_words(word: str, number: tuple[float, str | None] | None) -> None:
+def test_numbers_in_words(word, number):
     assert number_in(word) == number
 
 
@@ -203,9 +199,7 @@ def test_numbers_in_words(word: str, number: tuple[float, str | None] | None) ->
         ("2bar 3mm", "", None, []),
     ],
 )
-def test_units_in_names_tell_what_was_held(
-    words: str, hold: str, quantity: str | None, values: list[float]
-) -> None:
+def test_units_in_names_tell_what_was_held(words, hold, quantity, values):
     told = held_in_names(words.split(), read_hold(hold) if hold else None)
     assert (told and told[0]) == quantity
     assert [one.value for one in told[1]] == pytest.approx(values) if told else not values

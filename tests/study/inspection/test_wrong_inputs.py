@@ -19,7 +19,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from recorded import drafts, loaded, write
 
-from mapmore_cli.annexes.drafting.draft import Draft
 from mapmore_cli.domain.errors import DataError, UsageError
 from mapmore_cli.pipeline.inspection import inspect
 from mapmore_cli.spec.units import convert
@@ -51,11 +50,11 @@ class Rig:
     words: str
     seed: int
 
-    def name_of(self, column: int | str) -> str:
+    def name_of(self, column):
         """What a column of a draft holds."""
         return self.order[column if isinstance(column, int) else (self.titles or []).index(column)]
 
-    def save(self, folder: Path) -> None:
+    def save(self, folder):
         """Write a file for each pressure."""
         for bar in (1, 2, 3, 4):
             columns = measured(bar, self.seed)
@@ -67,7 +66,7 @@ class Rig:
 
 
 @st.composite
-def rigs(draw: st.DrawFn) -> Rig:
+def rigs(draw):
     """A rig with other sensors beside those that matter."""
     more = draw(
         st.lists(st.sampled_from([*SENSORS, "temperature", "command"]), unique=True, max_size=4)
@@ -88,7 +87,7 @@ def rigs(draw: st.DrawFn) -> Rig:
     )
 
 
-def measured(bar: int, seed: int) -> dict[str, np.ndarray]:
+def measured(bar, seed):
     rng = np.random.default_rng([seed, bar])
     t = 0.1 * np.arange(125)
     swing = 0.5 - 0.5 * np.cos(2 * np.pi * t / 12)
@@ -112,7 +111,7 @@ def measured(bar: int, seed: int) -> dict[str, np.ndarray]:
     derandomize="MAPMORE_EXAMPLES" not in os.environ,
 )
 @given(rigs())
-def test_a_wrong_column_is_an_open_question_and_no_sensor_is_taken_twice(rig: Rig) -> None:
+def test_a_wrong_column_is_an_open_question_and_no_sensor_is_taken_twice(rig):
     with TemporaryDirectory() as place, suppress(DataError, UsageError):  # refused: no headline
         rig.save(Path(place))
         for draft in drafts(Path(place)):
@@ -120,7 +119,7 @@ def test_a_wrong_column_is_an_open_question_and_no_sensor_is_taken_twice(rig: Ri
             holds_true(draft, rig, Path(place))
 
 
-def holds_true(draft: Draft, rig: Rig, folder: Path) -> None:
+def holds_true(draft, rig, folder):
     units = {"pressure": rig.unit, "displacement": "mm", "force": "N", "time": "s"}
     taken = {
         name: (rig.name_of(entry["column"]), entry.get("unit"))
