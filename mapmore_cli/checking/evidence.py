@@ -16,7 +16,7 @@ from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.recording import Curve, Recording
 from mapmore_cli.modelling.signals.cycles import bin_means
 from mapmore_cli.modelling.signals.rates import rate
-from mapmore_cli.modelling.signals.sampling import correlation
+from mapmore_cli.modelling.signals.sampling import MANY, correlation
 from mapmore_cli.spec.units import convert
 
 GROUPS = 8  # of strain, where it is not held at fewer values
@@ -150,7 +150,6 @@ def two_digits(value: float) -> float:
 
 SAME = 0.9999  # correlation, from which two columns are one signal
 FEWEST_SAME = 30  # samples, below which a straight line may be chance
-MOST_SHOWN = 20_000  # samples that are looked at, one in so many of longer records
 
 
 def same_signals(columns: Sequence[Array]) -> list[list[int]]:
@@ -163,7 +162,7 @@ def same_signals(columns: Sequence[Array]) -> list[list[int]]:
     for place, column in enumerate(columns):
         if len(column) < FEWEST_SAME or not np.ptp(column):
             continue
-        every = -(-len(column) // MOST_SHOWN)
+        every = -(-len(column) // MANY)
         same = [one for one in families if len(columns[one[0]]) == len(column)]
         alike = [
             one

@@ -21,8 +21,6 @@ from mapmore_cli.domain.errors import MapmoreError, UsageError
 if TYPE_CHECKING:
     from mapmore_cli.domain.models import Model
 
-MEGABYTE = 10**6
-
 
 def predict(
     model_file: console.ModelFile,
@@ -123,7 +121,7 @@ def predict(
             lines, label = _open_table(
                 table,
                 lambda read, size: reporter.progress(
-                    "MB read", read // MEGABYTE, -(-size // MEGABYTE)
+                    "MB read", read // 10**6, -(-size // 10**6)
                 ),
             )
         added = predicted_lines(

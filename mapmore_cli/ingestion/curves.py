@@ -27,6 +27,7 @@ from mapmore_cli.modelling.signals.plateau import (
     match_levels,
     without_steady_state,
 )
+from mapmore_cli.modelling.signals.sampling import MANY
 from mapmore_cli.spec.sections.data import STEP_OF, STEP_PRESSURE, Cycles, Levels
 from mapmore_cli.spec.units import convert
 from mapmore_cli.storage.run_folder import RunFiles
@@ -334,9 +335,6 @@ def _joined_parts(
 ORDER = 3
 """Of the polynomial of all inputs that groups have in common."""
 
-MOST_SAMPLES = 20_000
-"""That offsets are estimated from, of more an even share."""
-
 TOLD_APART = 1e-6
 """Of its size, that must remain of the indicator of a group once the polynomial is taken off."""
 
@@ -419,7 +417,7 @@ def _training(
         name: np.concatenate([curve.columns[name][curve.training] for curve in curves])
         for name in curves[0].columns
     }
-    step = -(-len(columns[target]) // MOST_SAMPLES)
+    step = -(-len(columns[target]) // MANY)
     columns = {name: values[::step] for name, values in columns.items()}
     usable = np.logical_and.reduce([np.isfinite(values) for values in columns.values()])
     columns = {name: values[usable] for name, values in columns.items()}

@@ -18,10 +18,7 @@ from mapmore_cli.domain.recording import Curve, Dataset, Quantity
 from mapmore_cli.domain.results import FitResult, Search, Validation
 from mapmore_cli.domain.scores import REPEATABILITY, SIMPLE, Published, deciding
 from mapmore_cli.modelling.kinds import outside_range, page_of, runs_over_time
-from mapmore_cli.modelling.validation.intervals import ends, half_widths_of
-
-INTERVAL = 0.95
-"""Level of the intervals in figures."""
+from mapmore_cli.modelling.validation.intervals import INTERVAL, ends, half_widths_of
 
 MOST_LINES = 7
 """Lines that can be told apart in one panel."""

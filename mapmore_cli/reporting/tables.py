@@ -15,6 +15,7 @@ from mapmore_cli.modelling.literature.linear import half_width
 from mapmore_cli.modelling.literature.own import units_of_parameters
 from mapmore_cli.modelling.validation.metrics import ErrorBand, bands
 from mapmore_cli.modelling.validation.repeatability import floors
+from mapmore_cli.modelling.validation.residuals import SAME
 from mapmore_cli.reporting import memory_tables
 from mapmore_cli.reporting.inputs import ReportInputs
 from mapmore_cli.reporting.score_tables import curve_scores_table, score_table, search_table
@@ -122,8 +123,6 @@ def _single_valued(dataset: Dataset, along: str | None) -> list[float]:
     )
 
 
-SAME = 1e-9
-"""Relative difference between the sums of squares of two fits that are taken for one model."""
 INDEPENDENCE_CAVEAT = (
     "The intervals take the samples to be independent. Neighbouring samples of a smooth curve "
     "are not, so the true intervals are wider."

@@ -17,11 +17,10 @@ from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.recording import Recording
 from mapmore_cli.modelling import literature
-from mapmore_cli.modelling.signals.cycles import split_cycles, turning_points
+from mapmore_cli.modelling.signals.cycles import SWING, split_cycles, turning_points
 from mapmore_cli.modelling.signals.plateau import default_within, find_levels, match_levels
 from mapmore_cli.spec.units import default_unit
 
-SWING = 0.1  # of the pooled range: smaller reversals are noise
 LESS = 0.5  # of the other's travel, that the held quantity makes at most
 TIGHT = 0.06  # of the distance of levels, that samples of one lie within
 BETWEEN = 0.02  # of the samples, that may lie between levels

@@ -39,14 +39,13 @@ from mapmore_cli.annexes.motion.simulation import (
     shared,
     spread,
 )
-from mapmore_cli.annexes.motion.solvers import SOLVERS
+from mapmore_cli.annexes.motion.solvers import NEAREST, SOLVERS
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.modelling.memory.records import Record
 
 REFINEMENTS = 20  # steps that refine the poles of all sections together, at most
 TOLERANCE = 1e-8
-INMOST = 0.999  # largest reflection coefficient to begin with
 
 
 def fit_motion(
@@ -174,7 +173,7 @@ def joined(motion: Motion, pieces: Sequence[Piece], reach: float) -> Motion:
         return np.asarray(moved @ np.linalg.lstsq(moved, y, rcond=None)[0] - y)
 
     start = np.concatenate(
-        [angles(section.p1, section.p2, reach, INMOST) for section in motion.sections]
+        [angles(section.p1, section.p2, reach, NEAREST) for section in motion.sections]
     )
     best = least_squares(
         residuals, start, ftol=TOLERANCE, xtol=TOLERANCE, gtol=TOLERANCE, max_nfev=REFINEMENTS

@@ -12,6 +12,7 @@ from mapmore_cli.domain.arrays import Array, BoolArray, IntArray
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.fits import Segment, SegmentedCurve
 from mapmore_cli.domain.recording import DIRECTION, Curve, united
+from mapmore_cli.modelling.frols.select import TIE_TOLERANCE
 from mapmore_cli.modelling.pieces.recipe import CELLS, Cut, CutByDirection, Cuts
 from mapmore_cli.modelling.signals.rates import STEPS, running_median
 
@@ -79,11 +80,6 @@ def slope_change(x: Array, y: Array, window: float) -> tuple[Array, Array]:
         slope(here, np.minimum(here + STEPS, len(at) - 1)),
     )
     return at, np.nan_to_num(right - left)  # at an end of the curve there is no slope to one side
-
-
-# of the largest cost: partitions nearer to each other tie, and the first wins, so that rounding
-# decides nothing
-TIE_TOLERANCE = 1e-9
 
 
 def optimal_partition(

@@ -55,6 +55,7 @@ def spread_repeated(time: Array) -> Array:
 
 # of a time step: more than this apart from an even grid, samples are not evenly spaced. Stamps are
 # often rounded so far
+MANY = 20_000  # samples that stand for a longer record where all are not needed
 UNEVEN = 1e-3
 
 ROUNDING = 1e-9  # relative: a step of exactly the limit is no gap, however it was rounded

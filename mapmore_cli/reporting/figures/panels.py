@@ -18,8 +18,9 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from mapmore_cli.domain.arrays import Array, IntArray
 from mapmore_cli.domain.recording import Quantity
+from mapmore_cli.modelling.validation.intervals import INTERVAL
 from mapmore_cli.reporting.figures.style import GREY
-from mapmore_cli.reporting.inputs import INTERVAL, ReportInputs
+from mapmore_cli.reporting.inputs import ReportInputs
 from mapmore_cli.reporting.table import title_of
 
 MOST_PANELS = 6
