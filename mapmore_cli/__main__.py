@@ -12,11 +12,10 @@ def main() -> None:
     """Run the command line; interrupted at any time, it ends with 130 and without a traceback."""
     try:
         _hold_standard_streams()
-        from mapmore_cli.domain.processors import THREADS
+        from mapmore_cli.domain import THREADS
 
-        os.environ |= dict.fromkeys(
-            THREADS, "1"
-        )  # as in a stage; a process with threads cannot be copied
+        # as in a stage; a process with threads cannot be copied
+        os.environ |= dict.fromkeys(THREADS, "1")
 
         from mapmore_cli.cli.app import main as run
 
@@ -42,11 +41,9 @@ def _hold_standard_streams() -> None:
             if nowhere != number:
                 os.dup2(nowhere, number)
                 os.close(nowhere)
-            setattr(
-                sys,
-                name,
-                open(number, "w" if number else "r", encoding="utf-8", errors="replace"),  # noqa: SIM115, PTH123
-            )
+            mode = "w" if number else "r"
+            stream = os.fdopen(number, mode, encoding="utf-8", errors="replace")
+            setattr(sys, name, stream)
 
 
 if __name__ == "__main__":  # the worker processes of `batch` import this module again

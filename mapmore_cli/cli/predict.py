@@ -120,9 +120,7 @@ def predict(
             assert table is not None
             lines, label = _open_table(
                 table,
-                lambda read, size: reporter.progress(
-                    "MB read", read // 10**6, -(-size // 10**6)
-                ),
+                lambda read, size: reporter.progress("MB read", read // 10**6, -(-size // 10**6)),
             )
         added = predicted_lines(
             model,

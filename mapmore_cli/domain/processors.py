@@ -18,6 +18,7 @@ from functools import cache, partial
 from threading import Thread
 from typing import TYPE_CHECKING, Any, NoReturn, TypeVar
 
+from mapmore_cli.domain import THREADS
 from mapmore_cli.domain.errors import MapmoreError, WriteError
 
 if TYPE_CHECKING:
@@ -25,9 +26,6 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 R = TypeVar("R")
-
-THREADS = ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
-"""What libraries ask for the number of their threads when they start."""
 
 MOST_PROCESSES = 4
 """Each of them may need as much memory as one."""

@@ -34,7 +34,7 @@ from mapmore_cli.storage.tables.lines import lines_of, replaced
 
 
 def read(path, *columns, **keys):
-    request = TableRequest(path.name, columns, **keys)  # type: ignore[arg-type]
+    request = TableRequest(path.name, columns, **keys)
     return READERS["csv"].read(path, request)
 
 
@@ -63,7 +63,7 @@ def test_two_quotes_that_swallow_rows_between_them_are_told(tmp_path):
         read(path, "strain", "force")
     lines[5], lines[30] = '0.04,4,"two\nlines of text"', "0.29,29,fine"
     path.write_text("\n".join(lines) + "\n")
-    (table,) = read(path, "strain", "force")  # type: ignore[misc]
+    (table,) = read(path, "strain", "force")
     assert len(table.rows) == 40
 
 

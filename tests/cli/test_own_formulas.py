@@ -211,6 +211,6 @@ def test_a_model_file_with_another_definition_is_refused(tmp_path):
     write_model(
         path,
         replace(model, body=replace(model.body, backbone=replace(model.backbone, definition="{}"))),
-    )  # type: ignore[type-var]
+    )
     with pytest.raises(DataError, match="defines no formula"):
         mm.load_model(path)

@@ -64,7 +64,7 @@ def test_commands_of_the_page_are_ours():
 
     from mapmore_cli.cli.app import app
 
-    batch = get_command(app).commands["batch"]  # type: ignore[attr-defined]
+    batch = get_command(app).commands["batch"]
     known = {option for parameter in batch.params for option in parameter.opts}
     used = {
         option

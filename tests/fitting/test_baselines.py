@@ -47,7 +47,7 @@ def dataset(held_out_scale=1.0):
 
 
 def model(body=None):
-    return Model("own", QUANTITIES["force"], (QUANTITIES["pressure"], QUANTITIES["strain"]), body)  # type: ignore[arg-type]
+    return Model("own", QUANTITIES["force"], (QUANTITIES["pressure"], QUANTITIES["strain"]), body)
 
 
 @pytest.fixture(autouse=True)

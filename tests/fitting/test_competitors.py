@@ -99,7 +99,7 @@ def test_another_run_is_asked_as_it_is(tmp_path):
     own = [
         literature.get("polynomial_2").predict(other.body.fit.parameters, one.columns)
         for one in DATASET.curves
-    ]  # type: ignore[union-attr]
+    ]
     for said, wanted in zip(rival.forecasts, own, strict=True):
         np.testing.assert_allclose(said.values, wanted, rtol=1e-12)
 

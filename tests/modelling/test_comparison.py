@@ -216,7 +216,7 @@ def test_none_that_is_simpler_is_as_good(table):
 @given(TABLES, st.randoms(), st.booleans())
 def test_the_order_of_folds_is_of_no_consequence(table, shuffle, median):
     sizes, errors = table
-    order = np.random.default_rng(shuffle.randint(0, 99)).permutation(errors.shape[1])  # type: ignore[attr-defined]
+    order = np.random.default_rng(shuffle.randint(0, 99)).permutation(errors.shape[1])
     a, b = (
         simplest_of(sizes, errors, median=median),
         simplest_of(sizes, errors[:, order], median=median),

@@ -108,7 +108,7 @@ def fake_stages(
 
     def ingest(part, workspace):
         started("ingest")
-        rows = [path.read_text() for path in sources(None, workspace.spec_dir)]  # type: ignore[arg-type]
+        rows = [path.read_text() for path in sources(None, workspace.spec_dir)]
         write(workspace.out / "ingest.h5", json.dumps([part.data.model_dump(mode="json"), rows]))
 
     def fit(part, workspace):

@@ -43,7 +43,7 @@ os.fsync = lambda _file: (
 def update(loaded):
     bring_up_to_date(
         loaded, loaded.folder / "runs", stages=fake_stages(lambda _step: sys.audit("fake.step"))
-    )  # type: ignore[arg-type]
+    )
 
 
 def killed_at(event, loaded):

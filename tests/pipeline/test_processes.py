@@ -69,13 +69,13 @@ def test_run_is_locked_while_another_process_writes_it(tmp_path):
         assert other.stdout.readline() == "start of ingest\n"
         before = sorted((tmp_path / "runs" / "demo").iterdir())
         with pytest.raises(WriteError, match="demo: another process") as caught:
-            bring_up_to_date(study(tmp_path), tmp_path / "runs", stages=fake_stages())  # type: ignore[arg-type]
+            bring_up_to_date(study(tmp_path), tmp_path / "runs", stages=fake_stages())
         assert caught.value.exit_code == 7
         assert (
             sorted((tmp_path / "runs" / "demo").iterdir()) == before
         )  # the other's unfinished work is left alone
         other.kill()
-    outcome = bring_up_to_date(study(tmp_path), tmp_path / "runs", stages=fake_stages())  # type: ignore[arg-type]
+    outcome = bring_up_to_date(study(tmp_path), tmp_path / "runs", stages=fake_stages())
     assert set(outcome.stages.values()) == {"done"}
 
 
@@ -93,7 +93,7 @@ print(json.dumps([outcome.stages, sorted({name.split(".")[0] for name in sys.mod
 
 def test_an_up_to_date_run_loads_nothing_heavy(tmp_path):
     make_data(tmp_path)
-    bring_up_to_date(study(tmp_path), tmp_path / "runs", stages=fake_stages())  # type: ignore[arg-type]
+    bring_up_to_date(study(tmp_path), tmp_path / "runs", stages=fake_stages())
     stages, modules = python(UP_TO_DATE, tmp_path)
     assert set(stages.values()) == {"up-to-date"}
     assert not {"h5py", "scipy", "matplotlib", "pint", "jinja2", "threadpoolctl"} & set(modules)

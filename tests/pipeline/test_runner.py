@@ -31,11 +31,11 @@ def folder(tmp_path):
 def run(loaded, stages=None, until="report", **options):
     return bring_up_to_date(
         loaded, loaded.folder / "runs", until, stages=stages or fake_stages(), **options
-    )  # type: ignore[arg-type]
+    )
 
 
 def reasons(loaded, stages=None, until="report", **options):
-    return explain(loaded, loaded.folder / "runs", until, stages=stages or fake_stages(), **options)  # type: ignore[arg-type]
+    return explain(loaded, loaded.folder / "runs", until, stages=stages or fake_stages(), **options)
 
 
 def record(folder):
@@ -145,7 +145,7 @@ def test_what_explain_says_is_what_happens(change, expected, folder):
     outcome = run(study(folder), fake_stages(runs=ran))
     assert outcome.reasons == {stage: why for stage, why in told.items() if why}
     assert ran == list(outcome.reasons)
-    bring_up_to_date(study(folder), folder / "fresh", stages=fake_stages())  # type: ignore[arg-type]
+    bring_up_to_date(study(folder), folder / "fresh", stages=fake_stages())
     assert contents(outcome.run_dir) == contents(folder / "fresh" / "demo")
     assert run(study(folder)).reasons == {}
 

@@ -154,7 +154,7 @@ def test_the_damping_example(tmp_path):
     spec = load_text(tmp_path, DAMPING).spec
     assert (spec.fit.scaling, load_text(tmp_path, MOTION).spec.fit.scaling) == ("max_abs", "none")
     assert spec.segment["direction"] == CutByDirection(of="pressure_rate", dead_band=5.0)
-    assert spec.validation.against[-1].label == "sarosi+reynolds"  # type: ignore[union-attr]
+    assert spec.validation.against[-1].label == "sarosi+reynolds"
     assert units_of(spec)["step_pressure"] == "kPa"
     assert [signal.name for signal in signals_of(spec)] == [
         "strain_rate",

@@ -24,7 +24,7 @@ from mapmore_cli.spec.yaml_loader import dump, parse
 
 def tree(text):
     problems: list[object] = []
-    root = parse(SourceText("t.yaml", Path(), text), problems)  # type: ignore[arg-type]
+    root = parse(SourceText("t.yaml", Path(), text), problems)
     assert not problems
     return root
 

@@ -29,7 +29,7 @@ NEAREST = 0.999  # of the edge of stability: where a start may lie at most
 TOLERANCE = 1e-12
 
 
-def least_squares(problem: Problem, recipe: MotionRecipe) -> Found:  # noqa: ARG001 (a solver's form)
+def least_squares(problem: Problem, _recipe: MotionRecipe) -> Found:
     """Return what Gauss and Newton find over the poles, from the best of the linear starts."""
     starts = [
         start for stride in STRIDES if (start := linear_start(problem.pieces, stride)) is not None

@@ -271,7 +271,7 @@ def test_yaml_says_what_the_dictionary_says():
         **spec,
         "data": {**spec["data"], "files": ["a b.csv", "$${x}.csv"]},
         "dictionary": terms,
-    }  # type: ignore[dict-item]
+    }
     assert "# CHECK: is it?" in text
     assert max(map(len, text.splitlines())) <= 132
 

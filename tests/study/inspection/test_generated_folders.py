@@ -327,7 +327,7 @@ def hold_true(place, length):
     except UsageError:  # nothing says what is to be predicted
         return
     except DataError as refusal:
-        assert any(words in str(refusal) for words in UNUSABLE), refusal  # noqa: PT017 - a word on every file
+        assert any(words in str(refusal) for words in UNUSABLE), refusal  # noqa: PT017
         return
     for draft in drafts:
         spec = loaded(draft, place)

@@ -236,7 +236,7 @@ MEMORY = {
     "segment": {},
     "dictionary": [{"slow": {"of": ["strain"], "tau": [0.5]}}, {"terms": ["pressure"]}],
 }
-LAST_HALF = {**MEMORY, "data": {**MEMORY["data"], "split": {"validate": {"last": 0.5}}}}  # type: ignore[dict-item]
+LAST_HALF = {**MEMORY, "data": {**MEMORY["data"], "split": {"validate": {"last": 0.5}}}}
 FIRST_SAMPLES = {"data": {"keep": [{"quantity": "strain", "below": 0.008}]}, "segment": {}}
 STRAINS = dict(zip(LEVELS, (0.0, 0.07, 0.14, 0.21), strict=True))
 BY_STRAIN: dict[str, Any] = {
