@@ -1,7 +1,5 @@
 """Atomic writes, refusals of the file system, stamps, and the folder of a run."""
 
-from __future__ import annotations
-
 import errno
 import os
 import signal
@@ -244,7 +242,7 @@ def test_what_another_process_is_writing_stays(tmp_path):
 
 def test_a_file_that_was_taken_for_abandoned_is_begun_again(tmp_path, monkeypatch):
     """Another process may look between the making of a file and the lock on it."""
-    touch, begun = Path.touch, list[Path]()
+    touch, begun = Path.touch, []
 
     def looked_at(self, **options):
         touch(self, **options)

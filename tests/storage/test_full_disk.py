@@ -2,8 +2,6 @@
 and while a column is spooled.
 """
 
-from __future__ import annotations
-
 import subprocess
 import sys
 

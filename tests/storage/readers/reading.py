@@ -2,7 +2,7 @@
 have to say.
 """
 
-from __future__ import annotations
+from contextlib import contextmanager
 
 import numpy as np
 import pytest
@@ -33,13 +33,32 @@ def csv_table(path, content, *columns, **request):
     return table_of("csv", path, *columns, **request)
 
 
-def refusal(parts, reader, path, *columns, **request):
-    """The message of the error with which a file is refused, which has all of the `parts`."""
-    with pytest.raises(DataError) as caught:
-        tables_of(reader, path, *columns, **request)
+@contextmanager
+def refused(*parts, error=DataError):
+    """An error is raised whose message and remedy have all of the `parts`."""
+    with pytest.raises(error) as caught:
+        yield caught
     message = str(caught.value)
     assert all(part in message for part in parts), message
-    return message
+
+
+def refusal(parts, reader, path, *columns, **request):
+    """The message of the error with which a file is refused, which has all of the `parts`."""
+    with refused(*parts) as caught:
+        tables_of(reader, path, *columns, **request)
+    return str(caught.value)
+
+
+def workbook(path, **sheets):
+    """A workbook of sheets with such rows, which can be changed further."""
+    made = pytest.importorskip("openpyxl").Workbook()
+    made.remove(made.active)
+    for title, rows in sheets.items():
+        sheet = made.create_sheet(title)
+        for row in rows:
+            sheet.append(row)
+    made.save(path)
+    return made
 
 
 def element(kind, content):
