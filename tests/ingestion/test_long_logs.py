@@ -1,12 +1,9 @@
 """Logs that are longer than memory, read block by block, also where somebody interrupts."""
 
-from __future__ import annotations
-
 import gc
 import hashlib
 import json
 import tracemalloc
-from typing import Any
 
 import numpy as np
 import pytest
@@ -19,7 +16,7 @@ from mapmore_cli.domain.errors import MapmoreError
 from mapmore_cli.domain.recording import Dataset
 from mapmore_cli.ingestion.dataset import build_dataset
 from mapmore_cli.ingestion.files import slice_of
-from mapmore_cli.modelling.signals.sampling import find_gaps, find_resets, typical_step
+from mapmore_cli.modelling.signals.sampling import typical_step
 from mapmore_cli.pipeline.runner import bring_up_to_date
 from mapmore_cli.spec.loader import load
 from mapmore_cli.storage import spool
@@ -54,7 +51,7 @@ def log(seed, fault):
 
 
 SPLITTING = {"longer_than": 1.0, "action": "split"}
-OPTIONS: dict[str, list[Any]] = {
+OPTIONS = {
     "every": [1, 2, 7],
     "missing": ["error", "drop", {"tokens": [-999]}],
     "gaps": [None, SPLITTING, {"longer_than": 1.0, "action": "error"}],
@@ -93,7 +90,7 @@ FAULTS = ["none", "none", "gap", "reset", "repeated", "missing", "marked"]
 
 def outcome(folder, data):
     """A checksum of everything in the dataset, and the warnings; or the error."""
-    warnings: list[str] = []
+    warnings = []
     try:
         dataset = build_dataset(slice_of(spec_of(data)), folder, warn=warnings.append)
     except MapmoreError as error:
@@ -118,7 +115,7 @@ def spooled(tmp_path):
         yield folder
 
 
-@settings(deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(
     faults=st.tuples(st.sampled_from(FAULTS), st.sampled_from(FAULTS)),
     options=st.fixed_dictionaries({key: st.sampled_from(words) for key, words in OPTIONS.items()}),
@@ -228,23 +225,6 @@ def test_more_columns_than_files_may_be_open_stay_in_memory(spooled, monkeypatch
     assert not spool.counted(lambda rows: rows, 10).flags.writeable
 
 
-@given(
-    steps=st.lists(st.sampled_from([0.0, 0.1, 0.1, 0.25, 3.0, -2.0]), max_size=30),
-    rows=st.integers(1, 9),
-)
-@settings(deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
-def test_what_is_between_blocks_is_seen(steps, rows):
-    time = np.cumsum([0.0, *steps])
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(arrays, "ROWS", rows)
-        found = find_resets(time), find_gaps(time, 1.0), typical_step(time)
-    differences = np.diff(time)
-    assert found[0].tolist() == np.flatnonzero(differences < 0).tolist()
-    assert found[1].after.tolist() == np.flatnonzero(differences > 1.0 + 1e-6).tolist()
-    positive = differences[differences > 0]
-    assert found[2] == (np.median(positive) if len(positive) else 0.0)
-
-
 def test_the_step_of_a_long_record_is_that_of_its_parts(monkeypatch):
     monkeypatch.setattr("mapmore_cli.modelling.signals.sampling.PART", 50)
     time = np.cumsum(np.random.default_rng(0).uniform(0.9, 1.1, 5000))
@@ -273,7 +253,7 @@ def folder(tmp_path):
 
 
 def interrupted_after(calls, folder):
-    seen: list[int] = []
+    seen = []
 
     def progress(_what, done, _total):
         seen.append(done)

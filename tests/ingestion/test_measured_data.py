@@ -1,7 +1,5 @@
 """Real recordings, with all their oddities; skipped where they are not installed."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -2,17 +2,13 @@
 stamp stands among them.
 """
 
-from __future__ import annotations
-
-from typing import Any
-
 import numpy as np
 import pytest
 
 from mapmore_cli import fit
 from mapmore_cli.domain.errors import DataError
 
-COLUMNS: dict[str, Any] = {
+COLUMNS = {
     "pressure": {"column": "P"},
     "strain": {"column": "eps"},
     "force": {"column": "F"},
@@ -26,17 +22,7 @@ def log(*cells, mark=","):
 
 def times(dataset):
     (recording,) = dataset.recordings
-    found: list[float] = recording.columns["time"].tolist()
-    return found
-
-
-def test_a_format_of_american_stamps(ingest):
-    time = {"column": "t", "format": "%m/%d/%Y %I:%M:%S.%f %p"}
-    dataset = ingest(
-        {"a.csv": log("03/01/2026 11:59:59.5 AM", "03/01/2026 12:00:00.5 PM")},
-        columns={**COLUMNS, "time": time},
-    )
-    assert np.diff(times(dataset)).tolist() == [1.0]
+    return recording.columns["time"].tolist()
 
 
 def test_stamps_count_in_the_unit_of_their_column(ingest):
@@ -145,7 +131,7 @@ FRAME = {
     "eps": np.linspace(0, 0.2, 40),
     "F": 300 * (1 - np.linspace(0, 1, 40)) ** 2,
 }
-STUDY: dict[str, Any] = {
+STUDY = {
     "target": "static",
     "columns": COLUMNS,
     "dictionary": [{"polynomial": {"of": ["strain"], "order": 2}}],
