@@ -1,7 +1,5 @@
 """Families of candidates: what they offer is made of what is there, and can be fitted."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 

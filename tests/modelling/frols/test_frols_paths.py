@@ -142,20 +142,6 @@ def test_values_that_are_not_finite_are_found_in_any_block(form, bad):
         fit_by(form, np.ones((9_000, 3)), y)
 
 
-@pytest.mark.parametrize(
-    ("n", "M", "terms", "expected"),
-    [
-        pytest.param(1_000_000, 35, 8, True, id="tall"),
-        pytest.param(200_000, 286, 20, True, id="tall, many candidates"),
-        pytest.param(5_000, 2_000, 30, False, id="wide"),
-        pytest.param(1_000, 2_000, 1_000, False, id="fewer samples than candidates"),
-        pytest.param(400, 9, 3, False, id="small"),
-    ],
-)
-def test_the_shape_decides_the_form(n, M, terms, expected):
-    assert engine.reads_once(n, M, terms) is expected
-
-
 @pytest.mark.parametrize("layout", ["C", "F", "strided"])
 def test_memory_order_changes_nothing_and_nothing_is_written_to(layout):
     rng = np.random.default_rng(2)

@@ -1,10 +1,7 @@
 """FROLS as on paper, candidate by candidate."""
 
-from __future__ import annotations
-
 import numpy as np
 
-from mapmore_cli.domain.arrays import Array
 from mapmore_cli.modelling.frols.select import RANK_TOLERANCE
 
 
@@ -15,8 +12,8 @@ def textbook(P, y, max_terms, tolerance=0.0):
     Returns the k chosen columns, their g and ERR, (k,), the coefficients of the original columns,
     (k,), and the ERR of every candidate in every iteration, (k, M), NaN where chosen or dependent.
     """
-    chosen: list[int] = []
-    basis: list[Array] = []
+    chosen = []
+    basis = []
     g, table = [], []
     while len(chosen) < max_terms:
         left, err = {}, np.full(P.shape[1], np.nan)

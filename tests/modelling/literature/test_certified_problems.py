@@ -2,8 +2,6 @@
 squares.
 """
 
-from __future__ import annotations
-
 import re
 from functools import cache
 from pathlib import Path

@@ -2,8 +2,6 @@
 kinetic friction.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from literature_cases import DAMPING, PLANTED, motion, noisy
@@ -12,7 +10,6 @@ from mapmore_cli.modelling.expressions import to_text
 from mapmore_cli.modelling.literature import get
 
 DAMPED = [name for name in PLANTED if name in DAMPING]
-FRICTION = ["tondu_kinetic_friction", "peternel", "peternel_absolute"]
 BY_REGION = ["reynolds", "cao"]
 
 

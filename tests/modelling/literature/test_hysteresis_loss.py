@@ -2,8 +2,6 @@
 integrals and roots.
 """
 
-from __future__ import annotations
-
 import re
 
 import numpy as np
@@ -50,7 +48,6 @@ def noted_pressures(notes, what):
     """The range of pressures in the one note that says `what`."""
     (note,) = [note for note in notes if what in note]
     numbers = re.search(r"between (\S+) and (\S+) kPa", note)
-    assert numbers is not None
     return float(numbers[1]), float(numbers[2])
 
 

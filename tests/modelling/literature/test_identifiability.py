@@ -1,7 +1,5 @@
 """Parameters that the data do not show are named; other minima that they hardly tell apart."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -99,12 +97,3 @@ def test_swept_quantities_have_no_levels():
         np.array([0.0, 100.0, 2000.0]),
     ):
         assert nominal(column) is column
-
-
-@given(st.lists(st.integers(-50, 50), min_size=2, max_size=6, unique=True), st.integers(0, 1000))
-def test_every_value_becomes_the_level_it_scatters_about(levels, seed):
-    rng = np.random.default_rng(seed)
-    of = np.repeat(np.array(levels, dtype=float), 20)
-    found = nominal(of + 0.02 * rng.uniform(-1, 1, of.size))
-    assert len(np.unique(found)) == len(levels)
-    assert np.abs(found - of).max() <= 0.02

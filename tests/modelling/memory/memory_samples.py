@@ -2,8 +2,6 @@
 history have no prediction (NaN).
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from mapmore_cli.domain.fits import MemoryModel, StateSet

@@ -1,7 +1,5 @@
 """Simulation from the first measured outputs."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given

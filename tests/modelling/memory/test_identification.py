@@ -2,8 +2,6 @@
 against an integrator of their equation.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from memory_samples import STEP, memory_model, recipe_of, record, slow, state_set, wandering

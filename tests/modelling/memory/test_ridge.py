@@ -1,7 +1,5 @@
 """Regularised selection: against problems written out in full."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 
 import numpy as np
@@ -62,7 +60,6 @@ CASES = {
 }
 
 
-@settings(deadline=None)
 @given(**CASES)
 def test_selection_is_frols_on_data_with_rows_for_the_ridge(n, M, seed, ridge):
     P, y = problem(n, M, seed)
@@ -76,7 +73,6 @@ def test_selection_is_frols_on_data_with_rows_for_the_ridge(n, M, seed, ridge):
     assert (found.yy, found.samples) == (pytest.approx(n), n)
 
 
-@settings(deadline=None)
 @given(**CASES, power=st.sampled_from([-1000, -600, 600, 900]))
 def test_squares_that_overflow_or_vanish_change_nothing(n, M, seed, ridge, power):
     """A column in units of 2^900 or 2^-1000: the division by a power of two is exact, and so is the
@@ -89,7 +85,6 @@ def test_squares_that_overflow_or_vanish_change_nothing(n, M, seed, ridge, power
     assert select(far, M).chosen.tolist() == select(near, M).chosen.tolist()
 
 
-@settings(deadline=None)
 @given(**CASES)
 def test_pruning_leaves_out_the_term_that_costs_least(n, M, seed, ridge):
     P, y = problem(n, M, seed)
@@ -102,7 +97,6 @@ def test_pruning_leaves_out_the_term_that_costs_least(n, M, seed, ridge):
         assert squares_left(*full, smaller) <= min(every) * (1 + 1e-9) + 1e-9
 
 
-@settings(deadline=None)
 @given(
     st.integers(0, 10_000),
     st.lists(st.integers(0, 40), max_size=3),
@@ -146,7 +140,7 @@ def test_without_anything_to_choose_between_the_ridge_is_weak():
     assert choose_ridge(total, [half], 2, 2) == RIDGES[0]
 
 
-@settings(deadline=None, max_examples=25)
+@settings(max_examples=25)
 @given(
     n=st.integers(8, 25),
     M=st.integers(1, 4),

@@ -1,7 +1,5 @@
 """Published sections, and records that a section makes."""
 
-from __future__ import annotations
-
 import csv
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Fitting: what made the data comes back, by every solver from declared bounds; hostile records."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

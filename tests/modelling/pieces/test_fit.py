@@ -7,7 +7,7 @@ import pytest
 from common import peak_memory
 from hypothesis import given
 from hypothesis import strategies as st
-from surfaces import built, recipe
+from surfaces import recipe
 
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.fits import Segment
@@ -98,11 +98,6 @@ def test_the_dictionary_is_never_there_as_a_whole():
     assert (
         peak < 0.6 * n * len(TERMS) * 8
     )  # its columns sorted, and scaled: twelve of the dictionary's 21
-
-
-def test_a_wide_dictionary_is_read_as_a_whole(monkeypatch):
-    monkeypatch.setattr("mapmore_cli.modelling.pieces.build.frols_streamed", None)
-    assert all(curve.segments for curve in built().body.curves)
 
 
 def test_a_value_that_is_not_finite_is_found_in_any_block():

@@ -4,12 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from common import curve_of
 from hypothesis import given
 from hypothesis import strategies as st
 from surfaces import recipe as settings_of
 
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.domain.recording import Curve, Quantity
+from mapmore_cli.domain.recording import Quantity
 from mapmore_cli.modelling.kinds import equations as model_equations
 from mapmore_cli.modelling.kinds import predict
 from mapmore_cli.modelling.pieces.build import build
@@ -37,13 +38,8 @@ def curve(level, **columns):
         "pressure": rng.uniform(0.0, level, 400),
         "direction": way,
     }
-    return Curve(
-        f"step_pressure={level:g}",
-        level,
-        {**base, "damping": np.ones(400), **columns},
-        np.zeros(400, bool),
-        ("r",),
-    )
+    made = curve_of({**base, "damping": np.ones(400), **columns}, name=f"step_pressure={level:g}")
+    return replace(made, level=level)
 
 
 def built(curves, level, *terms):

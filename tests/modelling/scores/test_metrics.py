@@ -214,21 +214,6 @@ def test_noise_stays_within_the_bounds_nineteen_times_in_twenty():
         assert 0.02 < sum(test.beyond for test in tests) / sum(test.tested for test in tests) < 0.08
 
 
-def test_errors_with_memory_are_seen():
-    noise = np.random.default_rng(2).normal(size=600)
-    errors = np.convolve(noise, 0.8 ** np.arange(30))[:600]
-    assert autocorrelation([errors]).beyond > 5
-
-
-def test_a_forgotten_input_shows_at_its_lag():
-    random = np.random.default_rng(4)
-    u = random.normal(size=500)
-    errors = np.concatenate([np.zeros(3), 0.5 * u[:-3]]) + random.normal(size=500)
-    found = cross_correlation([errors], [u])
-    assert found.lags[np.argmax(np.abs(found.values))] == 3
-    assert found.values.max() > 3 * found.bound
-
-
 def test_pieces_do_not_touch():
     """The end of one piece tells nothing of the beginning of the next."""
     ramp = np.linspace(-1, 1, 40)

@@ -116,7 +116,7 @@ def test_a_dwell_counts_no_more_than_a_passage():
         "two inputs vary",
     ],
 )
-def test_what_does_not_repeat(changed):  # type: ignore[no-untyped-def]
+def test_what_does_not_repeat(changed):
     one = changed(curve({"a": 0.0, "b": 1.0}))
     inputs = ["pressure", *(["temperature"] if "temperature" in one.columns else [])]
     assert repeated([one], inputs) is None
@@ -131,7 +131,7 @@ def test_a_single_recording_has_no_repeat_and_other_levels_are_none():
 
 def test_recordings_at_the_same_value_of_a_held_input_repeat_each_other():
     one = curve({"a": 0.0, "b": 1.0, "c": 40.0, "d": 41.0})
-    length = np.where(one.origin < 2, 83.0, 281.0)  # type: ignore[operator]
+    length = np.where(one.origin < 2, 83.0, 281.0)
     found = repeated(
         [replace(one, columns={**one.columns, "length": length})], ["length", "pressure"]
     )

@@ -1,8 +1,5 @@
 """Cycles: their branches, and where strokes begin."""
 
-from __future__ import annotations
-
-from collections.abc import Callable
 from itertools import pairwise
 
 import numpy as np
@@ -19,7 +16,6 @@ from mapmore_cli.modelling.signals.cycles import (
 )
 
 REACH = 0.2
-Signal = Callable[[np.ndarray], np.ndarray]
 
 
 def static(strain):
@@ -75,7 +71,7 @@ def test_known_components_are_recovered_at_any_speed(
     )
 
 
-@settings(deadline=None, max_examples=30)
+@settings(max_examples=30)
 @given(
     seed=st.integers(0, 2**31), noise=st.floats(0, 0.003), step=st.sampled_from([0.0, 1e-4, 1e-3])
 )
@@ -107,7 +103,6 @@ def test_range_is_the_one_that_both_branches_cover():
     assert 0.05 <= branches.over[0] < 0.055
 
 
-@settings(deadline=None)
 @given(seed=st.integers(0, 2**31), swing=st.floats(0.05, 3))
 def test_turning_points_alternate_and_are_a_swing_apart(seed, swing):
     walk = np.cumsum(np.random.default_rng(seed).normal(size=300))
@@ -150,7 +145,6 @@ def pulses(heights, rest=50, rise=20, noise=0.0, drift=0.0, seed=0):
     ), np.array(starts)
 
 
-@settings(deadline=None)
 @given(
     st.lists(st.floats(0.6, 1.0), min_size=1, max_size=6),
     st.floats(0, 0.01),

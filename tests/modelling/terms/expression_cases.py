@@ -1,7 +1,5 @@
 """Random expressions, each as text for us and as a computation of Python's own."""
 
-from __future__ import annotations
-
 import ast
 import cmath
 import math

@@ -1,7 +1,5 @@
 """The families of terms: products, names of states, and how much memory a dictionary needs."""
 
-from __future__ import annotations
-
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st

@@ -2,8 +2,6 @@
 recursion, a free run, derivatives and C.
 """
 
-from __future__ import annotations
-
 import shutil
 import sys
 from dataclasses import replace
@@ -50,7 +48,6 @@ def state_of(name, x, *numbers, step=STEP):
     return along(OPERATORS[name], x, Setting(numbers, step, (0.0, 1.0)))
 
 
-@settings(deadline=None)
 @given(PATHS, st.floats(1e-3, 100))
 def test_slow_follows_its_recursion_from_rest(x, tau):
     a, s = np.exp(-STEP / tau), x[0]
@@ -106,7 +103,7 @@ def sample_by_sample(operator, setting, x):
 
 
 @pytest.mark.parametrize("name", OPERATORS)
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=40)
 @given(x=PATHS, empty=st.integers(1, 5))
 def test_every_way_along_a_recording_is_the_recursion(name, x, empty):
     """What the source leaves empty at the beginning stays empty."""

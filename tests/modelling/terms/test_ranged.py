@@ -2,8 +2,6 @@
 range.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from common import curve_of
