@@ -2,13 +2,12 @@
 what is wrong with it.
 """
 
-import h5py
 import numpy as np
 import pytest
 import scipy.io
 from hypothesis import given
 from hypothesis import strategies as st
-from reading import opaque_mat, refused
+from reading import opaque_mat, refused, timetable_of_73, workbook
 
 from mapmore_cli.annexes.drafting import start as drafting
 from mapmore_cli.annexes.drafting.answers import Answers, read_columns
@@ -88,11 +87,7 @@ def test_what_simulink_logs_is_one_log(tmp_path, case):
 
 
 def test_a_timetable_alone_is_refused_with_the_line_that_converts_it(tmp_path):
-    with h5py.File(tmp_path / "log.mat", "w") as file:
-        log = file.create_dataset(
-            "log", data=np.array([[0xDD000000, 2, 1, 1, 1, 1]], dtype=np.uint32)
-        )
-        log.attrs["MATLAB_class"], log.attrs["MATLAB_object_decode"] = b"timetable", np.int32(3)
+    timetable_of_73(tmp_path / "log.mat")
     with refused("'log' is an object of MATLAB (timetable)", "table2struct"):
         drafting.start(tmp_path, tmp_path)
     opaque_mat(tmp_path / "log.mat", "log", "timetable", T)
@@ -125,18 +120,13 @@ def test_several_tables_of_a_text_file_are_recordings_of_one_study(tmp_path):
 
 
 def test_notes_in_a_workbook_hide_neither_titles_nor_numbers(tmp_path):
-    openpyxl = pytest.importorskip("openpyxl")
-    book = openpyxl.Workbook()
-    for row in (["Operator", "me"], ["length mm", 88]):
-        book.active.append(row)
-    sheet = book.create_sheet("Data")
-    for row in (["Test 12"], [], ["Time [s]", "Pressure [kPa]", "Position [mm]", "Remarks"]):
-        sheet.append(row)
-    for number, values in enumerate(zip(T[:300], PRESSURE, POSITION, strict=False)):
-        sheet.append([*map(float, values), *(["valve opened"] if number == 50 else [])])
-    sheet.cell(row=8, column=7, value="the sensor was replaced")
-    sheet.cell(row=9, column=7, value=3.5)
-    book.save(tmp_path / "book.xlsx")
+    head = [["Test 12"], [], ["Time [s]", "Pressure [kPa]", "Position [mm]", "Remarks"]]
+    numbers = np.column_stack([T, PRESSURE, POSITION])[:300].tolist()
+    numbers[50].append("valve opened")
+    for place, note in ((4, "the sensor was replaced"), (5, 3.5)):
+        numbers[place] += [None, None, None, note]
+    about = [["Operator", "me"], ["length mm", 88]]
+    workbook(tmp_path / "book.xlsx", Sheet=about, Data=[*head, *numbers])
     (draft,) = drafting.start(tmp_path, tmp_path).drafts
     assert {name: unit for name, (_, unit) in taken(draft).items()} == {
         "time": "s",

@@ -1,4 +1,4 @@
-"""Logs that are longer than memory, read block by block, also where somebody interrupts."""
+"""Logs that are longer than memory, read block by block."""
 
 import gc
 import hashlib
@@ -17,12 +17,9 @@ from mapmore_cli.domain.recording import Dataset
 from mapmore_cli.ingestion.dataset import build_dataset
 from mapmore_cli.ingestion.files import slice_of
 from mapmore_cli.modelling.signals.sampling import typical_step
-from mapmore_cli.pipeline.runner import bring_up_to_date
-from mapmore_cli.spec.loader import load
 from mapmore_cli.storage import spool
 from mapmore_cli.storage.artefacts import hdf5, read_dataset, write_dataset
 from mapmore_cli.storage.artefacts.schema import encoded
-from mapmore_cli.storage.run_record import load_records
 
 SAMPLES = 60
 
@@ -230,57 +227,3 @@ def test_the_step_of_a_long_record_is_that_of_its_parts(monkeypatch):
     time = np.cumsum(np.random.default_rng(0).uniform(0.9, 1.1, 5000))
     assert typical_step(time) == pytest.approx(np.median(np.diff(time)), rel=0.02)
     assert typical_step(np.arange(5000) / 7) == pytest.approx(1 / 7, rel=1e-9)
-
-
-SPEC = """
-schema_version: 1
-name: long
-data: {files: [log.csv], reader: csv, columns: {time: {column: t}, force: {column: F},
-    strain: {column: eps}}}
-target: {column: force}
-dictionary: [{terms: [strain]}]
-"""
-ROWS = 50_000
-
-
-@pytest.fixture
-def folder(tmp_path):
-    (tmp_path / "log.csv").write_text(
-        "t,F,eps\n" + "".join(f"{i},{i % 7}.25,0.{i % 9}\n" for i in range(ROWS))
-    )
-    (tmp_path / "long.yaml").write_text(SPEC)
-    return tmp_path
-
-
-def interrupted_after(calls, folder):
-    seen = []
-
-    def progress(_what, done, _total):
-        seen.append(done)
-        if len(seen) > calls:
-            raise KeyboardInterrupt
-
-    with pytest.raises(KeyboardInterrupt):
-        bring_up_to_date(
-            load(folder / "long.yaml"), folder / "runs", until="ingest", progress=progress
-        )
-
-
-@pytest.mark.parametrize("calls", [0, 1, 3])
-def test_nothing_is_left_behind(folder, calls):
-    interrupted_after(calls, folder)
-    left = {path.name for path in (folder / "runs" / "long").iterdir()}
-    assert left <= {".lock", "run.json"}  # the folder is ours, and no stage of it is done
-    assert load_records(folder / "runs" / "long", lambda _message: None) == {}
-
-
-def test_the_results_of_before_stay(folder):
-    run = folder / "runs" / "long"
-    bring_up_to_date(load(folder / "long.yaml"), folder / "runs", until="ingest")
-    before = {path.name: path.read_bytes() for path in run.iterdir()}
-    with (folder / "log.csv").open("a") as log:
-        log.write(f"{ROWS},1,0.5\n")
-    interrupted_after(2, folder)
-    assert {path.name: path.read_bytes() for path in run.iterdir()} == before
-    bring_up_to_date(load(folder / "long.yaml"), folder / "runs", until="ingest")
-    assert read_dataset(run / "ingest.h5").curves[0].size == ROWS + 1

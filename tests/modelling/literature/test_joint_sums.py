@@ -14,7 +14,6 @@ from mapmore_cli.annexes.sums.joint import (
     Summand,
     fit_jointly,
     joint_formula,
-    refuse_shared_names,
     split,
     sum_of,
 )
@@ -170,23 +169,6 @@ def test_the_equations_begin_with_what_is_added_up():
     first = equations(flexed())[0]
     assert first.text == "flexor(pressure = p1, strain = s) - extensor(pressure = p2, strain = -s)"
     assert first.latex.count("text{") >= 2
-
-
-def test_two_pressures_never_share_a_name():
-    parts = [
-        ("flexor", ["pressure", "strain"], {"strain": "s"}),
-        ("extensor", ["pressure", "strain"], {"strain": "-s"}),
-    ]
-    with pytest.raises(
-        SpecError, match="flexor and extensor both have an input `pressure`"
-    ) as caught:
-        refuse_shared_names(parts)
-    assert (
-        "`inputs: {pressure: pressure_1}` and `inputs: {pressure: pressure_2}`"
-        in caught.value.remedy
-    )
-    said = [(name, inputs, {**given, "pressure": "pressure"}) for name, inputs, given in parts]
-    refuse_shared_names(said)
 
 
 def test_another_unit_is_refused_and_an_input_that_is_lacking():

@@ -4,6 +4,7 @@ have to say.
 
 from contextlib import contextmanager
 
+import h5py
 import numpy as np
 import pytest
 import scipy.io
@@ -76,6 +77,14 @@ def opaque_variable(name, of_class):
     numbers += element(6, np.array([0xDD000000], "<u4").tobytes())
     flags = element(6, np.array([17, 0], "<u4").tobytes())
     return element(14, flags + words + element(14, numbers))
+
+
+def timetable_of_73(path):
+    """A file of version 7.3 with the object `log`."""
+    with h5py.File(path, "w") as file:
+        numbers = np.array([[0xDD000000, 2, 1, 1, 1, 1]], dtype=np.uint32)
+        log = file.create_dataset("log", data=numbers)
+        log.attrs["MATLAB_class"], log.attrs["MATLAB_object_decode"] = b"timetable", np.int32(3)
 
 
 def opaque_mat(path, name, of_class, x):

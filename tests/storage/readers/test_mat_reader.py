@@ -12,7 +12,7 @@ import h5py
 import numpy as np
 import pytest
 import scipy.io
-from reading import element, opaque_mat, refusal, tables_of
+from reading import element, opaque_mat, refusal, tables_of, timetable_of_73
 from scipy import sparse
 
 from mapmore_cli.domain.errors import DataError
@@ -351,15 +351,12 @@ def test_cut_files_give_what_they_hold_or_an_error(tmp_path, write):
 def test_objects_of_matlab_are_told_with_the_way_to_save_arrays(tmp_path):
     tables = opaque_mat(tmp_path / "a.mat", "log", "timetable", T)
     assert values(tables, "x") == list(T)
-    with h5py.File(tmp_path / "b.mat", "w") as file:
-        log = file.create_dataset(
-            "log", data=np.array([[0xDD000000, 2, 1, 1, 1, 1]], dtype=np.uint32)
-        )
-        log.attrs["MATLAB_class"], log.attrs["MATLAB_object_decode"] = b"timetable", np.int32(3)
+    timetable_of_73(tmp_path / "b.mat")
     for path, column, name in [
-        (tables, "log", "'log' is an object of MATLAB (timetable)"),
-        (tables, "log.P", "'log' is an object of MATLAB (timetable)"),
-        (tmp_path / "b.mat", "log", "'log' is an object of MATLAB (timetable)"),
+        *(
+            (path, column, "'log' is an object of MATLAB (timetable)")
+            for path, column in ((tables, "log"), (tables, "log.P"), (tmp_path / "b.mat", "log"))
+        ),
         (
             BY_MATLAB / "testobject_7.4_GLNX86.mat",
             "testobject",
