@@ -151,6 +151,11 @@ def test_sample_time_stands_for_a_time_column(ingest):
 
 FIRST = {name: column for name, column in COLUMNS.items() if name != "pressure"}
 SECOND = {"time": {"column": "ms", "unit": "ms"}, "pressure": {"column": "p", "unit": "bar"}}
+BY_ROW = {
+    "columns": {"pressure": {"column": 0, "unit": "kPa"}},
+    "on": "row",
+    "header": False,
+}
 T = np.arange(11) * 0.1
 
 
@@ -199,11 +204,7 @@ def test_missing_values_of_either_log(ingest):
 
 
 def test_by_row(ingest):
-    columns = {"pressure": {"column": 0, "unit": "kPa"}}
-    text = "\n".join(str(p) for p in range(11))
-    got = joining(ingest, text, join={"columns": columns, "on": "row", "header": False}).recordings[
-        0
-    ]
+    got = joining(ingest, "\n".join(map(str, range(11))), join=BY_ROW).recordings[0]
     np.testing.assert_array_equal(got.columns["pressure"], np.arange(11))
 
 
@@ -235,12 +236,6 @@ def test_third_log(ingest):
     np.testing.assert_allclose(got.recordings[0].columns["load"], 5 + 10 * T)
 
 
-BY_ROW = {
-    "columns": {"pressure": {"column": 0, "unit": "kPa"}},
-    "on": "row",
-    "header": False,
-}
-
 BROKEN = {
     "too short": (csv_text(ms=[0, 850], p=1), {},
         ["first.csv:row 11: the value of pressure is missing", "2 of 11"]),
@@ -271,7 +266,7 @@ def test_repeated_stamps_of_the_second_log_are_mended_as_the_spec_says(ingest):
     np.testing.assert_allclose(got.columns["pressure"], 200 * T, atol=1e-9)
 
 
-def on_other_clocks(ingest, wave, **match):
+def on_other_clocks(ingest, wave):
     """Two logs of one pressure, the second in ms on a clock that is 7.5 s ahead of the first."""
     t = np.arange(0, 40, 0.1)
     columns = {"time": {"column": "ms", "unit": "ms"}, "pressure_2": {"column": "p", "unit": "bar"}}
@@ -279,7 +274,7 @@ def on_other_clocks(ingest, wave, **match):
         "files": ["second*.txt"],
         "columns": columns,
         "shift": "auto",
-        "match": {**MATCH, **match},
+        "match": MATCH,
     }
     files = {
         "first.csv": csv_text(t=t, P=wave(t), eps=0 * t, F=t),

@@ -103,10 +103,12 @@ def test_what_is_held_out(ingest, choice, expected):
 
 
 def test_held_out_samples_are_marked_one_by_one(ingest):
-    for curve in ingest(REPEATS, levels=LEVELS, **held(files=["*_2.csv"])).curves:
-        np.testing.assert_array_equal(curve.held_out, curve.columns["force"] % 100 == 2)
-    for curve in ingest(REPEATS, levels=LEVELS, **held(last=0.25)).curves:
-        np.testing.assert_array_equal(curve.held_out, curve.columns["time"] >= 1.45)
+    for choice, held_out in (
+        ({"files": ["*_2.csv"]}, lambda columns: columns["force"] % 100 == 2),
+        ({"last": 0.25}, lambda columns: columns["time"] >= 1.45),
+    ):
+        for curve in ingest(REPEATS, levels=LEVELS, **held(**choice)).curves:
+            np.testing.assert_array_equal(curve.held_out, held_out(curve.columns))
 
 
 def test_random_fraction_is_exact_and_hangs_on_the_seed_alone(ingest):
@@ -163,11 +165,11 @@ def test_sweep_has_no_levels_to_find(ingest):
         ingest({"a.csv": steps(80, 500)}, levels={"of": "strain", "at": "auto"})
 
 
-def cycle(level, rows=400):
-    strain = np.concatenate([np.linspace(0, 0.2, rows), np.linspace(0.2, 0, rows)])
-    side = np.repeat([-1, 1], rows)
+def cycle(level):
+    strain = np.concatenate([np.linspace(0, 0.2, 400), np.linspace(0.2, 0, 400)])
+    side = np.repeat([-1, 1], 400)
     return csv_text(
-        t=np.arange(2 * rows) * 0.01,
+        t=np.arange(800) * 0.01,
         P=level + 0.1 * side,
         eps=strain,
         F=level * (1 - strain / 0.2) + side * (2 + 10 * strain),

@@ -80,11 +80,6 @@ def test_empty_sheets_are_no_recordings(ingest, tmp_path):
     assert ids(ingest({}, files=["b.xlsx"], reader="xlsx", sheet="*")) == ["b[Sheet1]"]
 
 
-def test_sheets_belong_to_workbooks(ingest):
-    with pytest.raises(ValueError, match="has no use for `sheet`"):
-        ingest({"a.csv": steps(80)}, files=[{"path": "a.csv", "sheet": "Run1"}])
-
-
 GERMAN = csv_text(t=np.arange(3.0), P=80.0, eps=0.1, F=1.0).replace("eps", "Dehnung µ", 1)
 
 

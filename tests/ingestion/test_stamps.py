@@ -80,14 +80,16 @@ def test_a_clock_that_was_set_back_is_none_that_begins_anew(ingest, cells):
             "belong to `time`",
         ),
         ({"columns": {**COLUMNS, "force": {"column": "F", "unwrap": True}}}, "belong to `time`"),
-        ({"columns": {**COLUMNS, "time": {"column": "t", "format": "%Q"}}}, "no format of stamps"),
-        ({"columns": {**COLUMNS, "time": {"column": "t", "format": "%I:%M:%S"}}}, "AM or PM"),
-        ({"columns": {**COLUMNS, "time": {"column": "t", "format": "%H:%M:%S %p"}}}, "AM or PM"),
-        (
-            {"columns": {**COLUMNS, "time": {"column": "t", "format": "%d.%m. %H:%M:%S"}}},
-            "a day its year",
+        *(
+            ({"columns": {**COLUMNS, "time": {"column": "t", "format": text}}}, told)
+            for text, told in (
+                ("%Q", "no format of stamps"),
+                ("%I:%M:%S", "AM or PM"),
+                ("%H:%M:%S %p", "AM or PM"),
+                ("%d.%m. %H:%M:%S", "a day its year"),
+                ("", "has codes"),
+            )
         ),
-        ({"columns": {**COLUMNS, "time": {"column": "t", "format": ""}}}, "has codes"),
         ({"thousands": ","}, "between thousands"),
         ({"thousands": ".", "delimiter": ";"}, "between thousands"),
         ({"thousands": " ", "delimiter": "whitespace"}, "between thousands"),

@@ -31,7 +31,7 @@ FORCE = (
 )
 
 
-def step(height, extra=0.0, **changes):
+def step(height, extra=0.0):
     """A step to `height` between 0.2 s and 2 s; the force is that of `sarosi_model`, plus `extra`,
     plus 40 N while it moves.
     """
@@ -39,9 +39,7 @@ def step(height, extra=0.0, **changes):
     pressure, strain = height * ramp, 0.1 * ramp
     moving = (np.abs(np.gradient(ramp)) > 0) * 40.0
     static = 2.0 * pressure * np.exp(-5 * strain) - strain * pressure + 3.0
-    return csv_text(
-        **{"t": TIME, "P": pressure, "eps": strain, "F": static + extra + moving, **changes}
-    )
+    return csv_text(t=TIME, P=pressure, eps=strain, F=static + extra + moving)
 
 
 def sarosi_model(**changes):

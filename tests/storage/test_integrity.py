@@ -277,10 +277,9 @@ def test_attributes_that_refer_to_one_text_many_times_are_not_read(model):
 
 def test_special_files_are_not_opened(tmp_path):
     os.mkfifo(tmp_path / "model.h5")
-    with pytest.raises(DataError, match="special file"):
-        artefacts.read_model(tmp_path / "model.h5")
-    with pytest.raises(DataError, match="special file"):
-        artefacts.kind_of(tmp_path / "model.h5")
+    for read in (artefacts.read_model, artefacts.kind_of):
+        with pytest.raises(DataError, match="special file"):
+            read(tmp_path / "model.h5")
 
 
 @pytest.mark.parametrize("kind", KINDS)

@@ -17,10 +17,8 @@ def test_a_noise_free_record_is_repeated_from_its_first_two_outputs():
     y = narx_truth(x, 0.3, -0.2)
     run = free_run(TRUTH, {"x": x, "y": y})
     assert np.isnan(run.values[:2]).all()
-    np.testing.assert_allclose(run.values[2:], y[2:], rtol=1e-12, atol=1e-12)
-    np.testing.assert_allclose(
-        predict_one_step(TRUTH, {"x": x, "y": y})[2:], y[2:], rtol=1e-12, atol=1e-12
-    )
+    for values in (run.values, predict_one_step(TRUTH, {"x": x, "y": y})):
+        np.testing.assert_allclose(values[2:], y[2:], rtol=1e-12, atol=1e-12)
     assert run.diverged == ()
 
 

@@ -23,10 +23,10 @@ def blocks_of(P, y, *cuts):
     return lambda: zip(np.split(P, cuts), np.split(y, cuts), strict=True)
 
 
-def problem(n, M, seed, noise=0.3):
+def problem(n, M, seed):
     rng = np.random.default_rng(seed)
     P = rng.normal(size=(n, M)) @ rng.normal(size=(M, M)) + rng.normal(0, 50, M)
-    return P, P[:, 0] - 2 * P[:, M // 2] + noise * rng.normal(size=n) + 7
+    return P, P[:, 0] - 2 * P[:, M // 2] + 0.3 * rng.normal(size=n) + 7
 
 
 def regularised(P, y, ridge):
@@ -63,12 +63,13 @@ CASES = {
 @given(**CASES)
 def test_selection_is_frols_on_data_with_rows_for_the_ridge(n, M, seed, ridge):
     P, y = problem(n, M, seed)
-    found, expected = select(regularised(P, y, ridge), M), frols(*in_full(P, y, ridge), M)
+    Z, z = in_full(P, y, ridge)
+    found, expected = select(regularised(P, y, ridge), M), frols(Z, z, M)
     assert found.chosen.tolist() == expected.chosen.tolist()
     np.testing.assert_allclose(found.err, expected.err, rtol=1e-6, atol=1e-12)
     np.testing.assert_allclose(found.theta, expected.theta, rtol=1e-6, atol=1e-9)
     np.testing.assert_allclose(found.g_all, expected.g_all, rtol=1e-5, atol=1e-9)
-    residual = in_full(P, y, ridge)[1][:n] - in_full(P, y, ridge)[0][:n, found.chosen] @ found.theta
+    residual = z[:n] - Z[:n, found.chosen] @ found.theta
     assert found.sse == pytest.approx(residual @ residual, rel=1e-6, abs=1e-9 * n)
     assert (found.yy, found.samples) == (pytest.approx(n), n)
 
@@ -109,8 +110,10 @@ def test_moments_do_not_depend_on_blocks_units_or_origin(seed, cuts, slope, offs
     whole, cut = (moments(standardised(given, standard(given))) for given in (blocks, others))
     np.testing.assert_allclose(whole.covariance, np.corrcoef(np.column_stack([P, y]).T), atol=1e-9)
     np.testing.assert_allclose(cut.covariance, whole.covariance, atol=1e-6)
-    early = moments(standardised(lambda: iter([(P[:15], y[:15])]), standard(blocks)))
-    late = moments(standardised(lambda: iter([(P[15:], y[15:])]), standard(blocks)))
+    early, late = (
+        moments(standardised(blocks_of(P[part], y[part]), standard(blocks)))
+        for part in (slice(15), slice(15, None))
+    )
     np.testing.assert_allclose(whole.without(early).covariance, late.covariance, atol=1e-9)
 
 

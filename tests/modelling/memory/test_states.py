@@ -51,17 +51,10 @@ def test_widths_are_fractions_of_the_training_range_of_their_source():
 def test_scaled_states_span_one_in_training_and_are_clipped_beyond(n, margin, slope, offset):
     x = wandering(300)
     training = np.arange(300) < n
-    states = resolve_states(
-        NAMES,
-        [record(training, x=slope * x + offset, y=x)],
-        replace(RECIPE, scaling="range", margin=margin),
-    )
-    plain = resolve_states(
-        NAMES, [record(training, x=x, y=x)], replace(RECIPE, scaling="range", margin=margin)
-    )
+    asked = replace(RECIPE, scaling="range", margin=margin)
     physical, other = (
-        evaluate_states(states, {"x": slope * x + offset}),
-        evaluate_states(plain, {"x": x}),
+        evaluate_states(resolve_states(NAMES, [record(training, x=z, y=x)], asked), {"x": z})
+        for z in (slope * x + offset, x)
     )
     for name in NAMES:
         taught = physical[name][:n][np.isfinite(physical[name][:n])]

@@ -19,10 +19,10 @@ from mapmore_cli.modelling.pieces.build import fit_segment, placements, scaled_i
 seeds = st.integers(0, 2**32 - 1)
 
 
-def falling(seed, n=60):
+def falling(seed):
     rng = np.random.default_rng(seed)
-    x = np.sort(rng.uniform(0.02, 0.1, n))
-    return x, 700 * np.exp(-x / 0.05) - 50 + rng.normal(0, 2, n)
+    x = np.sort(rng.uniform(0.02, 0.1, 60))
+    return x, 700 * np.exp(-x / 0.05) - 50 + rng.normal(0, 2, 60)
 
 
 def placed(x, y):

@@ -188,12 +188,9 @@ def test_weights_make_the_model(extrapolation):
         pieces, predict(replace(model, body=replace(model.body, backbone=None)), columns), atol=1e-6
     )
     middle = at(200, 0.03)
-    assert weight_of(model.body, {segment.id for segment in segments}, middle) == pytest.approx(
-        [0.3]
-    )
-    assert sum(
-        weight_of(model.body, {segment.id}, middle) for segment in segments
-    ) == pytest.approx([0.3])
+    names = {segment.id for segment in segments}
+    for groups in ([names], [{name} for name in names]):
+        assert sum(weight_of(model.body, own, middle) for own in groups) == pytest.approx([0.3])
 
 
 @settings(max_examples=20)

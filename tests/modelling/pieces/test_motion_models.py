@@ -83,11 +83,9 @@ def test_one_level_trains_the_pieces():
     """`highest` is the highest that trains: 350 kPa is held out here."""
     curves = [curve(p, damping=np.full(400, p)) for p in (80.0, 150.0, 350.0)]
     held = replace(curves[2], held_out=np.ones(400, bool))
-    assert np.allclose(
-        predict(built(trained_at([*curves[:2], held], "highest"), None, "1"), curves[0].columns),
-        150.0,
-    )
-    assert np.allclose(predict(built(trained_at(curves, 80.0), None, "1"), curves[0].columns), 80.0)
+    for given_curves, at, value in (([*curves[:2], held], "highest", 150.0), (curves, 80.0, 80.0)):
+        model = built(trained_at(given_curves, at), None, "1")
+        assert np.allclose(predict(model, curves[0].columns), value)
 
 
 def test_the_plateau_never_trains():

@@ -29,8 +29,8 @@ def cut(curve, cuts):
     return segment_curve(curve, cuts, "force", no_cost)
 
 
-def line(low, high, n=30):
-    strain = np.linspace(low, high, n)
+def line(low, high):
+    strain = np.linspace(low, high, 30)
     return curve_of({"strain": strain, "force": 100 * strain})
 
 
@@ -184,16 +184,16 @@ def test_too_few_samples_say_what_to_do():
     assert "segment.strain.min_samples" in error.value.remedy
 
 
-def bent(seed, corners, slopes, n=400):
+def bent(seed, corners, slopes):
     """Straight pieces over [0, 1] with noise, and local spikes of a few neighbouring samples, many
     times as high as the noise.
     """
     rng = np.random.default_rng(seed)
-    x = np.sort(rng.uniform(0, 1, n))
+    x = np.sort(rng.uniform(0, 1, 400))
     knots = np.array([0, *corners, 1])
     y = np.interp(x, knots, np.concatenate([[0], np.cumsum(np.array(slopes) * np.diff(knots))]))
-    y = y + rng.normal(0, 0.01, n)
-    for start in rng.integers(0, n - 4, 4):
+    y = y + rng.normal(0, 0.01, 400)
+    for start in rng.integers(0, 396, 4):
         y[start : start + rng.integers(1, 5)] += rng.choice([-1, 1]) * rng.uniform(0.5, 1.5)
     return x, y
 

@@ -132,14 +132,14 @@ def test_what_is_no_cycle_is_refused(over, part):
         split_cycles(over, {"force": over}, 50)
 
 
-def pulses(heights, rest=50, rise=20, noise=0.0, drift=0.0, seed=0):
+def pulses(heights, noise=0.0, drift=0.0, seed=0):
     """Rest, rise, fall, and so on; where each rise begins."""
     parts, starts, now = [], [], 0
     for height in heights:
-        parts += [np.zeros(rest), np.linspace(0, height, rise), np.linspace(height, 0, rise)]
-        starts.append(now + rest)
-        now += rest + 2 * rise
-    x = np.concatenate([*parts, np.zeros(rest)])
+        parts += [np.zeros(50), np.linspace(0, height, 20), np.linspace(height, 0, 20)]
+        starts.append(now + 50)
+        now += 90
+    x = np.concatenate([*parts, np.zeros(50)])
     return x + drift * np.arange(len(x)) / len(x) + noise * np.random.default_rng(seed).uniform(
         -1, 1, len(x)
     ), np.array(starts)

@@ -20,12 +20,12 @@ from mapmore_cli.modelling.signals.plateau import (
 from mapmore_cli.modelling.signals.rates import direction, needed_signals, with_signals
 
 
-def held(levels, ripple, seed, samples=2500):
+def held(levels, ripple, seed):
     """Pressures of load cycles: the regulator's ripple and noise about each level."""
     rng = np.random.default_rng(seed)
-    phase = np.linspace(0, 60, samples)
+    phase = np.linspace(0, 60, 2500)
     return np.concatenate(
-        [level + ripple * np.sin(phase) + rng.normal(0, ripple / 3, samples) for level in levels]
+        [level + ripple * np.sin(phase) + rng.normal(0, ripple / 3, 2500) for level in levels]
     )
 
 

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from reading import refused
 from scipy.signal import savgol_filter
 
-from mapmore_cli.domain.errors import DataError
 from mapmore_cli.modelling.signals.rates import rate
 from mapmore_cli.modelling.signals.sampling import (
     align,
@@ -167,9 +167,8 @@ def test_blocks_do_not_show(monkeypatch):
     ],
 )
 def test_window_with_too_few_stamps_says_what_to_do(time, window, order, parts):
-    with pytest.raises(DataError) as caught:
+    with refused(*parts):
         rate(time, time**2, window, order)
-    assert all(part in str(caught.value) for part in parts), str(caught.value)
 
 
 @given(

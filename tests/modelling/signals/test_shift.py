@@ -18,12 +18,12 @@ def ramps(seed):
     return lambda t: np.interp(t, knots, values)
 
 
-def found(truth, shift, noise=0.0, seed=0, **options):
+def found(truth, shift, noise=0.0, seed=0):
     """The shift of a log whose clock shows `t - shift` at the time t."""
     random = np.random.default_rng(seed)
     first = truth(TIME) + noise * random.standard_normal(len(TIME))
     second = truth(OTHER + shift) + noise * random.standard_normal(len(OTHER))
-    return find_shift(TIME, first, OTHER, second, **{"same_sign": True, **options})
+    return find_shift(TIME, first, OTHER, second, same_sign=True)
 
 
 def sure(shift):

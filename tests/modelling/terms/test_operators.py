@@ -109,19 +109,16 @@ def test_every_way_along_a_recording_is_the_recursion(name, x, empty):
     """What the source leaves empty at the beginning stays empty."""
     operator, setting = OPERATORS[name], setting_of(name)
     expected = sample_by_sample(operator, setting, x)
-    np.testing.assert_allclose(along(operator, x, setting), expected, rtol=1e-9, atol=1e-9)
-    np.testing.assert_allclose(
-        run_recursion(operator.recursion(setting), x), expected, rtol=1e-9, atol=1e-9
-    )
-    np.testing.assert_allclose(
-        run_recursion(replace(operator.recursion(setting), weights=None), x),
-        expected,
-        rtol=1e-9,
-        atol=1e-9,
-    )
+    rule = operator.recursion(setting)
     late = along(operator, np.r_[np.full(empty, np.nan), x], setting)
     assert np.isnan(late[:empty]).all()
-    np.testing.assert_allclose(late[empty:], expected, rtol=1e-9, atol=1e-9)
+    for found in (
+        along(operator, x, setting),
+        run_recursion(rule, x),
+        run_recursion(replace(rule, weights=None), x),
+        late[empty:],
+    ):
+        np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-9)
     assert np.isnan(along(operator, np.full(empty, np.nan), setting)).all()
     assert len(along(operator, np.empty(0), setting)) == 0
 

@@ -8,6 +8,8 @@ import pytest
 from reading import refusal, table_of, tables_of, workbook
 
 NAN = np.nan
+SHORTS, BYTES = np.array([0, 50, 200], "i2"), np.array([-1, 1, -2], "i1")
+REALS = np.array([-5.0, 0, 5])
 STORED = {
     "scaled": (
         np.array([0, 10, -20], "i2"),
@@ -33,29 +35,29 @@ STORED = {
     "a mark too large for float32": (np.array([1, 2, 3], "f4"), {"_FillValue": 1e300}, [1, 2, 3]),
     "fill value is NaN": (np.array([NAN, 1, 2]), {"_FillValue": NAN}, [NAN, 1, 2]),
     "valid range as stored": (
-        np.array([0, 50, 200], "i2"),
+        SHORTS,
         {"valid_range": np.array([1, 100], "i2"), "scale_factor": 0.1},
         [NAN, 5, NAN],
     ),
     "valid range as meant": (
-        np.array([0, 50, 200], "i2"),
+        SHORTS,
         {"valid_range": [1.0, 10.0], "scale_factor": 0.1},
         [NAN, 5, NAN],
     ),
     "valid_min as stored": (
-        np.array([0, 50, 200], "i2"),
+        SHORTS,
         {"valid_min": np.int16(40), "scale_factor": 0.1},
         [NAN, 5, 20],
     ),
-    "valid_min": (np.array([-5.0, 0, 5]), {"valid_min": 0.0}, [NAN, 0, 5]),
-    "valid_max": (np.array([-5.0, 0, 5]), {"valid_max": 0.0}, [-5, 0, NAN]),
+    "valid_min": (REALS, {"valid_min": 0.0}, [NAN, 0, 5]),
+    "valid_max": (REALS, {"valid_max": 0.0}, [-5, 0, NAN]),
     "unsigned": (
-        np.array([-1, 1, -2], "i1"),
+        BYTES,
         {"_Unsigned": "true", "_FillValue": np.int8(-1)},
         [NAN, 1, 254],
     ),
-    "not unsigned": (np.array([-1, 1, -2], "i1"), {"_Unsigned": "false"}, [-1, 1, -2]),
-    "nothing": (np.array([-1, 1, -2], "i1"), {"comment": "x" * 9000}, [-1, 1, -2]),
+    "not unsigned": (BYTES, {"_Unsigned": "false"}, [-1, 1, -2]),
+    "nothing": (BYTES, {"comment": "x" * 9000}, [-1, 1, -2]),
 }
 
 
