@@ -1,7 +1,5 @@
 """A dataset made of small recordings."""
 
-from __future__ import annotations
-
 import pytest
 from ingest_samples import spec_of
 

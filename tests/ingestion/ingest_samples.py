@@ -1,12 +1,7 @@
 """Small recordings as text, and specs that read them."""
 
-from __future__ import annotations
-
-from collections.abc import Callable
-
 import numpy as np
 
-from mapmore_cli.domain.recording import Dataset
 from mapmore_cli.spec.experiment import ExperimentSpec
 
 COLUMNS = {
@@ -15,8 +10,6 @@ COLUMNS = {
     "strain": {"column": "eps"},
     "force": {"column": "F", "unit": "N"},
 }
-
-Ingest = Callable[..., Dataset]
 
 
 def csv_text(**columns):

@@ -2,13 +2,10 @@
 says; second logs are joined.
 """
 
-from __future__ import annotations
-
-from typing import Any
-
 import numpy as np
 import pytest
 from ingest_samples import COLUMNS, csv_text
+from reading import refused
 
 from mapmore_cli.domain.errors import DataError
 
@@ -40,13 +37,10 @@ def test_gaps_are_an_error_where_the_spec_says_so_and_a_warning_where_it_says_no
     ingest,
 ):
     text = logged(*np.arange(20) * 0.1, 5.0, *(5.1 + np.arange(20) * 0.1))
-    with pytest.raises(
-        DataError,
-        match=r"a\.csv:row 21: a gap longer than 0\.5 s follows; the longest takes 3\.1 s",
-    ) as caught:
+    told = "a.csv:row 21: a gap longer than 0.5 s follows; the longest takes 3.1 s"
+    with refused(told, "action: split"):
         ingest({"a.csv": text}, gaps={"longer_than": 0.5})
-    assert "action: split" in str(caught.value)
-    warnings: list[str] = []
+    warnings = []
     dataset = ingest({"a.csv": text}, warnings=warnings)
     assert [c.id for c in dataset.curves] == ["a"]
     assert len(warnings) == 1
@@ -68,11 +62,8 @@ def test_units_of_gaps_do_not_hang_on_the_model(ingest):
 
 def test_clock_that_is_set_back_splits_where_gaps_do(ingest):
     text = logged(0, 0.1, 0.2, 0.05, 0.15, 1.0, 1.1)
-    with pytest.raises(
-        DataError, match=r"a\.csv:row 5: time runs backwards, from 0\.2 to 0\.05"
-    ) as caught:
+    with refused("a.csv:row 5: time runs backwards, from 0.2 to 0.05", "action: split"):
         ingest({"a.csv": text})
-    assert "action: split" in str(caught.value)
     dataset = ingest({"a.csv": text}, gaps=SPLIT)
     assert [list(c.columns["time"]) for c in dataset.curves] == [
         [0, 0.1, 0.2],
@@ -97,7 +88,7 @@ def test_dropped_samples_count_for_their_piece(ingest):
 
 
 def test_pieces_without_samples_are_left_out_with_a_warning(ingest):
-    warnings: list[str] = []
+    warnings = []
     dataset = ingest(
         {"a.csv": logged(0, 0.1, 1, 1.1, 2, 2.1)},
         gaps=SPLIT,
@@ -141,7 +132,7 @@ def test_resampling_goes_piece_by_piece_before_rates_are_taken(ingest):
 
 
 def test_piece_shorter_than_a_step_is_left_out(ingest):
-    warnings: list[str] = []
+    warnings = []
     text = logged(*np.arange(50) * 0.01, 7, 7.01, *(9 + np.arange(50) * 0.01))
     dataset = ingest({"a.csv": text}, gaps=SPLIT, resample=0.1, warnings=warnings)
     assert [c.size for c in dataset.curves] == [5, 5]
@@ -160,6 +151,11 @@ def test_sample_time_stands_for_a_time_column(ingest):
 
 FIRST = {name: column for name, column in COLUMNS.items() if name != "pressure"}
 SECOND = {"time": {"column": "ms", "unit": "ms"}, "pressure": {"column": "p", "unit": "bar"}}
+BY_ROW = {
+    "columns": {"pressure": {"column": 0, "unit": "kPa"}},
+    "on": "row",
+    "header": False,
+}
 T = np.arange(11) * 0.1
 
 
@@ -208,11 +204,7 @@ def test_missing_values_of_either_log(ingest):
 
 
 def test_by_row(ingest):
-    columns = {"pressure": {"column": 0, "unit": "kPa"}}
-    text = "\n".join(str(p) for p in range(11))
-    got = joining(ingest, text, join={"columns": columns, "on": "row", "header": False}).recordings[
-        0
-    ]
+    got = joining(ingest, "\n".join(map(str, range(11))), join=BY_ROW).recordings[0]
     np.testing.assert_array_equal(got.columns["pressure"], np.arange(11))
 
 
@@ -244,13 +236,7 @@ def test_third_log(ingest):
     np.testing.assert_allclose(got.recordings[0].columns["load"], 5 + 10 * T)
 
 
-BY_ROW: dict[str, Any] = {
-    "columns": {"pressure": {"column": 0, "unit": "kPa"}},
-    "on": "row",
-    "header": False,
-}
-
-BROKEN: dict[str, tuple[str | dict[str, str], dict[str, Any], list[str]]] = {
+BROKEN = {
     "too short": (csv_text(ms=[0, 850], p=1), {},
         ["first.csv:row 11: the value of pressure is missing", "2 of 11"]),
     "another day": (csv_text(ms=[9e6, 9.1e6], p=1), {},
@@ -269,9 +255,8 @@ BROKEN: dict[str, tuple[str | dict[str, str], dict[str, Any], list[str]]] = {
 @pytest.mark.parametrize("case", BROKEN)
 def test_logs_that_do_not_fit(ingest, case):
     second, join, parts = BROKEN[case]
-    with pytest.raises(DataError) as caught:
+    with refused(*parts):
         joining(ingest, second, join=join)
-    assert all(part in str(caught.value) for part in parts), str(caught.value)
 
 
 def test_repeated_stamps_of_the_second_log_are_mended_as_the_spec_says(ingest):
@@ -281,7 +266,7 @@ def test_repeated_stamps_of_the_second_log_are_mended_as_the_spec_says(ingest):
     np.testing.assert_allclose(got.columns["pressure"], 200 * T, atol=1e-9)
 
 
-def on_other_clocks(ingest, wave, **match):
+def on_other_clocks(ingest, wave):
     """Two logs of one pressure, the second in ms on a clock that is 7.5 s ahead of the first."""
     t = np.arange(0, 40, 0.1)
     columns = {"time": {"column": "ms", "unit": "ms"}, "pressure_2": {"column": "p", "unit": "bar"}}
@@ -289,7 +274,7 @@ def on_other_clocks(ingest, wave, **match):
         "files": ["second*.txt"],
         "columns": columns,
         "shift": "auto",
-        "match": {**MATCH, **match},
+        "match": MATCH,
     }
     files = {
         "first.csv": csv_text(t=t, P=wave(t), eps=0 * t, F=t),

@@ -1,12 +1,9 @@
-"""Logs that are longer than memory, read block by block, also where somebody interrupts."""
-
-from __future__ import annotations
+"""Logs that are longer than memory, read block by block."""
 
 import gc
 import hashlib
 import json
 import tracemalloc
-from typing import Any
 
 import numpy as np
 import pytest
@@ -19,13 +16,10 @@ from mapmore_cli.domain.errors import MapmoreError
 from mapmore_cli.domain.recording import Dataset
 from mapmore_cli.ingestion.dataset import build_dataset
 from mapmore_cli.ingestion.files import slice_of
-from mapmore_cli.modelling.signals.sampling import find_gaps, find_resets, typical_step
-from mapmore_cli.pipeline.runner import bring_up_to_date
-from mapmore_cli.spec.loader import load
+from mapmore_cli.modelling.signals.sampling import typical_step
 from mapmore_cli.storage import spool
 from mapmore_cli.storage.artefacts import hdf5, read_dataset, write_dataset
 from mapmore_cli.storage.artefacts.schema import encoded
-from mapmore_cli.storage.run_record import load_records
 
 SAMPLES = 60
 
@@ -54,7 +48,7 @@ def log(seed, fault):
 
 
 SPLITTING = {"longer_than": 1.0, "action": "split"}
-OPTIONS: dict[str, list[Any]] = {
+OPTIONS = {
     "every": [1, 2, 7],
     "missing": ["error", "drop", {"tokens": [-999]}],
     "gaps": [None, SPLITTING, {"longer_than": 1.0, "action": "error"}],
@@ -93,7 +87,7 @@ FAULTS = ["none", "none", "gap", "reset", "repeated", "missing", "marked"]
 
 def outcome(folder, data):
     """A checksum of everything in the dataset, and the warnings; or the error."""
-    warnings: list[str] = []
+    warnings = []
     try:
         dataset = build_dataset(slice_of(spec_of(data)), folder, warn=warnings.append)
     except MapmoreError as error:
@@ -118,7 +112,7 @@ def spooled(tmp_path):
         yield folder
 
 
-@settings(deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(
     faults=st.tuples(st.sampled_from(FAULTS), st.sampled_from(FAULTS)),
     options=st.fixed_dictionaries({key: st.sampled_from(words) for key, words in OPTIONS.items()}),
@@ -228,79 +222,8 @@ def test_more_columns_than_files_may_be_open_stay_in_memory(spooled, monkeypatch
     assert not spool.counted(lambda rows: rows, 10).flags.writeable
 
 
-@given(
-    steps=st.lists(st.sampled_from([0.0, 0.1, 0.1, 0.25, 3.0, -2.0]), max_size=30),
-    rows=st.integers(1, 9),
-)
-@settings(deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
-def test_what_is_between_blocks_is_seen(steps, rows):
-    time = np.cumsum([0.0, *steps])
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(arrays, "ROWS", rows)
-        found = find_resets(time), find_gaps(time, 1.0), typical_step(time)
-    differences = np.diff(time)
-    assert found[0].tolist() == np.flatnonzero(differences < 0).tolist()
-    assert found[1].after.tolist() == np.flatnonzero(differences > 1.0 + 1e-6).tolist()
-    positive = differences[differences > 0]
-    assert found[2] == (np.median(positive) if len(positive) else 0.0)
-
-
 def test_the_step_of_a_long_record_is_that_of_its_parts(monkeypatch):
     monkeypatch.setattr("mapmore_cli.modelling.signals.sampling.PART", 50)
     time = np.cumsum(np.random.default_rng(0).uniform(0.9, 1.1, 5000))
     assert typical_step(time) == pytest.approx(np.median(np.diff(time)), rel=0.02)
     assert typical_step(np.arange(5000) / 7) == pytest.approx(1 / 7, rel=1e-9)
-
-
-SPEC = """
-schema_version: 1
-name: long
-data: {files: [log.csv], reader: csv, columns: {time: {column: t}, force: {column: F},
-    strain: {column: eps}}}
-target: {column: force}
-dictionary: [{terms: [strain]}]
-"""
-ROWS = 50_000
-
-
-@pytest.fixture
-def folder(tmp_path):
-    (tmp_path / "log.csv").write_text(
-        "t,F,eps\n" + "".join(f"{i},{i % 7}.25,0.{i % 9}\n" for i in range(ROWS))
-    )
-    (tmp_path / "long.yaml").write_text(SPEC)
-    return tmp_path
-
-
-def interrupted_after(calls, folder):
-    seen: list[int] = []
-
-    def progress(_what, done, _total):
-        seen.append(done)
-        if len(seen) > calls:
-            raise KeyboardInterrupt
-
-    with pytest.raises(KeyboardInterrupt):
-        bring_up_to_date(
-            load(folder / "long.yaml"), folder / "runs", until="ingest", progress=progress
-        )
-
-
-@pytest.mark.parametrize("calls", [0, 1, 3])
-def test_nothing_is_left_behind(folder, calls):
-    interrupted_after(calls, folder)
-    left = {path.name for path in (folder / "runs" / "long").iterdir()}
-    assert left <= {".lock", "run.json"}  # the folder is ours, and no stage of it is done
-    assert load_records(folder / "runs" / "long", lambda _message: None) == {}
-
-
-def test_the_results_of_before_stay(folder):
-    run = folder / "runs" / "long"
-    bring_up_to_date(load(folder / "long.yaml"), folder / "runs", until="ingest")
-    before = {path.name: path.read_bytes() for path in run.iterdir()}
-    with (folder / "log.csv").open("a") as log:
-        log.write(f"{ROWS},1,0.5\n")
-    interrupted_after(2, folder)
-    assert {path.name: path.read_bytes() for path in run.iterdir()} == before
-    bring_up_to_date(load(folder / "long.yaml"), folder / "runs", until="ingest")
-    assert read_dataset(run / "ingest.h5").curves[0].size == ROWS + 1

@@ -1,7 +1,5 @@
 """Real recordings, with all their oddities; skipped where they are not installed."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np
@@ -22,10 +20,8 @@ CLAMPED = {
 }  # m; 0.182 m at rest
 
 
-def read(data, folder, warnings=None):
-    return build_dataset(
-        slice_of(spec_of(data)), folder, warn=(warnings if warnings is not None else []).append
-    )
+def read(data, folder, warn=lambda _: None, **more):
+    return build_dataset(slice_of(spec_of(data, **more)), folder, warn=warn)
 
 
 def festo(**changes):
@@ -65,52 +61,19 @@ def test_every_recording_of_the_muscles_is_read(measured_data):
     assert len(read(data, measured_data).recordings) == 36
 
 
-CONFIGS = Path(__file__).resolve().parents[2] / "configs"
-
-
-def shipped(
-    name,
-    monkeypatch,
-    folder,
-    warnings=None,
-    *changes,
-):
+def shipped(name, monkeypatch, folder):
+    """A study as it is, but with all of its data at the same levels."""
     monkeypatch.setenv("MAPMORE_DATA", str(folder))
-    loaded = load(CONFIGS / name, changes)
-    return build_dataset(
-        slice_of(loaded.spec), loaded.folder, warn=(warnings if warnings is not None else []).append
-    )
-
-
-def steps(sample, **changes):
-    """The data section of the studies of the coiled muscle."""
-    return {
-        "files": [f"coiled_isotonic_steps/{sample} grams.xlsx"],
-        "reader": "xlsx",
-        "header": False,
-        "columns": {
-            "time": {"column": 2, "unit": "s"},
-            "pressure": {"column": 3, "unit": "psi"},
-            "displacement": {"column": 4, "unit": "mm", "scale": -1.0},
-        },
-        "gaps": {"longer_than": 0.01, "action": "split"},
-        "resample": 0.01,
-        "split": {"validate": {"last": 0.5}},
-        **changes,
-    }
-
-
-def coiled(folder, data):
-    pytest.importorskip("openpyxl")
-    spec = spec_of(data, target={"column": "displacement"}, dictionary=[{"terms": ["pressure"]}])
-    return build_dataset(slice_of(spec), folder, warn=lambda warning: pytest.fail(warning))
+    levels = "data.levels={of: strain, at: auto, within: 0.005}"
+    loaded = load(PROJECT / "configs" / name, [levels, "data.split={}"])
+    return build_dataset(slice_of(loaded.spec), loaded.folder, warn=lambda _: None)
 
 
 def test_two_logs_of_the_bellows_give_the_pressure_that_was_published(measured_data, monkeypatch):
-    levels = "data.levels={of: strain, at: auto, within: 0.005}"
-    everywhere = [levels, "data.split={}"]
-    raw = shipped("bellows/bellows_raw.yaml", monkeypatch, measured_data, None, *everywhere)
-    table = shipped("bellows/bellows_strain.yaml", monkeypatch, measured_data, None, *everywhere)
+    raw, table = (
+        shipped(f"bellows/bellows_{name}.yaml", monkeypatch, measured_data)
+        for name in ("raw", "strain")
+    )
     ours = {
         name: np.concatenate([r.columns[name] for r in raw.recordings])
         for name in ("time", "pressure", "force", "strain")
@@ -129,6 +92,26 @@ def test_two_logs_of_the_bellows_give_the_pressure_that_was_published(measured_d
 
 
 def test_clock_that_was_set_back_while_logging(measured_data):
-    dataset = coiled(measured_data, steps("Sample 2 Final 500"))
+    pytest.importorskip("openpyxl")
+    data = {
+        "files": ["coiled_isotonic_steps/Sample 2 Final 500 grams.xlsx"],
+        "reader": "xlsx",
+        "header": False,
+        "columns": {
+            "time": {"column": 2, "unit": "s"},
+            "pressure": {"column": 3, "unit": "psi"},
+            "displacement": {"column": 4, "unit": "mm", "scale": -1.0},
+        },
+        "gaps": {"longer_than": 0.01, "action": "split"},
+        "resample": 0.01,
+        "split": {"validate": {"last": 0.5}},
+    }
+    dataset = read(
+        data,
+        measured_data,
+        pytest.fail,
+        target={"column": "displacement"},
+        dictionary=[{"terms": ["pressure"]}],
+    )
     assert "row 10001: the clock was set back, from 12.1459999 to 11.1669993 s" in dataset.notes[0]
     assert [r.rows_read for r in dataset.recordings] == [1000] * 13

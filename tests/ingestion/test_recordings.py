@@ -1,13 +1,9 @@
-from __future__ import annotations
-
-import gzip
-from typing import Any
-
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from ingest_samples import COLUMNS, csv_text, steps
+from reading import refused
 
 from mapmore_cli.domain.errors import DataError, SpecError
 
@@ -63,19 +59,16 @@ def test_every_recording_counts_from_where_it_rests(ingest):
 
 def test_a_recording_without_values_at_rest_is_refused(ingest):
     columns = {**COLUMNS, "force": {"column": "F", "rest": 0.15}}
-    with pytest.raises(
-        DataError, match=r"a\.csv: force has no value in the first 0\.15 s"
-    ) as refused:
+    with refused("a.csv: force has no value in the first 0.15 s", "rest"):
         ingest(
             {"a.csv": csv_text(t=[0, 0.1, 0.2], P=80, eps=0, F=[np.nan, np.nan, 1])},
             columns=columns,
             missing="drop",
         )
-    assert "rest" in refused.value.remedy
 
 
 @given(every=st.integers(1, 7), samples=st.integers(1, 30))
-@settings(deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_of_so_many_samples_the_first_is_read(ingest, every, samples):
     """Their time stays that of the file, made or measured; a second log is thinned by itself and
     paired row by row.
@@ -161,18 +154,16 @@ def test_samples_are_left_out_in_order_and_counted_by_reason(ingest):
 
 def test_repeated_stamps(ingest):
     text = csv_text(t=[0, 1, 1, 2], P=80, eps=0, F=[0, 1, 3, 5])
-    averaged = ingest({"a.csv": text}, repeated_time="average").recordings[0]
-    np.testing.assert_array_equal(averaged.columns["force"], [0, 2, 5])
-    np.testing.assert_array_equal(averaged.columns["time"], [0, 1, 2])
-    assert dict(averaged.dropped) == {"repeated time": 1}
-    spread = ingest({"a.csv": text}, repeated_time="spread").recordings[0]
-    np.testing.assert_array_equal(spread.columns["time"], [0, 1, 1.5, 2])
-    np.testing.assert_array_equal(spread.columns["force"], [0, 1, 3, 5])
+    for way, time, force, dropped in (
+        ("average", [0, 1, 2], [0, 2, 5], {"repeated time": 1}),
+        ("spread", [0, 1, 1.5, 2], [0, 1, 3, 5], {}),
+    ):
+        (found,) = ingest({"a.csv": text}, repeated_time=way).recordings
+        assert (found.columns["time"].tolist(), found.columns["force"].tolist()) == (time, force)
+        assert dict(found.dropped) == dropped
 
 
-@settings(
-    deadline=None, max_examples=40, suppress_health_check=[HealthCheck.function_scoped_fixture]
-)
+@settings(max_examples=40, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(
     force=st.lists(st.one_of(st.floats(-50, 50), st.just(np.nan)), min_size=5, max_size=40),
     pressure=st.lists(st.floats(0, 400), min_size=5, max_size=40),
@@ -206,12 +197,11 @@ def test_every_row_is_kept_or_counted_in_one_piece(
     kept = sum(recording.rows_kept for recording in dataset.recordings)
     assert sum(curve.size for curve in dataset.curves) == kept
     for curve in dataset.curves if within else ():
-        assert curve.level is not None
         assert (np.abs(curve.columns["pressure"] - curve.level) <= within * (1 + 1e-6)).all()
 
 
 def test_losses_are_warned_of(ingest):
-    warnings: list[str] = []
+    warnings = []
     ingest(
         {"a.csv": steps(80, 40), "b.csv": steps(80, 5)},
         warnings=warnings,
@@ -223,20 +213,12 @@ def test_losses_are_warned_of(ingest):
     ]
 
 
-def test_same_bytes_give_the_same_arrays_zipped_or_not(ingest):
-    text = steps(80)
-    first = ingest({"a.csv": text}).curves[0].columns
-    second = ingest({"a.csv": gzip.compress(text.encode())}).curves[0].columns
-    assert list(first) == list(second)
-    assert all(first[name].tobytes() == second[name].tobytes() for name in first)
-
-
 ROW = "0,80,0,1\n"
 HEAD = "t,P,eps,F\n"
 MILLIMETRES = {**COLUMNS, "force": {"column": "F", "unit": "mm"}}
 RATE = {"force_rate": {"rate_of": "force", "window": 0.5}}
 
-BROKEN: dict[str, tuple[str, dict[str, Any], list[str]]] = {
+BROKEN = {
     "missing value": (
         ROW + "1,80,0,\n",
         {},
@@ -275,7 +257,7 @@ BROKEN: dict[str, tuple[str, dict[str, Any], list[str]]] = {
         ["a.csv: the window of 0.5 s", "wider `window`"],
     ),
 }
-WRONG_SPECS: dict[str, tuple[str, dict[str, Any], list[str]]] = {
+WRONG_SPECS = {
     "given twice": (
         ROW,
         {"files": [{"path": "a.csv", "set": {"strain": 0.1}}]},
@@ -293,6 +275,5 @@ WRONG_SPECS: dict[str, tuple[str, dict[str, Any], list[str]]] = {
 @pytest.mark.parametrize("case", [*BROKEN, *WRONG_SPECS])
 def test_broken_data_and_specs_say_where_and_what(ingest, case):
     rows, data, parts = (BROKEN | WRONG_SPECS)[case]
-    with pytest.raises(DataError if case in BROKEN else SpecError) as caught:
+    with refused(*parts, error=DataError if case in BROKEN else SpecError):
         ingest({"a.csv": HEAD + rows}, **data)
-    assert all(part in str(caught.value) for part in parts), str(caught.value)

@@ -2,17 +2,13 @@
 stamp stands among them.
 """
 
-from __future__ import annotations
-
-from typing import Any
-
 import numpy as np
 import pytest
 
 from mapmore_cli import fit
 from mapmore_cli.domain.errors import DataError
 
-COLUMNS: dict[str, Any] = {
+COLUMNS = {
     "pressure": {"column": "P"},
     "strain": {"column": "eps"},
     "force": {"column": "F"},
@@ -26,17 +22,7 @@ def log(*cells, mark=","):
 
 def times(dataset):
     (recording,) = dataset.recordings
-    found: list[float] = recording.columns["time"].tolist()
-    return found
-
-
-def test_a_format_of_american_stamps(ingest):
-    time = {"column": "t", "format": "%m/%d/%Y %I:%M:%S.%f %p"}
-    dataset = ingest(
-        {"a.csv": log("03/01/2026 11:59:59.5 AM", "03/01/2026 12:00:00.5 PM")},
-        columns={**COLUMNS, "time": time},
-    )
-    assert np.diff(times(dataset)).tolist() == [1.0]
+    return recording.columns["time"].tolist()
 
 
 def test_stamps_count_in_the_unit_of_their_column(ingest):
@@ -94,14 +80,16 @@ def test_a_clock_that_was_set_back_is_none_that_begins_anew(ingest, cells):
             "belong to `time`",
         ),
         ({"columns": {**COLUMNS, "force": {"column": "F", "unwrap": True}}}, "belong to `time`"),
-        ({"columns": {**COLUMNS, "time": {"column": "t", "format": "%Q"}}}, "no format of stamps"),
-        ({"columns": {**COLUMNS, "time": {"column": "t", "format": "%I:%M:%S"}}}, "AM or PM"),
-        ({"columns": {**COLUMNS, "time": {"column": "t", "format": "%H:%M:%S %p"}}}, "AM or PM"),
-        (
-            {"columns": {**COLUMNS, "time": {"column": "t", "format": "%d.%m. %H:%M:%S"}}},
-            "a day its year",
+        *(
+            ({"columns": {**COLUMNS, "time": {"column": "t", "format": text}}}, told)
+            for text, told in (
+                ("%Q", "no format of stamps"),
+                ("%I:%M:%S", "AM or PM"),
+                ("%H:%M:%S %p", "AM or PM"),
+                ("%d.%m. %H:%M:%S", "a day its year"),
+                ("", "has codes"),
+            )
         ),
-        ({"columns": {**COLUMNS, "time": {"column": "t", "format": ""}}}, "has codes"),
         ({"thousands": ","}, "between thousands"),
         ({"thousands": ".", "delimiter": ";"}, "between thousands"),
         ({"thousands": " ", "delimiter": "whitespace"}, "between thousands"),
@@ -145,7 +133,7 @@ FRAME = {
     "eps": np.linspace(0, 0.2, 40),
     "F": 300 * (1 - np.linspace(0, 1, 40)) ** 2,
 }
-STUDY: dict[str, Any] = {
+STUDY = {
     "target": "static",
     "columns": COLUMNS,
     "dictionary": [{"polynomial": {"of": ["strain"], "order": 2}}],
@@ -158,11 +146,8 @@ STUDY: dict[str, Any] = {
         ["0:03:20", *map(str, range(39))],
         [True] * 40,
         np.array(["2026-05-01"] * 40, "M8[s]"),
-        np.array([*range(39), "1_5"], dtype=object),
-        np.array([*range(39), True], dtype=object),
-        ["\u0661"] * 40,
     ],
-    ids=["text", "bool", "dates", "object", "object with a bool", "digits"],
+    ids=["text", "bool", "dates"],
 )
 def test_frames_are_read_by_the_same_rule(force):
     with pytest.raises(DataError, match="column 'F'"):

@@ -224,56 +224,45 @@ def test_the_order_of_folds_is_of_no_consequence(table, shuffle, median):
     assert (a.best, a.chosen) == (b.best, b.chosen)
 
 
-RULES = {  # errors of three structures on every fold, and the numbers of their parameters
+FAR = [[1.0, 1.0, 1.0, 1.0, 50.0], [1.2, 1.2, 1.2, 1.2, 1.2]]
+# 2.2 times less on two folds, and 2.1 times more on the others
+TWO_EACH = [[1.0, 1.1, 4.0, 5.0], [2.2, 2.4, 2.0, 2.2]]
+RULES = {  # errors of structures on every fold, the numbers of their parameters, best and chosen
     "within one standard error": (
         [[1.0, 1.2, 1.1], [1.0, 1.1, 1.15], [3.0, 3.1, 2.9]],
         (4, 9, 1),
-        0,
+        (1, 0),
     ),
     "twice the error is never as good, however much the folds scatter": (
         [[5.2, 0.5, 9.0], [5.2, 0.1, 4.0]],
         (3, 9),
-        1,
+        (1, 1),
     ),
-    "1.5 % worse on every fold": ([[1.015] * 3, [1.0] * 3, [1.06] * 3], (4, 9, 1), 0),
-    "3 % worse on every fold": ([[1.03] * 3, [1.0] * 3], (4, 9), 1),
+    "1.5 % worse on every fold": ([[1.015] * 3, [1.0] * 3, [1.06] * 3], (4, 9, 1), (1, 0)),
+    "3 % worse on every fold": ([[1.03] * 3, [1.0] * 3], (4, 9), (1, 1)),
+    "what is hard for all decides nothing": ([[10.0, 1.2, 5.1], [9.9, 1.0, 5.0]], (1, 2), (1, 1)),
+    "one stretch far from the others decides a mean": (FAR, (9, 9), (1, 1)),
+    "and no median": (FAR, (9, 9), (0, 0), {"median": True}),
+    "5 % of the logarithm of the number": (FAR, (90, 2), (1, 1), {"median": True}),
+    "what may not be taken is ranked all the same": (
+        [[1.0, 1.0], [2.0, 2.2]],
+        (9, 3),
+        (1, 1),
+        {"eligible": np.array([False, True])},
+    ),
+    "weights say which folds count": (
+        TWO_EACH,
+        (8, 8),
+        (0, 0),
+        {"weights": np.array([0.4, 0.4, 0.1, 0.1])},
+    ),
+    "and which do not": (TWO_EACH, (8, 8), (1, 1), {"weights": np.array([0.1, 0.1, 0.4, 0.4])}),
 }
 
 
 @pytest.mark.parametrize("name", RULES)
 def test_the_simplest_that_is_as_good_is_taken(name):
-    errors, sizes, chosen = RULES[name]
-    ranked = simplest_of(sizes, np.array(errors))
-    assert (ranked.best, ranked.chosen) == (1, chosen)
-
-
-def test_one_stretch_that_lies_far_from_the_others_does_not_decide():
-    errors = np.array([[1.0, 1.0, 1.0, 1.0, 50.0], [1.2, 1.2, 1.2, 1.2, 1.2]])
-    assert simplest_of([9, 9], errors).chosen == 1
-    assert simplest_of([9, 9], errors, median=True).chosen == 0
-    assert (
-        simplest_of([90, 2], errors, median=True).chosen == 1
-    )  # 5 % of the logarithm of the number of parameters
-
-
-def test_what_may_not_be_taken_is_ranked_all_the_same():
-    ranked = simplest_of(
-        [9, 3], np.array([[1.0, 1.0], [2.0, 2.2]]), eligible=np.array([False, True])
-    )
-    assert (ranked.best, ranked.chosen) == (1, 1)
-    assert ranked.excess[0] < 0
-
-
-def test_weights_say_which_folds_count():
-    errors = np.array(
-        [[1.0, 1.1, 4.0, 5.0], [2.2, 2.4, 2.0, 2.2]]
-    )  # 2.2 times less on two folds, and 2.1 times more on the others
-    assert simplest_of([8, 8], errors, np.array([0.4, 0.4, 0.1, 0.1])).chosen == 0
-    assert simplest_of([8, 8], errors, np.array([0.1, 0.1, 0.4, 0.4])).chosen == 1
-
-
-def test_what_is_hard_for_all_models_decides_nothing():
-    errors = np.array(
-        [[10.0, 1.2, 5.1], [9.9, 1.0, 5.0]]
-    )  # the larger model is better on every fold
-    assert simplest_of([1, 2], errors).chosen == 1
+    errors, sizes, found, *named = RULES[name]
+    ranked = simplest_of(sizes, np.array(errors), **dict(*named))
+    assert (ranked.best, ranked.chosen) == found
+    assert "eligible" not in dict(*named) or ranked.excess[0] < 0

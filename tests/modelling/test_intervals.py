@@ -118,7 +118,7 @@ def test_what_cannot_be_is_refused():
             interval(line(), {"pressure": np.array([150.0])}, level)
 
 
-def few(count, offset=2.0, repeats=1, residual=0.5, astray=0.0):
+def few(count, offset=2.0, repeats=1, astray=0.0):
     """`count` levels at 0, 100, ... with an error of `offset` at every inner one."""
     parts = {f"{i}": [np.full(20, offset)] for i in range(1, count - 1)}
     return replace(
@@ -126,7 +126,7 @@ def few(count, offset=2.0, repeats=1, residual=0.5, astray=0.0):
         places=tuple(100.0 * np.arange(count)),
         repeats=(repeats,) * count,
         largest=400.0,
-        residual=residual,
+        residual=0.5,
         astray=astray,
     )
 

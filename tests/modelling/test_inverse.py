@@ -66,43 +66,28 @@ def test_out_of_reach_flat_and_the_nearest_rule():
         "one",
         "several",
     )
-    several = invert(
-        STATIC["straight beyond the levels"],
-        np.full(12, 200.0),
-        {"strain": np.linspace(0.02, 0.2, 12)},
-        "pressure",
-        "nearest",
-    )
-    jumps = np.abs(np.diff(several.picked[~np.isnan(several.picked)]))
-    lowest = invert(
-        STATIC["straight beyond the levels"],
-        np.full(12, 200.0),
-        {"strain": np.linspace(0.02, 0.2, 12)},
-        "pressure",
-    )
-    assert np.nansum(jumps) <= np.nansum(np.abs(np.diff(lowest.picked[~np.isnan(lowest.picked)])))
+    several = STATIC["straight beyond the levels"]
+    asked = np.full(12, 200.0), {"strain": np.linspace(0.02, 0.2, 12)}, "pressure"
+    picked = [invert(several, *asked, *rule).picked for rule in (("nearest",), ())]
+    nearest, lowest = (np.abs(np.diff(one[~np.isnan(one)])).sum() for one in picked)
+    assert nearest <= lowest
 
 
 def test_a_slack_range_is_flat_and_its_low_end_counts():
-    model = FORMULAS["sarosi"]
     flat = STATIC["widest zones, zero"]  # nothing beyond the curves: zero at every pressure
     found = invert(flat, np.array([0.0]), {"strain": np.array([0.9])}, "pressure")
     assert found.status == ("flat",)
     assert found.picked[0] == 100.0
-    assert invert(model, np.array([np.pi]), {"strain": np.array([0.1])}, "pressure").status[0] in (
-        "none",
-        "one",
-        "several",
-    )
 
 
 def test_what_cannot_be_inverted():
-    with pytest.raises(UsageError, match="no input"):
-        invert(STATIC["steps"], np.ones(1), {"strain": np.ones(1)}, "volume")
-    with pytest.raises(UsageError, match="no rule"):
-        invert(STATIC["steps"], np.ones(1), {"strain": np.ones(1)}, "pressure", "highest")
-    with pytest.raises(DataError, match="memory"):
-        invert(WITH_MEMORY["lags"], np.ones(1), {"strain": np.ones(1)}, "pressure")
+    for model, rule, error, told in (
+        (STATIC["steps"], ("volume",), UsageError, "no input"),
+        (STATIC["steps"], ("pressure", "highest"), UsageError, "no rule"),
+        (WITH_MEMORY["lags"], ("pressure",), DataError, "memory"),
+    ):
+        with pytest.raises(error, match=told):
+            invert(model, np.ones(1), {"strain": np.ones(1)}, *rule)
     with pytest.raises(UsageError, match="no input 'load'"):
         solve_for_input(MODEL, {"pressure": np.ones(1), "strain": np.ones(1)}, "load")
 
@@ -147,19 +132,18 @@ OF_STRAIN = {
 }
 
 
-def taut(n=60, noise=0.0, seed=0):
+def taut():
     """Strains that fall with the force in a straight line of each level: `(0.05 + 0.0005 P)(1 -
-    F/(3 P))`, measured with noise.
+    F/(3 P))`.
     """
-    rng = np.random.default_rng(seed)
     made = []
-    for curve in curves(levels=LEVELS, held_out=(), n=n):
-        force = np.linspace(0, 2 * curve.level, n)
+    for curve in curves(levels=LEVELS, held_out=(), n=60):
+        force = np.linspace(0, 2 * curve.level, 60)
         strain = (0.05 + 0.0005 * curve.level) * (1 - force / (3 * curve.level))
         columns = {
-            "pressure": np.full(n, curve.level),
+            "pressure": np.full(60, curve.level),
             "force": force,
-            "strain": strain + rng.normal(0, noise, n) if noise else strain,
+            "strain": strain,
         }
         made.append(replace(curve, columns=columns))
     return tuple(made)
@@ -182,7 +166,7 @@ def test_the_force_gives_the_strain_back(places):
 
 
 def test_the_law_that_made_the_strain_is_found_again():
-    (curve, *_) = taut(noise=0.0)
+    (curve, *_) = taut()
     said = forecast(MODEL, curve, "force")
     inner = slice(3, -3)
     np.testing.assert_allclose(said.values[inner], curve.columns["force"][inner], atol=1e-3 * 160)
@@ -192,9 +176,6 @@ def test_the_law_that_made_the_strain_is_found_again():
 
 
 def test_a_strain_that_no_force_makes_has_the_force_at_the_end_of_the_range():
-    assert solve_for_input(
-        MODEL, {"pressure": np.array([np.nan]), "strain": np.array([0.1])}, "force"
-    ).solved.tolist() == [False]
     columns = {
         "pressure": np.array([150.0, 150.0, np.nan, 150.0]),
         "strain": np.array([0.9, -0.9, 0.1, np.nan]),
@@ -203,9 +184,7 @@ def test_a_strain_that_no_force_makes_has_the_force_at_the_end_of_the_range():
     assert found.solved.tolist() == [False] * 4
     assert np.isnan(found.values[2:]).all()
     fine = predict(MODEL, {"pressure": np.full(500, 150.0), "force": np.linspace(0, 700, 500)})
-    for wanted, force in zip((0.9, -0.9), found.values[:2], strict=True):
-        missed = abs(
-            float(predict(MODEL, {"pressure": np.array([150.0]), "force": np.array([force])})[0])
-            - wanted
-        )
-        assert missed <= np.abs(fine - wanted).min() + 1e-9
+    at_ends = predict(MODEL, {"pressure": np.full(2, 150.0), "force": found.values[:2]})
+    wanted = columns["strain"][:2]
+    nearest = np.abs(fine[:, None] - wanted).min(axis=0)
+    assert (np.abs(at_ends - wanted) <= nearest + 1e-9).all()

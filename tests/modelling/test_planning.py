@@ -7,15 +7,7 @@ from hypothesis import strategies as st
 from sklearn.gaussian_process import GaussianProcessRegressor, kernels
 
 from mapmore_cli.annexes.planning import points
-from mapmore_cli.modelling.validation.gaussian_process import GaussianProcess, matern, most_likely
-
-
-def test_a_process_of_two_points_by_hand():
-    own = GaussianProcess(np.array([[0.0]]), np.array([2.0]), np.array([1.0]), 3.0, 0.5)
-    k = float(matern(np.array([[0.0]]), np.array([[0.4]]), np.array([1.0]))[0, 0])
-    mean, deviation = own.predict(np.array([[0.4]]))
-    assert mean[0] == pytest.approx(9 * k * 2 / 9.25)
-    assert deviation[0] == pytest.approx(np.sqrt(9 - (9 * k) ** 2 / 9.25))
+from mapmore_cli.modelling.validation.gaussian_process import most_likely
 
 
 def test_a_fitted_process_agrees_with_scikit_learn():

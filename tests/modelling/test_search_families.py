@@ -1,7 +1,5 @@
 """Families of candidates: what they offer is made of what is there, and can be fitted."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 
@@ -50,6 +48,12 @@ SITUATIONS = {
     ),
     "many": Situation("y", tuple("abcdefgh"), None, 500, 1, 0.1, 50.0),
 }
+
+
+def bench_of(whole, part=WHOLE):
+    """The bench of what may be searched in a dataset."""
+    found = searchable(whole)
+    return Bench.of(found, situation_of(found), part, whole)
 
 
 def offered(of):
@@ -115,13 +119,12 @@ def test_bands_of_an_input_are_left_out_where_the_study_holds_some_out():
     held_out = (u >= 40) & (u <= 60)
     whole = dataset_of({"time": time**2, "u": u, "y": u}, held_out=held_out)
     part = replace(WHOLE, held_out=Holdout.model_validate({"u": {"between": [[40, 60]]}}))
-    found = searchable(whole)
-    bench = Bench.of(found, situation_of(found), part, whole)
-    folds = bench.folds[: bench.blocks]
-    values = found.curves[0].columns["u"]
+    bench = bench_of(whole, part)
+    folds, (curve,) = bench.folds[: bench.blocks], searchable(whole).curves
+    values = curve.columns["u"]
     assert len(folds) == 5
     assert all(10 < np.ptp(values[fold[0]]) <= 20 for fold in folds)
-    assert not any((fold[0] & found.curves[0].held_out).any() for fold in folds)
+    assert not any((fold[0] & curve.held_out).any() for fold in folds)
 
 
 def test_recordings_too_short_to_say_or_too_long_to_miss_are_not_left_out():
@@ -131,7 +134,7 @@ def test_recordings_too_short_to_say_or_too_long_to_miss_are_not_left_out():
         )
 
     def left_out(dataset):
-        bench = Bench.of(dataset, situation_of(dataset), WHOLE, dataset)
+        bench = bench_of(dataset)
         return [[int(mask.sum()) for mask in fold] for fold in bench.folds[bench.blocks :]]
 
     assert left_out(recorded(100, 100, 100)) == [[100, 0, 0], [0, 100, 0], [0, 0, 100]]
@@ -153,15 +156,13 @@ def levels_of(*levels):
 
 def test_the_only_inner_level_of_three_counts_for_half():
     three, five = levels_of(1.0, 2.0, 3.0), levels_of(1.0, 2.0, 3.0, 4.0, 5.0)
-    bench = Bench.of(three, situation_of(three), WHOLE, three)
+    bench = bench_of(three)
     assert bench.weights[bench.blocks :].tolist() == [0.5]
     held = replace(
         five,
         curves=tuple(replace(c, held_out=np.full(c.size, c.level == 3.0)) for c in five.curves),
     )
-    asked, not_asked = (
-        Bench.of(searchable(of), situation_of(searchable(of)), WHOLE, of) for of in (held, five)
-    )
+    asked, not_asked = map(bench_of, (held, five))
     assert asked.asks_parts
     assert asked.weights[asked.blocks :].sum() == pytest.approx(2 / 3)
     assert not_asked.weights[not_asked.blocks :].sum() == pytest.approx(1 / 4)
@@ -171,12 +172,8 @@ def test_folds_resemble_what_the_study_holds_out():
     time = np.arange(1000) * 0.01
 
     def folds(held_out):
-        whole = dataset_of(
-            {"time": time, "u": np.sin(time), "y": np.where(held_out, 1e9, np.cos(time))},
-            held_out=held_out,
-        )
-        found = searchable(whole)
-        return Bench.of(found, situation_of(found), WHOLE, whole)
+        columns = {"time": time, "u": np.sin(time), "y": np.where(held_out, 1e9, np.cos(time))}
+        return bench_of(dataset_of(columns, held_out=held_out))
 
     def runs(mask):
         return int((np.diff(np.concatenate([[0], mask.astype(int)])) == 1).sum())

@@ -3,8 +3,6 @@
 Lengths are those that the fields declare; what the values mean is left to chance.
 """
 
-from __future__ import annotations
-
 import types
 from collections.abc import Mapping
 from dataclasses import fields, is_dataclass

@@ -39,8 +39,6 @@ from mapmore_cli.storage.artefacts.hdf5 import put_text
 from mapmore_cli.storage.artefacts.reference import described
 from mapmore_cli.storage.artefacts.schema import (
     SegmentationFile,
-    resolved,
-    stored_fields,
     taken_apart,
 )
 
@@ -57,7 +55,6 @@ KINDS = {
 }
 NUMBER = TypeVar("NUMBER", bound=np.generic)
 QUIET = settings(
-    deadline=None,
     max_examples=12,
     suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
 )
@@ -226,31 +223,6 @@ def test_later_stages_hand_the_units_on(tmp_path):
     )
     artefacts.write_segmentation(path, all_examples["segmentation"], artefacts.units_of(dataset))
     assert arrays_of(path)["curves/000/boundaries/000"][0] == "%"
-
-
-@pytest.mark.parametrize(
-    ("unit", "known", "expected"),
-    [
-        ("[target]^2", {"target": "N"}, "N^2"),
-        ("[target]^2", {"target": "kPa/s"}, "(kPa/s)^2"),
-        ("[target]", {"target": "kPa/s"}, "kPa/s"),
-        ("[v]", {"v": "[strain]"}, "[strain]"),
-        ("1/[a] [b]", {"a": "s"}, "1/s [b]"),
-    ],
-)
-def test_units_in_brackets(unit, known, expected):
-    assert resolved(unit, known) == expected
-
-
-def test_fit_file_shows_how_terms_were_chosen(written):
-    with h5py.File(written["fit"]) as file:
-        fit = json.loads(file["document"].asstr()[()])["body"]["segments"][0]
-        assert [fit["candidates"][i] for i in file["body/segments/000/selection/chosen"][()]] == [
-            "strain^2",
-            "1",
-        ]
-        assert file[fit["selection"]["err_all"]["array"]].shape == (2, 3)
-        assert np.isnan(file["body/segments/000/selection/g_all"][1, 2])
 
 
 def test_segmentation_holds_rows_and_no_samples(tmp_path):
@@ -455,26 +427,6 @@ def test_every_form_comes_back_and_what_is_not_stored_has_its_default(tmp_path):
     assert same(stored(tmp_path, plain), plain)
     with h5py.File(tmp_path / "record.h5") as file:
         assert {"sizes", "turns"}.isdisjoint(json.loads(file["document"].asstr()[()]))
-
-
-@pytest.mark.parametrize(
-    ("change", "words"),
-    [({"stiffness": -1.0}, "is not between 0"), ({"shape": "round"}, "is none of straight")],
-)
-def test_marks_of_a_type_are_checked(change, words, tmp_path):
-    spring = Spring(2.0, "coiled", (), (), np.zeros(0), {})
-    with pytest.raises(DataError, match=words):
-        stored(tmp_path, replace(spring, **change))
-
-
-def test_a_key_that_is_added_to_the_joining_is_stored(tmp_path):
-    @dataclass(frozen=True, kw_only=True)
-    class Joined(Fusion):
-        order: int = 3
-
-    assert list(stored_fields(Joined)) == [*stored_fields(Fusion), "order"]
-    made = Joined(extrapolation={"strain": ("continue", 0.5)}, z_s=0.1, order=5)
-    assert stored(tmp_path, made) == made
 
 
 @dataclass

@@ -1,7 +1,5 @@
 """Atomic writes, refusals of the file system, stamps, and the folder of a run."""
 
-from __future__ import annotations
-
 import errno
 import os
 import signal
@@ -106,13 +104,10 @@ def test_stamp_is_taken_again_when_size_or_time_changed(tmp_path):
 
 def test_stamps_of_folders_name_every_file(tmp_path):
     (tmp_path / "report" / "tables").mkdir(parents=True)
-    for name in ("report/index.html", "report/tables/a.csv", "fit.h5"):
+    names = ["fit.h5", "report/index.html", "report/tables/a.csv"]
+    for name in names:
         (tmp_path / name).write_text(name)
-    assert list(stamps_of(tmp_path, ("fit.h5", "report"))) == [
-        "fit.h5",
-        "report/index.html",
-        "report/tables/a.csv",
-    ]
+    assert list(stamps_of(tmp_path, ("fit.h5", "report"))) == names
 
 
 def test_places_that_cannot_be_the_folder_of_a_run(tmp_path, monkeypatch):
@@ -244,7 +239,7 @@ def test_what_another_process_is_writing_stays(tmp_path):
 
 def test_a_file_that_was_taken_for_abandoned_is_begun_again(tmp_path, monkeypatch):
     """Another process may look between the making of a file and the lock on it."""
-    touch, begun = Path.touch, list[Path]()
+    touch, begun = Path.touch, []
 
     def looked_at(self, **options):
         touch(self, **options)
@@ -258,14 +253,13 @@ def test_a_file_that_was_taken_for_abandoned_is_begun_again(tmp_path, monkeypatc
     assert [path.read_bytes() for path in tmp_path.iterdir()] == [b"whole"]
 
 
-@pytest.mark.parametrize("files", [["scores.csv"], ["report/notes.txt"], ["run.json"], [".tmp-x"]])
-def test_a_folder_of_the_user_is_refused(files, tmp_path):
-    for name in files:
-        (tmp_path / name).parent.mkdir(exist_ok=True)
-        (tmp_path / name).write_text('{"mine": 1}')
+@pytest.mark.parametrize("name", ["scores.csv", "report/notes.txt", "run.json", ".tmp-x"])
+def test_a_folder_of_the_user_is_refused(name, tmp_path):
+    (tmp_path / name).parent.mkdir(exist_ok=True)
+    (tmp_path / name).write_text('{"mine": 1}')
     with pytest.raises(WriteError, match="holds files that mapmore did not write"):
         open_run_folder(tmp_path)
-    assert all((tmp_path / name).read_text() == '{"mine": 1}' for name in files)
+    assert (tmp_path / name).read_text() == '{"mine": 1}'
 
 
 def test_what_a_killed_start_leaves_is_no_folder_of_the_user(tmp_path):

@@ -1,11 +1,9 @@
 """Results stay in memory as long as their files are the same."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
+from common import dataset_of
 
-from mapmore_cli.domain.recording import Curve, Dataset, Quantity, Recording
 from mapmore_cli.storage import run_folder
 from mapmore_cli.storage.artefacts import write_dataset
 from mapmore_cli.storage.run_folder import DATASET, RunFiles
@@ -13,12 +11,7 @@ from mapmore_cli.storage.run_folder import DATASET, RunFiles
 
 def write(folder, slope):
     columns = {"strain": np.arange(5.0), "force": slope * np.arange(5)}
-    curve = Curve("a", None, columns, np.zeros(5, dtype=np.bool_), ("a",))
-    quantities = {"strain": Quantity("strain", "1"), "force": Quantity("force", "N")}
-    write_dataset(
-        folder / DATASET,
-        Dataset("force", None, quantities, (Recording("a", "a.csv", columns, 5, {}),), (curve,)),
-    )
+    write_dataset(folder / DATASET, dataset_of(columns, output="force"))
 
 
 def test_results_stay_in_memory_until_their_file_is_replaced(tmp_path, monkeypatch):

@@ -2,8 +2,6 @@
 values.
 """
 
-from __future__ import annotations
-
 import json
 from contextlib import redirect_stdout, suppress
 from io import StringIO

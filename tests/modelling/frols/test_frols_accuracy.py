@@ -127,21 +127,6 @@ def test_nearly_dependent_columns_keep_their_digits(n, share):
     np.testing.assert_allclose(ours.err, err, rtol=1e-6)
 
 
-def test_the_normal_equations_alone_would_have_failed(monkeypatch):
-    """What their guard is there for: without it the order is right, and the last ERR wrong by a
-    large part.
-    """
-    monkeypatch.setattr("mapmore_cli.modelling.frols.engine.PIVOT_TOLERANCE", 0.0)
-    monkeypatch.setattr(
-        "mapmore_cli.modelling.frols.engine.GramRemainders._clear_winner", lambda *_: True
-    )
-    monkeypatch.setattr("mapmore_cli.modelling.frols.engine.GramRemainders._renew", lambda *_: None)
-    x, P = powers(0.5, 1.5)
-    y = TARGETS["sine"](x)
-    _, err = exact_frols(P, y, 10)
-    assert not np.allclose(streamed(P, y).err, err, rtol=1e-3, atol=0)
-
-
 def test_the_residual_keeps_its_digits_in_a_near_perfect_fit():
     """SSE is 1e-14 of y'y here: nothing but rounding error would be left of it in `y'y - sum g^2
     q'q`.

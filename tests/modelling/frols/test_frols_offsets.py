@@ -2,14 +2,11 @@
 and ends nothing.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-import mapmore_cli as mm
 from mapmore_cli.modelling.frols import frols, frols_streamed
 from mapmore_cli.modelling.frols.moments import blocks_of_rows
 
@@ -90,11 +87,3 @@ def test_the_record_is_read_again_only_where_the_tolerance_may_end_the_choice(ri
 
     frols_streamed(blocks, 2, 1e-4)
     assert (len(read) == 1) == once
-
-
-@pytest.mark.parametrize("offset", [1.0, 100.0, 1e6])
-def test_the_estimator_finds_the_line(offset):
-    x = X[:200, None]
-    model = mm.FROLS().fit(x, offset + x[:, 0])
-    assert set(model.terms_) == {"1", "x0"}
-    assert model.score(x, offset + x[:, 0]) == pytest.approx(1)

@@ -1,22 +1,19 @@
 """FROLS as on paper, candidate by candidate."""
 
-from __future__ import annotations
-
 import numpy as np
 
-from mapmore_cli.domain.arrays import Array
 from mapmore_cli.modelling.frols.select import RANK_TOLERANCE
 
 
-def textbook(P, y, max_terms, tolerance=0.0):
+def textbook(P, y, max_terms):
     """Select terms as on paper, candidate by candidate (Billings 2013, section 3.2; the equations
     stand in `frols`).
 
     Returns the k chosen columns, their g and ERR, (k,), the coefficients of the original columns,
     (k,), and the ERR of every candidate in every iteration, (k, M), NaN where chosen or dependent.
     """
-    chosen: list[int] = []
-    basis: list[Array] = []
+    chosen = []
+    basis = []
     g, table = [], []
     while len(chosen) < max_terms:
         left, err = {}, np.full(P.shape[1], np.nan)
@@ -33,7 +30,7 @@ def textbook(P, y, max_terms, tolerance=0.0):
         basis.append(left[best])
         g.append((y @ left[best]) / (left[best] @ left[best]))
         table.append(err)
-        if 1 - sum(row[m] for row, m in zip(table, chosen, strict=True)) <= tolerance:
+        if 1 - sum(row[m] for row, m in zip(table, chosen, strict=True)) <= 0:
             break
     W, k = np.column_stack(basis), len(chosen)
     A = np.triu((W.T @ P[:, chosen]) / np.sum(W**2, axis=0)[:, None])  # P_chosen = W A

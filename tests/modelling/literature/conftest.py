@@ -2,8 +2,6 @@
 other most of the time.
 """
 
-from __future__ import annotations
-
 import pytest
 from threadpoolctl import threadpool_limits
 

@@ -1,7 +1,5 @@
 """Data that the tests of the formulas share."""
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.optimize import brentq
 
@@ -13,7 +11,7 @@ STATIC, DAMPING = (
 )
 """Those that need nothing but the data."""
 
-PLANTED: dict[str, dict[str, float]] = {
+PLANTED = {
     "chou_hannaford": {"c1": 2.4, "c2": 1.8},
     "tondu_lopez": {"area": 1.05, "theta": 0.8},
     "tondu_lopez_corrected": {"area": 0.6, "theta": 0.6, "a_k": 3.0, "b_k": -1.4},

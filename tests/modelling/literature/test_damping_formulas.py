@@ -2,8 +2,6 @@
 kinetic friction.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from literature_cases import DAMPING, PLANTED, motion, noisy
@@ -12,8 +10,8 @@ from mapmore_cli.modelling.expressions import to_text
 from mapmore_cli.modelling.literature import get
 
 DAMPED = [name for name in PLANTED if name in DAMPING]
-FRICTION = ["tondu_kinetic_friction", "peternel", "peternel_absolute"]
 BY_REGION = ["reynolds", "cao"]
+WAYS = ("rise", "fall")
 
 
 def written_out(name, planted, columns):
@@ -29,19 +27,15 @@ def written_out(name, planted, columns):
         case "pressure_viscous":
             return B["B1"] * P * v
         case "reynolds":
-            return (
-                np.where(rise, B["B0_rise"] + B["B1_rise"] * P, B["B0_fall"] + B["B1_fall"] * P) * v
-            )
+            return np.where(rise, *(B[f"B0_{way}"] + B[f"B1_{way}"] * P for way in WAYS)) * v
         case "cao":
-            up = np.where(
-                low,
-                B["B0_rise_low"] + B["B1_rise_low"] * P,
-                B["B0_rise_high"] + B["B1_rise_high"] * P,
-            )
-            down = np.where(
-                low,
-                B["B0_fall_low"] + B["B1_fall_low"] * P,
-                B["B0_fall_high"] + B["B1_fall_high"] * P,
+            up, down = (
+                np.where(
+                    low,
+                    B[f"B0_{way}_low"] + B[f"B1_{way}_low"] * P,
+                    B[f"B0_{way}_high"] + B[f"B1_{way}_high"] * P,
+                )
+                for way in WAYS
             )
             return np.where(rise, up, down) * v
         case "tondu_kinetic_friction":

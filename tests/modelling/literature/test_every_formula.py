@@ -2,8 +2,6 @@
 that its equation is its prediction.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np
@@ -76,7 +74,7 @@ def test_the_equation_is_the_prediction(name):
     )
 
 
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 @given(
     st.sampled_from(
         [

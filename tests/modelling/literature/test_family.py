@@ -1,7 +1,5 @@
 """A family of muscles: one function, scaled by a largest force that follows from a dimension."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

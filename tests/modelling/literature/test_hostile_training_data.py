@@ -2,8 +2,6 @@
 fitted.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from literature_cases import STATIC, grid, noisy_wrist, wrist_force

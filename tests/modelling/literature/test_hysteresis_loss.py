@@ -2,8 +2,6 @@
 integrals and roots.
 """
 
-from __future__ import annotations
-
 import re
 
 import numpy as np
@@ -35,14 +33,12 @@ def force(branch, pressure, strain):
     return sarosi(branch.values(), pressure, strain)
 
 
-def cycles(**changed):
+def cycles():
     """Load cycles without noise at three pressures, of parameters that are planted."""
-    planted = PLANTED | changed
     columns = grid(np.array([80.0, 150.0, 350.0]), np.linspace(STRAIN_MIN, 0.2, 60))
-    branches = [
-        {name: planted[name.replace("a", f"a{branch}")] for name in UPPER} for branch in "ul"
-    ]
-    upper, lower = (force(branch, columns["pressure"], columns["strain"]) for branch in branches)
+    upper, lower = (
+        force(branch, columns["pressure"], columns["strain"]) for branch in (UPPER, LOWER)
+    )
     return {**columns, "force": (upper + lower) / 2, "hysteresis": (upper - lower) / 2}
 
 
@@ -50,7 +46,6 @@ def noted_pressures(notes, what):
     """The range of pressures in the one note that says `what`."""
     (note,) = [note for note in notes if what in note]
     numbers = re.search(r"between (\S+) and (\S+) kPa", note)
-    assert numbers is not None
     return float(numbers[1]), float(numbers[2])
 
 

@@ -14,7 +14,6 @@ from mapmore_cli.annexes.sums.joint import (
     Summand,
     fit_jointly,
     joint_formula,
-    refuse_shared_names,
     split,
     sum_of,
 )
@@ -172,30 +171,19 @@ def test_the_equations_begin_with_what_is_added_up():
     assert first.latex.count("text{") >= 2
 
 
-def test_two_pressures_never_share_a_name():
-    parts = [
-        ("flexor", ["pressure", "strain"], {"strain": "s"}),
-        ("extensor", ["pressure", "strain"], {"strain": "-s"}),
-    ]
-    with pytest.raises(
-        SpecError, match="flexor and extensor both have an input `pressure`"
-    ) as caught:
-        refuse_shared_names(parts)
-    assert (
-        "`inputs: {pressure: pressure_1}` and `inputs: {pressure: pressure_2}`"
-        in caught.value.remedy
-    )
-    said = [(name, inputs, {**given, "pressure": "pressure"}) for name, inputs, given in parts]
-    refuse_shared_names(said)
+ALONE, RENAMED = {}, {"pressure": "p1", "strain": "s"}
 
 
-def test_another_unit_is_refused_and_an_input_that_is_lacking():
-    with pytest.raises(SpecError, match="in N, the force of this study in kN"):
-        sum_of("joint", [Part(braid("flexor", 2.0))], Quantity("force", "kN"), {})
-    with pytest.raises(SpecError, match="function of pressure"):
-        sum_of("joint", [Part(braid("flexor", 2.0))], FORCE, {})
-    parts = [Part(braid("flexor", 2.0), 1.0, {"pressure": "p1", "strain": "s"})]
-    with pytest.raises(SpecError, match="pressure of flexor is in kPa, p1 in bar"):
-        sum_of("joint", parts, FORCE, {"p1": Quantity("p1", "bar"), "s": Quantity("s", "1")})
-    with pytest.raises(SpecError, match="no quantity p1 for pressure of flexor"):
-        sum_of("joint", parts, FORCE, {"s": Quantity("s", "1")})
+@pytest.mark.parametrize(
+    ("inputs", "output", "quantities", "told"),
+    [
+        (ALONE, Quantity("force", "kN"), [], "in N, the force of this study in kN"),
+        (ALONE, FORCE, [], "function of pressure"),
+        (RENAMED, FORCE, ["p1 bar", "s 1"], "pressure of flexor is in kPa, p1 in bar"),
+        (RENAMED, FORCE, ["s 1"], "no quantity p1 for pressure of flexor"),
+    ],
+)
+def test_another_unit_is_refused_and_an_input_that_is_lacking(inputs, output, quantities, told):
+    known = {text.split()[0]: Quantity(*text.split()) for text in quantities}
+    with pytest.raises(SpecError, match=told):
+        sum_of("joint", [Part(braid("flexor", 2.0), 1.0, inputs)], output, known)

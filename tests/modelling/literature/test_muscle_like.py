@@ -2,8 +2,6 @@
 does what it can.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -60,7 +58,7 @@ def test_the_forces_that_the_text_states(muscle, pressure, length, expected):
     assert found[0] == pytest.approx(expected, abs=0.5 if length else 0.2)
 
 
-@settings(deadline=None, max_examples=15)
+@settings(max_examples=15)
 @given(st.integers(0, 10**6), st.sampled_from(sorted(TABLE_I)))
 def test_standard_errors_of_the_printed_parameters_are_those_of_a_fit_in_them(seed, muscle):
     """The Jacobian of eq 4-5 by finite differences gives the same covariance."""

@@ -2,12 +2,8 @@
 one, what it says of itself.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from literature_cases import sarosi, slack_muscle, wrist_points
 
 from mapmore_cli.modelling.expressions import evaluate, to_text
@@ -23,32 +19,6 @@ def textbook(q, p, x):
     b0, b1, b2, log_w = q[6:]
     high, low, w = sarosi(q[:6], p, x), b0 + b1 * p + b2 * x, np.exp(log_w)
     return low + w * np.log(1 + np.exp((high - low) / w))
-
-
-@settings(deadline=None, max_examples=30)
-@given(
-    st.lists(st.floats(-2, 2), min_size=9, max_size=9),
-    st.floats(np.log(0.004), np.log(0.3)),
-    st.integers(0, 1000),
-)
-def test_force_and_derivatives(values, log_w, seed):
-    q = np.array([*values, log_w])
-    p, x = np.random.default_rng(seed).uniform(0, 1, (2, 20))
-    with np.errstate(over="ignore"):
-        expected = textbook(q, p, x)
-    finite = np.isfinite(expected)
-    np.testing.assert_allclose(
-        hinge.linearised(q, p, x)[0][finite], expected[finite], rtol=1e-9, atol=1e-9
-    )
-    step = 1e-6
-    slopes = [
-        (hinge.linearised(q + step * e, p, x)[0] - hinge.linearised(q - step * e, p, x)[0])
-        / (2 * step)
-        for e in np.eye(10)
-    ]
-    np.testing.assert_allclose(
-        hinge.linearised(q, p, x)[1], np.stack(slopes, axis=1), rtol=1e-4, atol=2e-4
-    )
 
 
 @pytest.mark.parametrize("strains", [FOUR, SWEPT], ids=["levels", "swept"])

@@ -2,8 +2,6 @@
 history have no prediction (NaN).
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from mapmore_cli.domain.fits import MemoryModel, StateSet
@@ -18,21 +16,21 @@ from mapmore_cli.modelling.validation.metrics import relative
 STEP = 0.01
 
 
-def state_set(*names, ranges=None, resonances=None, low=(), high=(), margin=0.15):
+def state_set(*names, ranges=None, low=(), high=(), margin=0.15):
     return StateSet(
         names,
         STEP,
         ranges or {},
-        resonances or {},
+        {},
         np.array(low, dtype=float),
         np.array(high, dtype=float),
         margin,
     )
 
 
-def memory_model(terms, theta, states, constant=0.0, limits=(-1.0, 1.0), output="y"):
+def memory_model(terms, theta, states, constant=0.0, limits=(-1.0, 1.0)):
     theta = np.array(theta, dtype=float)
-    return MemoryModel(output, states, tuple(terms), theta, np.zeros(len(theta)), constant, limits)
+    return MemoryModel("y", states, tuple(terms), theta, np.zeros(len(theta)), constant, limits)
 
 
 def recipe_of(target, dictionary, step=STEP, *, max_terms, **changed):
@@ -57,10 +55,10 @@ def record(training=True, **columns):
     return Record(columns, np.broadcast_to(np.asarray(training, dtype=bool), (n,)))
 
 
-def wandering(n, seed=0, step=0.3):
+def wandering(n, seed=0):
     """An input that moves smoothly up and down."""
     rng = np.random.default_rng(seed)
-    walk = np.cumsum(rng.normal(0, step, n + 40))
+    walk = np.cumsum(rng.normal(0, 0.3, n + 40))
     return np.convolve(walk, np.ones(41) / 41, "valid") + np.sin(np.arange(n) / 25)
 
 

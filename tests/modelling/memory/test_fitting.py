@@ -1,7 +1,5 @@
 """Models with memory fitted to recordings whose truth is known."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -195,10 +193,13 @@ def test_a_free_run_on_held_out_samples_passes_over_models_that_diverge():
         (2, LAGGED, "no training sample has a history"),
         (100, replace(OPERATED, target="still"), "no candidate explains anything"),
         (100, replace(LAGGED, target="z"), "no column `z`"),
-        (
-            100,
-            replace(LAGGED, dictionary=("slow(y, 1)",), max_terms=1),
-            "depends on the output y as it is now",
+        *(
+            (
+                100,
+                replace(LAGGED, dictionary=(text,), max_terms=1),
+                "depends on the output y as it is now",
+            )
+            for text in ("y", "slow(y, 1)", "play(y, 0.1)[k-1]")
         ),
         (
             100,

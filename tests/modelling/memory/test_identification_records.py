@@ -2,8 +2,6 @@
 installed.
 """
 
-from __future__ import annotations
-
 import json
 import re
 
@@ -26,8 +24,8 @@ def peer(folder):
     return json.loads((folder / "peer_sysidentpy.json").read_text())["runs"]
 
 
-def narx(terms, steps=2):
-    return recipe_of("y", texts(lags(["y", "x"], range(1, steps + 1)), 2), 1.0, max_terms=terms)
+def narx(terms):
+    return recipe_of("y", texts(lags(["y", "x"], (1, 2)), 2), 1.0, max_terms=terms)
 
 
 def in_our_words(term):

@@ -1,24 +1,19 @@
 """States: their numbers come from training samples alone, their values from one piece alone."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from common import curve_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from hypothesis.extra.numpy import arrays
-from memory_samples import STEP, recipe_of, record, resonance, slow, state_set, wandering
+from memory_samples import STEP, recipe_of, record, resonance, slow, wandering
 
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.domain.recording import Curve
 from mapmore_cli.modelling.expressions import evaluate, parse
 from mapmore_cli.modelling.expressions.operators.play import play
-from mapmore_cli.modelling.memory.feedback import fed_back_states
 from mapmore_cli.modelling.memory.records import records_of, time_step, uninterrupted
 from mapmore_cli.modelling.memory.states import (
-    delayed,
     evaluate_states,
     resolve_states,
     with_ranges,
@@ -33,13 +28,6 @@ NAMES = (
     "slow(saturate(x), 0.1)",
     "resonance(x, 3, 0.2)",
 )
-
-
-@given(arrays(float, st.integers(1, 60), elements=st.floats(-10, 10)), st.integers(1, 70))
-def test_delayed_values_are_those_of_earlier_samples(x, steps):
-    values = delayed(x, steps)
-    assert np.isnan(values[:steps]).all()
-    np.testing.assert_array_equal(values[steps:], x[: max(len(x) - steps, 0)])
 
 
 def test_widths_are_fractions_of_the_training_range_of_their_source():
@@ -58,22 +46,15 @@ def test_widths_are_fractions_of_the_training_range_of_their_source():
     )
 
 
-@settings(deadline=None, max_examples=25)
+@settings(max_examples=25)
 @given(st.integers(20, 300), st.floats(0, 0.5), st.floats(0.01, 1e3), st.floats(-1e3, 1e3))
 def test_scaled_states_span_one_in_training_and_are_clipped_beyond(n, margin, slope, offset):
     x = wandering(300)
     training = np.arange(300) < n
-    states = resolve_states(
-        NAMES,
-        [record(training, x=slope * x + offset, y=x)],
-        replace(RECIPE, scaling="range", margin=margin),
-    )
-    plain = resolve_states(
-        NAMES, [record(training, x=x, y=x)], replace(RECIPE, scaling="range", margin=margin)
-    )
+    asked = replace(RECIPE, scaling="range", margin=margin)
     physical, other = (
-        evaluate_states(states, {"x": slope * x + offset}),
-        evaluate_states(plain, {"x": x}),
+        evaluate_states(resolve_states(NAMES, [record(training, x=z, y=x)], asked), {"x": z})
+        for z in (slope * x + offset, x)
     )
     for name in NAMES:
         taught = physical[name][:n][np.isfinite(physical[name][:n])]
@@ -127,19 +108,6 @@ def test_a_state_without_values_is_refused(name, changed, told):
         )
 
 
-def test_only_what_looks_back_can_be_fed_back():
-    assert fed_back_states(state_set("x", "y[k-2]", "y[k-1]", "x[k-3]"), "y") == {
-        "y[k-2]": 2,
-        "y[k-1]": 1,
-    }
-    assert fed_back_states(state_set("slow(stop(y[k-1], 0.1)[k-2], 1)"), "y") == {
-        "slow(stop(y[k-1], 0.1)[k-2], 1)": 3
-    }
-    for name in ("y", "slow(y, 1)", "play(y, 0.1)[k-1]"):
-        with pytest.raises(DataError, match="depends on the output y as it is now"):
-            fed_back_states(state_set("x", name), "y")
-
-
 def test_a_record_is_cut_at_gaps_and_where_the_clock_was_set_back():
     time = np.r_[0:5, 7:9, 3:6] * STEP + 1e-6
     assert uninterrupted(time, STEP) == [slice(0, 5), slice(5, 7), slice(7, 10)]
@@ -150,13 +118,8 @@ def test_a_record_is_cut_at_gaps_and_where_the_clock_was_set_back():
 
 def test_pieces_of_curves_share_one_time_step():
     def curve(name, time):
-        return Curve(
-            name,
-            None,
-            {"time": np.asarray(time), "x": np.asarray(time)},
-            np.asarray(time) > 0.03,
-            (name,),
-        )
+        time = np.asarray(time)
+        return curve_of({"time": time, "x": time}, time > 0.03, name)
 
     curves = [curve("a", np.r_[0:5, 9:12] * STEP), curve("b", np.arange(4) * STEP)]
     assert time_step(curves) == pytest.approx(STEP)

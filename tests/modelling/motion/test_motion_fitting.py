@@ -1,7 +1,5 @@
 """Fitting: what made the data comes back, by every solver from declared bounds; hostile records."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -41,16 +39,13 @@ def test_least_squares_recovers_every_published_row(row):
     assert search.rmse < 1e-9
 
 
-def beside_least_squares(row, seeds=range(10), **settings):
-    """Errors that a solver leaves from several seeds, over that of least squares."""
-    records = [made_by(row, 400, NOISE)]
-    least = one(records)[1].rmse
-    return np.array([one(records, seed=seed, **settings)[1].rmse for seed in seeds]) / least
-
-
 def test_the_published_swarm_does_not_settle():
-    """Outside of the region in which swarms settle (its W, C1 and C2), with 20 iterations."""
-    assert beside_least_squares(ROWS[0], solver="swarm").min() > 2
+    """Outside of the region in which swarms settle (its W, C1 and C2), with 20 iterations: whatever
+    the seed, the error stays above twice that of least squares.
+    """
+    records = [made_by(ROWS[0], 400, NOISE)]
+    least = one(records)[1].rmse
+    assert min(one(records, seed=seed, solver="swarm")[1].rmse for seed in range(10)) > 2 * least
 
 
 @pytest.mark.parametrize("solver", SOLVERS)

@@ -75,6 +75,12 @@ def built(samples=None, backbone=None, **changes):
     return build("imagined", samples or curves(), recipe(**changes), QUANTITIES, backbone)
 
 
+def joined(model, **changes):
+    """The model with its pieces fused in another way."""
+    fusion = replace(model.body.fusion, **changes)
+    return replace(model, body=replace(model.body, fusion=fusion))
+
+
 def changed(curve, **columns):
     """The curve with other columns."""
     return replace(curve, columns={**curve.columns, **columns})

@@ -7,11 +7,11 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from common import curve_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from surfaces import QUANTITIES, at, built, changed, curves, force, recipe
+from surfaces import QUANTITIES, at, built, changed, curves, force, joined, recipe
 
-from mapmore_cli.domain.recording import Curve
 from mapmore_cli.modelling import literature
 from mapmore_cli.modelling.kinds import predict
 from mapmore_cli.modelling.literature.backbone import fit_formula
@@ -108,7 +108,7 @@ def test_a_residual_that_jumps_from_level_to_level_counts_at_the_levels_alone():
         )
         assert own < 0.3 * alone
     middle = at(200, np.linspace(0, 0.12, 40))
-    whole = replace(model, body=replace(model.body, fusion=replace(model.body.fusion, shrink=1.0)))
+    whole = joined(model, shrink=1.0)
     alone = backbone_of(model, middle)
     np.testing.assert_allclose(
         predict(model, middle) - alone,
@@ -227,7 +227,7 @@ def scattered(n=60, noise=1.0, seed=0):
         "strain": strain,
         "force": force(pressure, strain) + rng.normal(0, noise, n),
     }
-    return (Curve("table", None, columns, np.zeros(n, dtype=bool), ("table",)),)
+    return (curve_of(columns),)
 
 
 def test_folds_are_the_inner_blocks_along_every_input():

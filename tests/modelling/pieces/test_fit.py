@@ -7,7 +7,7 @@ import pytest
 from common import peak_memory
 from hypothesis import given
 from hypothesis import strategies as st
-from surfaces import built, recipe
+from surfaces import recipe
 
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.fits import Segment
@@ -19,10 +19,10 @@ from mapmore_cli.modelling.pieces.build import fit_segment, placements, scaled_i
 seeds = st.integers(0, 2**32 - 1)
 
 
-def falling(seed, n=60):
+def falling(seed):
     rng = np.random.default_rng(seed)
-    x = np.sort(rng.uniform(0.02, 0.1, n))
-    return x, 700 * np.exp(-x / 0.05) - 50 + rng.normal(0, 2, n)
+    x = np.sort(rng.uniform(0.02, 0.1, 60))
+    return x, 700 * np.exp(-x / 0.05) - 50 + rng.normal(0, 2, 60)
 
 
 def placed(x, y):
@@ -98,11 +98,6 @@ def test_the_dictionary_is_never_there_as_a_whole():
     assert (
         peak < 0.6 * n * len(TERMS) * 8
     )  # its columns sorted, and scaled: twelve of the dictionary's 21
-
-
-def test_a_wide_dictionary_is_read_as_a_whole(monkeypatch):
-    monkeypatch.setattr("mapmore_cli.modelling.pieces.build.frols_streamed", None)
-    assert all(curve.segments for curve in built().body.curves)
 
 
 def test_a_value_that_is_not_finite_is_found_in_any_block():

@@ -4,13 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from common import curve_of
 from dense_model import segment_at
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from surfaces import at, built, changed, curves, force
+from surfaces import at, built, changed, curves, force, joined
 
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.domain.recording import Curve
 from mapmore_cli.modelling.kinds import outside_range, predict
 from mapmore_cli.modelling.literature.backbone import fit_formula
 from mapmore_cli.modelling.pieces.definition import weight_of
@@ -130,17 +130,16 @@ def test_a_narrow_segment_beside_a_wide_one_does_not_explode_in_the_zone():
     """
     strain = np.concatenate([np.linspace(0, 0.010, 100), np.linspace(0.04, 0.2, 100)])
     force = 500 * np.exp(-strain / 0.1) + np.random.default_rng(0).normal(0, 10, 200)
-    clustered = Curve(
-        "pressure=150", 150.0, {**at(150, strain), "force": force}, np.zeros(200, bool), ()
-    )
+    clustered = curve_of({**at(150, strain), "force": force})
     model = built(
-        [clustered], cuts={"strain": Cuts("breakpoints", at=(0.011,))}, max_terms=4, tolerance=0.0
+        [replace(clustered, level=150.0)],
+        cuts={"strain": Cuts("breakpoints", at=(0.011,))},
+        max_terms=4,
+        tolerance=0.0,
     )
     strain = np.linspace(0, 0.2, 500)
     assert np.abs(predict(model, at(150, strain)) - 500 * np.exp(-strain / 0.1)).max() < 60
-    carried = replace(
-        model, body=replace(model.body, fusion=replace(model.body.fusion, hold="none"))
-    )
+    carried = joined(model, hold="none")
     assert np.abs(predict(carried, at(150, strain)) - 500 * np.exp(-strain / 0.1)).max() > 500
 
 
@@ -173,8 +172,9 @@ def test_weights_make_the_model(extrapolation):
         "max_terms": 1,
         "extrapolation": {"pressure": (extrapolation, extrapolation)},
     }
-    model = built(samples, fit_formula("polynomial_2", samples, "force"), **ways)
-    model = replace(model, body=replace(model.body, fusion=replace(model.body.fusion, shrink=0.3)))
+    model = joined(
+        built(samples, fit_formula("polynomial_2", samples, "force"), **ways), shrink=0.3
+    )
     rng = np.random.default_rng(0)
     columns = at(rng.uniform(60, 380, 50), rng.uniform(0.0, 0.085, 50))
     segments, pieces = model.body.segments, np.zeros(50)
@@ -188,12 +188,9 @@ def test_weights_make_the_model(extrapolation):
         pieces, predict(replace(model, body=replace(model.body, backbone=None)), columns), atol=1e-6
     )
     middle = at(200, 0.03)
-    assert weight_of(model.body, {segment.id for segment in segments}, middle) == pytest.approx(
-        [0.3]
-    )
-    assert sum(
-        weight_of(model.body, {segment.id}, middle) for segment in segments
-    ) == pytest.approx([0.3])
+    names = {segment.id for segment in segments}
+    for groups in ([names], [{name} for name in names]):
+        assert sum(weight_of(model.body, own, middle) for own in groups) == pytest.approx([0.3])
 
 
 @settings(max_examples=20)

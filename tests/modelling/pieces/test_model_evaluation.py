@@ -8,28 +8,18 @@ import pytest
 from dense_model import dense
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from surfaces import joined
 
-from mapmore_cli.domain.fits import FormulaFit, Scaling
+from mapmore_cli.domain.fits import Scaling
 from mapmore_cli.domain.models import CurveFunction, Fusion, Model, Pieces, SegmentFunction
 from mapmore_cli.domain.recording import Quantity
 from mapmore_cli.modelling.kinds import predict
 
 TERMS = ("1", "a", "a^2", "a^5", "b*a", "exp(-a)", "sqrt(a^2 + b^2)", "b", "c*b", "a/(1 + b^2)")
 WORDS = ("continue", "continue_linear", "saturate", "zero")
-BACKBONE = FormulaFit(
-    "sarosi",
-    {f"a{i}": 1.0 / i for i in range(1, 7)},
-    {},
-    "converged",
-    "variable projection",
-    6,
-    1.0,
-    0.0,
-    1,
-)
 
 
-def imagined(rng, names, level, count, cuts, terms=3):
+def imagined(rng, names, level, count, cuts):
     """A model of random pieces over inputs of about one unit; `cuts` has the number of segments
     along each segmented variable.
     """
@@ -42,9 +32,7 @@ def imagined(rng, names, level, count, cuts, terms=3):
             n: np.sort([*limits[n], *rng.uniform(*limits[n], k - 1)]) for n, k in cuts.items()
         }
         cells = product(*(range(1, k + 1) for k in cuts.values()))
-        segments = [
-            segment(rng, f"{number}/{cell}", cell, names, boundaries, terms) for cell in cells
-        ]
+        segments = [segment(rng, f"{number}/{cell}", cell, names, boundaries) for cell in cells]
         if level:
             limits[level] = (at - 0.01, at + 0.01)
         curves.append(
@@ -66,17 +54,7 @@ def imagined(rng, names, level, count, cuts, terms=3):
     )
 
 
-def of_pieces(model, **changes):
-    """The model with other pieces."""
-    return replace(model, body=replace(model.body, **changes))
-
-
-def fused(model, **changes):
-    """The model with its pieces joined in another way."""
-    return of_pieces(model, fusion=replace(model.body.fusion, **changes))
-
-
-def segment(rng, name, cell, names, boundaries, terms):
+def segment(rng, name, cell, names, boundaries):
     slope, intercept = rng.uniform(0.5, 2, len(names)), rng.normal(size=len(names))
     scaling = Scaling("none", "-", tuple(names), slope, intercept, rng.uniform(1, 9), rng.normal())
     places = zip(boundaries.items(), cell, strict=True)
@@ -85,7 +63,7 @@ def segment(rng, name, cell, names, boundaries, terms):
         for (n, at), place in places
     }
     usable = [term for term in TERMS if not set("abc") & set(term) - set(names)]
-    chosen = tuple(rng.choice(usable, rng.integers(0, terms + 1), replace=False))
+    chosen = tuple(rng.choice(usable, rng.integers(0, 4), replace=False))
     theta, nothing = rng.normal(size=len(chosen)), np.zeros(len(chosen))
     return SegmentFunction(
         name, cell, chosen, theta, nothing, nothing, nothing, scaling, 9, 1.0, "tolerance", limits
@@ -147,20 +125,27 @@ def sides(rng, names):
     }
 
 
-@given(seeds, ways, st.integers(1, 5), st.integers(0, 4))
-def test_agrees_with_the_sum_over_all_segments(seed, way, levels, segments):
-    rng = np.random.default_rng(seed)
-    model = imagined(rng, ("a", "b"), "b", levels, {"a": segments} if segments else {})
-    model = fused(model, extrapolation=sides(rng, "ab"), **way)
-    agree(model, places(rng, model))
+counts = st.integers(1, 3)
+ONE_CUT = st.tuples(
+    st.just("ab"),
+    st.just("b"),
+    st.integers(1, 5),
+    st.dictionaries(st.just("a"), st.integers(1, 4)),
+)
+TWO_CUTS = st.tuples(
+    st.just("abc"),
+    st.sampled_from([None, "c"]),
+    st.just(3),
+    st.fixed_dictionaries({"a": counts, "b": counts}),
+)
 
 
-@settings(max_examples=50)
-@given(seeds, ways, st.sampled_from([None, "c"]), st.integers(1, 3), st.integers(1, 3))
-def test_agrees_where_two_variables_are_cut(seed, way, level, count_a, count_b):
+@settings(max_examples=100)
+@given(seeds, ways, ONE_CUT | TWO_CUTS)
+def test_agrees_with_the_sum_over_all_segments(seed, way, made):
     rng = np.random.default_rng(seed)
-    model = imagined(rng, ("a", "b", "c"), level, 3, {"a": count_a, "b": count_b})
-    model = fused(model, extrapolation=sides(rng, "abc"), **way)
+    names = made[0]
+    model = joined(imagined(rng, tuple(names), *made[1:]), extrapolation=sides(rng, names), **way)
     agree(model, places(rng, model))
 
 
@@ -207,12 +192,10 @@ def test_what_does_not_count_is_not_evaluated():
     nowhere = replace(
         far, segments=tuple(replace(s, terms=("log(-1 - a^2)",)) for s in (left, right)), level=2.0
     )
-    model = fused(of_pieces(model, curves=(far, nowhere)), z_s=0.25)
+    model = replace(model, body=replace(model.body, curves=(far, nowhere)))
+    model = joined(model, z_s=0.25)
     a = np.array([0.0, 1.9, 3.0, 5.0, 7.0])
-    np.testing.assert_allclose(
-        predict(model, {"a": a, "b": np.full(5, 1.0)}), [1, 1, 1, np.log(3), np.log(5)]
-    )
-    np.testing.assert_allclose(
-        predict(model, {"a": a, "b": np.full(5, 0.5)}), [1, 1, 1, np.log(3), np.log(5)]
-    )
+    for b in (1.0, 0.5):
+        found = predict(model, {"a": a, "b": np.full(5, b)})
+        np.testing.assert_allclose(found, [1, 1, 1, np.log(3), np.log(5)])
     assert np.isnan(predict(model, {"a": a, "b": np.full(5, 1.5)})).all()

@@ -4,12 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from common import curve_of
 from hypothesis import given
 from hypothesis import strategies as st
 from surfaces import recipe as settings_of
 
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.domain.recording import Curve, Quantity
+from mapmore_cli.domain.recording import Quantity
 from mapmore_cli.modelling.kinds import equations as model_equations
 from mapmore_cli.modelling.kinds import predict
 from mapmore_cli.modelling.pieces.build import build
@@ -37,13 +38,8 @@ def curve(level, **columns):
         "pressure": rng.uniform(0.0, level, 400),
         "direction": way,
     }
-    return Curve(
-        f"step_pressure={level:g}",
-        level,
-        {**base, "damping": np.ones(400), **columns},
-        np.zeros(400, bool),
-        ("r",),
-    )
+    made = curve_of({**base, "damping": np.ones(400), **columns}, name=f"step_pressure={level:g}")
+    return replace(made, level=level)
 
 
 def built(curves, level, *terms):
@@ -87,11 +83,9 @@ def test_one_level_trains_the_pieces():
     """`highest` is the highest that trains: 350 kPa is held out here."""
     curves = [curve(p, damping=np.full(400, p)) for p in (80.0, 150.0, 350.0)]
     held = replace(curves[2], held_out=np.ones(400, bool))
-    assert np.allclose(
-        predict(built(trained_at([*curves[:2], held], "highest"), None, "1"), curves[0].columns),
-        150.0,
-    )
-    assert np.allclose(predict(built(trained_at(curves, 80.0), None, "1"), curves[0].columns), 80.0)
+    for given_curves, at, value in (([*curves[:2], held], "highest", 150.0), (curves, 80.0, 80.0)):
+        model = built(trained_at(given_curves, at), None, "1")
+        assert np.allclose(predict(model, curves[0].columns), value)
 
 
 def test_the_plateau_never_trains():

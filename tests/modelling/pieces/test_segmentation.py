@@ -5,12 +5,12 @@ from itertools import combinations, pairwise
 
 import numpy as np
 import pytest
+from common import curve_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from surfaces import changed, curves, recipe
 
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.domain.recording import Curve
 from mapmore_cli.modelling.pieces.build import fit, segment
 from mapmore_cli.modelling.pieces.recipe import Cuts
 from mapmore_cli.modelling.pieces.segmentation import (
@@ -18,8 +18,6 @@ from mapmore_cli.modelling.pieces.segmentation import (
     joined_segments,
     optimal_partition,
     segment_curve,
-    segment_id,
-    slope_change,
     training_curves,
 )
 
@@ -31,9 +29,9 @@ def cut(curve, cuts):
     return segment_curve(curve, cuts, "force", no_cost)
 
 
-def line(low, high, n=30):
-    strain = np.linspace(low, high, n)
-    return Curve("a", None, {"strain": strain, "force": 100 * strain}, np.zeros(n, bool), ())
+def line(low, high):
+    strain = np.linspace(low, high, 30)
+    return curve_of({"strain": strain, "force": 100 * strain})
 
 
 @given(st.integers(1, 8), st.integers(0, 100))
@@ -70,12 +68,6 @@ def test_breakpoints_beyond_a_short_curve_are_left_out():
     )
 
 
-def test_ids():
-    assert segment_id("pressure=150", ["strain"], [2]) == "pressure=150/strain:2"
-    assert segment_id("a", ["strain", "pressure"], [2, 1]) == "a/strain:2;pressure:1"
-    assert segment_id("a", [], []) == "a/all"
-
-
 def test_a_segment_without_samples_is_refused_with_its_name():
     curve = curves(held_out=())[0]
     strain = np.where(curve.columns["strain"] < 0.05, 0.0, curve.columns["strain"])
@@ -88,6 +80,7 @@ def test_a_grid_of_two_variables():
     curve = changed(curves(n=400, held_out=())[0], load=rng.uniform(0, 10, 400))
     segmented = cut(curve, {"strain": Cuts("even", 3), "load": Cuts("even", 2)})
     assert [s.cell for s in segmented.segments] == [(1, 1), (1, 2), (2, 1), (2, 2), (3, 1), (3, 2)]
+    assert segmented.segments[3].id == "pressure=80/strain:2;load:2"
     assert sum(len(s.rows) for s in segmented.segments) >= 400
 
 
@@ -170,9 +163,8 @@ def test_a_planted_corner_is_found_on_thousands_of_samples():
     rng = np.random.default_rng(1)
     x = rng.uniform(0, 10, 5000)
     y = np.where(x < 6, x, 6 - 3 * (x - 6)) + rng.normal(0, 0.1, 5000)
-    curve = Curve("a", None, {"strain": x, "force": y}, np.zeros(5000, bool), ())
     (cut,) = segment(
-        [curve],
+        [curve_of({"strain": x, "force": y})],
         recipe(
             level=None,
             cuts={"strain": Cuts("optimal", 2)},
@@ -192,16 +184,16 @@ def test_too_few_samples_say_what_to_do():
     assert "segment.strain.min_samples" in error.value.remedy
 
 
-def bent(seed, corners, slopes, n=400):
+def bent(seed, corners, slopes):
     """Straight pieces over [0, 1] with noise, and local spikes of a few neighbouring samples, many
     times as high as the noise.
     """
     rng = np.random.default_rng(seed)
-    x = np.sort(rng.uniform(0, 1, n))
+    x = np.sort(rng.uniform(0, 1, 400))
     knots = np.array([0, *corners, 1])
     y = np.interp(x, knots, np.concatenate([[0], np.cumsum(np.array(slopes) * np.diff(knots))]))
-    y = y + rng.normal(0, 0.01, n)
-    for start in rng.integers(0, n - 4, 4):
+    y = y + rng.normal(0, 0.01, 400)
+    for start in rng.integers(0, 396, 4):
         y[start : start + rng.integers(1, 5)] += rng.choice([-1, 1]) * rng.uniform(0.5, 1.5)
     return x, y
 
@@ -233,16 +225,6 @@ def test_boundaries_keep_their_distance(seed, count):
     assert len(boundaries) <= count - 1
     # the samples end a little inside of [0, 1]
     assert (np.diff([0.0, *boundaries, 1.0]) >= 0.1 - 0.02).all()
-
-
-def test_a_slope_changes_at_a_corner_by_the_difference_of_the_slopes_and_nowhere_on_a_line():
-    x = np.linspace(0, 1, 2001)
-    np.testing.assert_allclose(slope_change(x, 7 * x - 2, 0.1)[1], 0, atol=1e-9)
-    grid, change = slope_change(x, np.where(x < 0.5, 3 * x, 1.5 - (x - 0.5)), 0.1)
-    assert grid[np.argmax(np.abs(change))] == pytest.approx(0.5, abs=0.02)
-    assert change[np.argmax(np.abs(change))] == pytest.approx(
-        -4, rel=0.3
-    )  # the corner is rounded over a window
 
 
 def test_no_segment_of_its_own_for_a_gap():

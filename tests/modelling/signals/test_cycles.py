@@ -1,8 +1,5 @@
 """Cycles: their branches, and where strokes begin."""
 
-from __future__ import annotations
-
-from collections.abc import Callable
 from itertools import pairwise
 
 import numpy as np
@@ -19,7 +16,6 @@ from mapmore_cli.modelling.signals.cycles import (
 )
 
 REACH = 0.2
-Signal = Callable[[np.ndarray], np.ndarray]
 
 
 def static(strain):
@@ -75,7 +71,7 @@ def test_known_components_are_recovered_at_any_speed(
     )
 
 
-@settings(deadline=None, max_examples=30)
+@settings(max_examples=30)
 @given(
     seed=st.integers(0, 2**31), noise=st.floats(0, 0.003), step=st.sampled_from([0.0, 1e-4, 1e-3])
 )
@@ -107,7 +103,6 @@ def test_range_is_the_one_that_both_branches_cover():
     assert 0.05 <= branches.over[0] < 0.055
 
 
-@settings(deadline=None)
 @given(seed=st.integers(0, 2**31), swing=st.floats(0.05, 3))
 def test_turning_points_alternate_and_are_a_swing_apart(seed, swing):
     walk = np.cumsum(np.random.default_rng(seed).normal(size=300))
@@ -137,20 +132,19 @@ def test_what_is_no_cycle_is_refused(over, part):
         split_cycles(over, {"force": over}, 50)
 
 
-def pulses(heights, rest=50, rise=20, noise=0.0, drift=0.0, seed=0):
+def pulses(heights, noise=0.0, drift=0.0, seed=0):
     """Rest, rise, fall, and so on; where each rise begins."""
     parts, starts, now = [], [], 0
     for height in heights:
-        parts += [np.zeros(rest), np.linspace(0, height, rise), np.linspace(height, 0, rise)]
-        starts.append(now + rest)
-        now += rest + 2 * rise
-    x = np.concatenate([*parts, np.zeros(rest)])
+        parts += [np.zeros(50), np.linspace(0, height, 20), np.linspace(height, 0, 20)]
+        starts.append(now + 50)
+        now += 90
+    x = np.concatenate([*parts, np.zeros(50)])
     return x + drift * np.arange(len(x)) / len(x) + noise * np.random.default_rng(seed).uniform(
         -1, 1, len(x)
     ), np.array(starts)
 
 
-@settings(deadline=None)
 @given(
     st.lists(st.floats(0.6, 1.0), min_size=1, max_size=6),
     st.floats(0, 0.01),

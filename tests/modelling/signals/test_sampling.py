@@ -1,14 +1,12 @@
 """Stamps of a clock as loggers write them: repeats, gaps, resets, other stamps, rates."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from reading import refused
 from scipy.signal import savgol_filter
 
-from mapmore_cli.domain.errors import DataError
 from mapmore_cli.modelling.signals.rates import rate
 from mapmore_cli.modelling.signals.sampling import (
     align,
@@ -26,7 +24,6 @@ stamps = st.lists(st.integers(0, 3), min_size=1, max_size=40).map(
 )
 
 
-@settings(deadline=None)
 @given(time=stamps, seed=st.integers(0, 2**31))
 def test_averaging_leaves_each_stamp_once_with_the_mean_of_its_samples(time, seed):
     force = np.random.default_rng(seed).normal(size=len(time))
@@ -38,7 +35,6 @@ def test_averaging_leaves_each_stamp_once_with_the_mean_of_its_samples(time, see
     )
 
 
-@settings(deadline=None)
 @given(time=stamps)
 def test_spreading_makes_stamps_unique_without_reaching_the_next(time):
     spread = spread_repeated(time)
@@ -57,7 +53,6 @@ def test_spreading_is_even():
     )
 
 
-@settings(deadline=None)
 @given(
     sizes=st.lists(st.integers(2, 30), min_size=1, max_size=6),
     missing=st.lists(st.integers(5, 500), min_size=5, max_size=5),
@@ -95,7 +90,6 @@ times = st.lists(st.integers(-50, 50), min_size=1, max_size=30, unique=True).map
 )
 
 
-@settings(deadline=None)
 @given(
     time=times,
     stamps=st.lists(st.floats(-60, 60), min_size=1, max_size=40),
@@ -131,29 +125,6 @@ def rounded_stamps(seed, n):
     return np.round(np.cumsum(steps), 3)
 
 
-@given(
-    seed=st.integers(0, 2**31),
-    order=st.integers(1, 5),
-    degree=st.integers(0, 5),
-    offset=st.sampled_from([0.0, 1e3, -1e5]),
-)
-def test_polynomial_up_to_the_order_has_its_exact_rate_on_rounded_stamps(
-    seed, order, degree, offset
-):
-    degree = min(degree, order)
-    time = rounded_stamps(seed, 150)
-    c = np.random.default_rng(seed + 1).uniform(-3, 3, degree + 1)
-    values = np.polynomial.polynomial.polyval(time, c) + offset
-    exact = (
-        np.polynomial.polynomial.polyval(time, np.polynomial.polynomial.polyder(c))
-        if degree
-        else np.zeros_like(time)
-    )
-    np.testing.assert_allclose(
-        rate(time, values, 0.04, order), exact, atol=1e-6 * (1 + abs(offset) / 100)
-    )
-
-
 @pytest.mark.parametrize("order", [1, 2, 3, 4, 5])
 @pytest.mark.parametrize("half", [3, 5, 12])
 def test_even_stamps_give_the_filter_of_scipy_ends_included(order, half):
@@ -166,15 +137,15 @@ def test_even_stamps_give_the_filter_of_scipy_ends_included(order, half):
     )
 
 
-@settings(deadline=None, max_examples=30)
-@given(seed=st.integers(0, 2**31), row=st.integers(0, 149))
-def test_uneven_stamps_give_the_slope_of_a_fit_to_the_window(seed, row):
+@settings(max_examples=30)
+@given(seed=st.integers(0, 2**31), row=st.integers(0, 149), order=st.integers(1, 5))
+def test_uneven_stamps_give_the_slope_of_a_fit_to_the_window(seed, row, order):
     time = rounded_stamps(seed, 150)
     values = np.random.default_rng(seed + 1).normal(size=150)
     begin = np.clip(time[row] - 0.02, time[0], time[-1] - 0.04)
     inside = (time >= begin - 1e-9) & (time <= begin + 0.04 + 1e-9)
-    slope = np.polyfit(time[inside] - time[row], values[inside], 2)[1]
-    assert rate(time, values, 0.04, 2)[row] == pytest.approx(slope, rel=1e-6, abs=1e-6)
+    slope = np.polyfit(time[inside] - time[row], values[inside], order)[-2]
+    assert rate(time, values, 0.04, order)[row] == pytest.approx(slope, rel=1e-6, abs=1e-6)
 
 
 def test_blocks_do_not_show(monkeypatch):
@@ -196,12 +167,10 @@ def test_blocks_do_not_show(monkeypatch):
     ],
 )
 def test_window_with_too_few_stamps_says_what_to_do(time, window, order, parts):
-    with pytest.raises(DataError) as caught:
+    with refused(*parts):
         rate(time, time**2, window, order)
-    assert all(part in str(caught.value) for part in parts), str(caught.value)
 
 
-@settings(deadline=None)
 @given(
     n=st.integers(2, 400),
     ratio=st.floats(0.1, 30),
@@ -238,15 +207,6 @@ def test_blocks_of_an_even_record_are_plain_means(samples):
     np.testing.assert_allclose(
         stamps, time[: 12 * samples].reshape(12, samples).mean(axis=1), rtol=0, atol=1e-9
     )
-
-
-def test_what_the_new_rate_cannot_show_is_averaged_away():
-    time = np.arange(10_000) * 0.001
-    hum = np.sin(
-        2 * np.pi * 100 * time
-    )  # a whole period in each step of 10 ms: picking samples would alias it to a constant
-    _, columns = resample(time, {"x": hum + 7}, 0.01)
-    np.testing.assert_allclose(columns["x"], 7, atol=1e-6)
 
 
 def test_finer_steps_are_interpolated_and_coarser_ones_than_the_record_say_nothing():

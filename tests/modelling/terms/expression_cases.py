@@ -1,7 +1,5 @@
 """Random expressions, each as text for us and as a computation of Python's own."""
 
-from __future__ import annotations
-
 import ast
 import cmath
 import math
@@ -76,12 +74,8 @@ def by_python(text, values, nudge=0.0):
     """
     functions = {name: getattr(cmath, name) for name in _ANALYTIC if hasattr(cmath, name)}
     functions |= {
-        "expm1": lambda z: complex(np.expm1(complex(z))) if abs(z) < 1 else cmath.exp(z) - 1
-    }
-    functions |= {
-        "log1p": lambda z: complex(np.log1p(complex(z))) if abs(z) < 0.5 else cmath.log(1 + z)
-    }
-    functions |= {
+        "expm1": lambda z: complex(np.expm1(complex(z))) if abs(z) < 1 else cmath.exp(z) - 1,
+        "log1p": lambda z: complex(np.log1p(complex(z))) if abs(z) < 0.5 else cmath.log(1 + z),
         "abs": lambda z: complex(abs(z.real)),
         "sign": lambda z: complex((z.real > 0) - (z.real < 0)),
     }

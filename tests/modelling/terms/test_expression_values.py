@@ -1,14 +1,12 @@
 """Values, derivatives and substitutions against Python's own arithmetic."""
 
-from __future__ import annotations
-
 import math
 import pickle
 
 import numpy as np
 import pytest
 from expression_cases import NAMES, analytic_texts, by_numpy, by_python, texts
-from hypothesis import assume, given, settings
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from mapmore_cli.domain.errors import DataError
@@ -130,7 +128,6 @@ def test_substitution_is_evaluation_in_two_steps(outer, inner, point):
     )  # all at once
 
 
-@settings(deadline=None)
 @given(st.floats(-1e3, 1e3), st.floats(-1e3, 1e3), st.floats(-10, 10))
 def test_affine_is_slope_and_intercept(slope, intercept, x):
     assume(slope == 0.0 or abs(slope) > 1e-3)

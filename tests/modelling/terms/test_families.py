@@ -1,13 +1,10 @@
 """The families of terms: products, names of states, and how much memory a dictionary needs."""
 
-from __future__ import annotations
-
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mapmore_cli.domain.errors import DataError
-from mapmore_cli.modelling.expressions import families, to_text
+from mapmore_cli.modelling.expressions import to_text
 from mapmore_cli.modelling.expressions.families import (
     count_products,
     lags,
@@ -74,24 +71,3 @@ def test_products_are_those_monomials_that_have_few_states_beside_the_partners(
 def test_impossible_products_are_refused(of, order, partners):
     with pytest.raises(ValueError, match=r"order|twice|none of the states"):
         products(of, order, partners)
-
-
-def test_more_products_than_memory_allows_are_refused_with_numbers_before_they_are_built(
-    monkeypatch,
-):
-    names = [f"x[k-{i}]" for i in range(1, 61)]
-    count = count_products(60, 8, 60)
-    with pytest.raises(
-        DataError, match=rf"a dictionary of {count} candidates needs .* GB of memory .* may be used"
-    ):
-        products(names, 8)
-    monkeypatch.setattr(families, "usable_memory", lambda: families.products_bytes(10))
-    assert len(products(["p", "q", "r"], 2)) == 10
-    with pytest.raises(
-        DataError,
-        match=(
-            r"a dictionary of 15 candidates needs 0\.00614 MB of memory .* 0\.0029 MB may be "
-            r"used"
-        ),
-    ):
-        products(["p", "q", "r", "s"], 2)

@@ -2,8 +2,6 @@
 recursion, a free run, derivatives and C.
 """
 
-from __future__ import annotations
-
 import shutil
 import sys
 from dataclasses import replace
@@ -50,7 +48,6 @@ def state_of(name, x, *numbers, step=STEP):
     return along(OPERATORS[name], x, Setting(numbers, step, (0.0, 1.0)))
 
 
-@settings(deadline=None)
 @given(PATHS, st.floats(1e-3, 100))
 def test_slow_follows_its_recursion_from_rest(x, tau):
     a, s = np.exp(-STEP / tau), x[0]
@@ -106,25 +103,22 @@ def sample_by_sample(operator, setting, x):
 
 
 @pytest.mark.parametrize("name", OPERATORS)
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=40)
 @given(x=PATHS, empty=st.integers(1, 5))
 def test_every_way_along_a_recording_is_the_recursion(name, x, empty):
     """What the source leaves empty at the beginning stays empty."""
     operator, setting = OPERATORS[name], setting_of(name)
     expected = sample_by_sample(operator, setting, x)
-    np.testing.assert_allclose(along(operator, x, setting), expected, rtol=1e-9, atol=1e-9)
-    np.testing.assert_allclose(
-        run_recursion(operator.recursion(setting), x), expected, rtol=1e-9, atol=1e-9
-    )
-    np.testing.assert_allclose(
-        run_recursion(replace(operator.recursion(setting), weights=None), x),
-        expected,
-        rtol=1e-9,
-        atol=1e-9,
-    )
+    rule = operator.recursion(setting)
     late = along(operator, np.r_[np.full(empty, np.nan), x], setting)
     assert np.isnan(late[:empty]).all()
-    np.testing.assert_allclose(late[empty:], expected, rtol=1e-9, atol=1e-9)
+    for found in (
+        along(operator, x, setting),
+        run_recursion(rule, x),
+        run_recursion(replace(rule, weights=None), x),
+        late[empty:],
+    ):
+        np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-9)
     assert np.isnan(along(operator, np.full(empty, np.nan), setting)).all()
     assert len(along(operator, np.empty(0), setting)) == 0
 

@@ -2,8 +2,6 @@
 states are names, written one way.
 """
 
-from __future__ import annotations
-
 import math
 
 import pytest
@@ -239,7 +237,7 @@ STATES = st.recursive(
 )
 
 
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=40)
 @given(STATES)
 def test_every_state_survives_as_text_and_is_typeset(found):
     assert state(found.name) == found
@@ -299,7 +297,7 @@ def test_latex(text, latex):
     assert to_latex(parse(text)) == latex
 
 
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=40)
 @given(texts())
 def test_latex_is_typeset_by_matplotlib(text):
     MathTextParser("path").parse(f"${to_latex(parse(text), digits=6)}$")

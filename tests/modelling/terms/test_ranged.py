@@ -2,8 +2,6 @@
 range.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from common import curve_of
@@ -26,12 +24,12 @@ def written(family, **settings):
     return terms_of([DictionaryEntry.model_validate({family: settings})])
 
 
-def spline(knots, partners=(), of="strain"):
-    return written("spline", of=of, knots=knots, **{"with": list(partners)})
+def spline(knots, partners=()):
+    return written("spline", of="strain", knots=knots, **{"with": list(partners)})
 
 
-def ends(widths, partners=(), of="strain"):
-    return written("ends", of=of, widths=widths, **{"with": list(partners)})
+def ends(widths, partners=()):
+    return written("ends", of="strain", widths=widths, **{"with": list(partners)})
 
 
 def along(texts, low, high, name="strain"):
@@ -108,27 +106,25 @@ def test_ends_are_one_at_their_end_and_decay_by_their_width(course, width):
     np.testing.assert_allclose([ahead[1], back[2]], np.exp(-1), rtol=0.05)
 
 
-def chosen_of(samples, scaling="unit_square", texts=None, **changes):
-    texts = texts or [*spline(9, ["pressure"]), *ends([0.03, 0.1], ["pressure"])]
+def chosen_of(samples, scaling):
     asked = recipe(
         level=None,
         cuts={},
-        dictionary=tuple(texts),
+        dictionary=(*spline(9, ["pressure"]), *ends([0.03, 0.1], ["pressure"])),
         scaling=scaling,
         max_terms=6,
         tolerance=0.0,
-        **changes,
     )
     (piece,) = build("m", [curve_of(samples)], asked, QUANTITIES).body.curves
     (segment,) = piece.segments
     return segment
 
 
-def muscle(seed=0, n=400):
-    rng = np.random.default_rng(seed)
-    strain, pressure = rng.uniform(0.01, 0.25, n), rng.uniform(50, 600, n)
+def muscle():
+    rng = np.random.default_rng(0)
+    strain, pressure = rng.uniform(0.01, 0.25, 400), rng.uniform(50, 600, 400)
     p, short = pressure / 600, (strain - 0.01) / 0.24
-    force = 3 + 490 * p - 292 * p * np.exp(-short / 0.1) + rng.normal(0, 1, n)
+    force = 3 + 490 * p - 292 * p * np.exp(-short / 0.1) + rng.normal(0, 1, 400)
     return {"strain": strain, "pressure": pressure, "force": force}
 
 

@@ -2,8 +2,9 @@
 have to say.
 """
 
-from __future__ import annotations
+from contextlib import contextmanager
 
+import h5py
 import numpy as np
 import pytest
 import scipy.io
@@ -33,13 +34,32 @@ def csv_table(path, content, *columns, **request):
     return table_of("csv", path, *columns, **request)
 
 
-def refusal(parts, reader, path, *columns, **request):
-    """The message of the error with which a file is refused, which has all of the `parts`."""
-    with pytest.raises(DataError) as caught:
-        tables_of(reader, path, *columns, **request)
+@contextmanager
+def refused(*parts, error=DataError):
+    """An error is raised whose message and remedy have all of the `parts`."""
+    with pytest.raises(error) as caught:
+        yield caught
     message = str(caught.value)
     assert all(part in message for part in parts), message
-    return message
+
+
+def refusal(parts, reader, path, *columns, **request):
+    """The message of the error with which a file is refused, which has all of the `parts`."""
+    with refused(*parts) as caught:
+        tables_of(reader, path, *columns, **request)
+    return str(caught.value)
+
+
+def workbook(path, **sheets):
+    """A workbook of sheets with such rows, which can be changed further."""
+    made = pytest.importorskip("openpyxl").Workbook()
+    made.remove(made.active)
+    for title, rows in sheets.items():
+        sheet = made.create_sheet(title)
+        for row in rows:
+            sheet.append(row)
+    made.save(path)
+    return made
 
 
 def element(kind, content):
@@ -57,6 +77,14 @@ def opaque_variable(name, of_class):
     numbers += element(6, np.array([0xDD000000], "<u4").tobytes())
     flags = element(6, np.array([17, 0], "<u4").tobytes())
     return element(14, flags + words + element(14, numbers))
+
+
+def timetable_of_73(path):
+    """A file of version 7.3 with the object `log`."""
+    with h5py.File(path, "w") as file:
+        numbers = np.array([[0xDD000000, 2, 1, 1, 1, 1]], dtype=np.uint32)
+        log = file.create_dataset("log", data=numbers)
+        log.attrs["MATLAB_class"], log.attrs["MATLAB_object_decode"] = b"timetable", np.int32(3)
 
 
 def opaque_mat(path, name, of_class, x):

@@ -1,7 +1,5 @@
 """What holds for every reader: it is one file, and tells of what is no file of its kind."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import subprocess

@@ -2,12 +2,9 @@
 MATLAB 7.3 does.
 """
 
-from __future__ import annotations
-
 import math
 import tracemalloc
 import zlib
-from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
@@ -15,7 +12,7 @@ import h5py
 import numpy as np
 import pytest
 import scipy.io
-from reading import element, opaque_mat, refusal, tables_of
+from reading import element, opaque_mat, refusal, tables_of, timetable_of_73
 from scipy import sparse
 
 from mapmore_cli.domain.errors import DataError
@@ -112,7 +109,6 @@ def write_v73(path):
     return path
 
 
-Writer = Callable[[Path], Path]
 VERSIONS = pytest.mark.parametrize("write", [write_v5, write_v73], ids=["v5", "v7.3"])
 
 
@@ -222,23 +218,16 @@ def test_ragged_recordings_end_with_the_shortest_column_where_the_spec_drops_wha
 @pytest.mark.parametrize(
     ("name", "column", "expected"),
     [
-        ("testdouble_4.2c_SOL2.mat", "testdouble", np.linspace(0, 2 * math.pi, 9)),
-        ("testdouble_6.1_SOL2.mat", "testdouble", np.linspace(0, 2 * math.pi, 9)),
-        ("testdouble_7.4_GLNX86.mat", "testdouble", np.linspace(0, 2 * math.pi, 9)),
         ("testhdf5_7.4_GLNX86.mat", "testdouble", np.linspace(0, 2 * math.pi, 9)),
-        ("testmatrix_7.1_GLNX86.mat", "testmatrix[:,2]", [3, 0, 0]),
         ("testcell_7.4_GLNX86.mat", "testcell[3]", [1, 2, 3]),
         ("teststruct_7.4_GLNX86.mat", "teststruct.doublefield", [math.sqrt(2), math.e, math.pi]),
         ("teststructnest_6.5.1_GLNX86.mat", "teststructnest.one", [1]),
         ("test3dmatrix_7.4_GLNX86.mat", "test3dmatrix[1,:,3]", [20, 22, 24]),
-        ("big_endian.mat", "floats[:,0]", None),
     ],
 )
 def test_files_that_matlab_wrote(name, column, expected):
     if not (BY_MATLAB / name).is_file():
         pytest.skip("this SciPy comes without its test files")
-    if expected is None:
-        expected = scipy.io.loadmat(BY_MATLAB / name)["floats"][:, 0]
     np.testing.assert_allclose(values(BY_MATLAB / name, column), expected)
     if name.startswith(
         "testhdf5"
@@ -291,7 +280,6 @@ def test_variables_of_all_files_have_the_numbers_that_scipy_reads(name):
 def test_texts_of_any_encoding_do_not_hide_the_numbers_beside_them(tmp_path):
     scipy.io.savemat(tmp_path / "a.mat", {"P": T, "label": "20 °C 🙂", "other": T})
     for path in (tmp_path / "a.mat", BY_MATLAB / "testunicode_7.4_GLNX86.mat"):
-        assert READERS["mat"].peek is not None
         assert not path.exists() or list(READERS["mat"].peek(path, 3))
     assert values(tmp_path / "a.mat", "P") == list(T)
     refusal(["'label' holds text"], "mat", tmp_path / "a.mat", "label")
@@ -363,15 +351,12 @@ def test_cut_files_give_what_they_hold_or_an_error(tmp_path, write):
 def test_objects_of_matlab_are_told_with_the_way_to_save_arrays(tmp_path):
     tables = opaque_mat(tmp_path / "a.mat", "log", "timetable", T)
     assert values(tables, "x") == list(T)
-    with h5py.File(tmp_path / "b.mat", "w") as file:
-        log = file.create_dataset(
-            "log", data=np.array([[0xDD000000, 2, 1, 1, 1, 1]], dtype=np.uint32)
-        )
-        log.attrs["MATLAB_class"], log.attrs["MATLAB_object_decode"] = b"timetable", np.int32(3)
+    timetable_of_73(tmp_path / "b.mat")
     for path, column, name in [
-        (tables, "log", "'log' is an object of MATLAB (timetable)"),
-        (tables, "log.P", "'log' is an object of MATLAB (timetable)"),
-        (tmp_path / "b.mat", "log", "'log' is an object of MATLAB (timetable)"),
+        *(
+            (path, column, "'log' is an object of MATLAB (timetable)")
+            for path, column in ((tables, "log"), (tables, "log.P"), (tmp_path / "b.mat", "log"))
+        ),
         (
             BY_MATLAB / "testobject_7.4_GLNX86.mat",
             "testobject",

@@ -1,16 +1,12 @@
-from __future__ import annotations
-
 import zipfile
 from datetime import datetime, time, timedelta
 from functools import partial
 
 import numpy as np
 import pytest
-from reading import refusal, table_of
+from reading import refusal, table_of, workbook
 
 from mapmore_cli.domain.errors import DataError
-
-openpyxl = pytest.importorskip("openpyxl")
 
 TABLE = [["t", "F", "note"], [0, 1.5, "a"], [0.5, -2, None], [], [1.0, None, "b"]]
 
@@ -18,22 +14,8 @@ TABLE = [["t", "F", "note"], [0, 1.5, "a"], [0.5, -2, None], [], [1.0, None, "b"
 @pytest.fixture
 def book(tmp_path):
     """A workbook with sheets `About` and `Run1`."""
-    made = openpyxl.Workbook()
-    made.active.title = "About"
-    made.active.append(["Rig", "7"])
-    sheet = made.create_sheet("Run1")
-    for row in TABLE:
-        sheet.append(row)
     path = tmp_path / "book.xlsx"
-    made.save(path)
-    return path
-
-
-def of_rows(path, *rows):
-    made = openpyxl.Workbook()
-    for row in rows:
-        made.active.append(row)
-    made.save(path)
+    workbook(path, About=[["Rig", "7"]], Run1=TABLE)
     return path
 
 
@@ -52,21 +34,15 @@ def test_without_header_after_skipped_rows(book):
     np.testing.assert_array_equal(
         read(book, 1, sheet="Run1", header=0, skip_rows=1).columns[1], [1.5, -2, np.nan]
     )
-    units = of_rows(book.with_name("b.xlsx"), ["made by hand"], ["t", "F"], ["s", "N"], [1, 2])
+    units = book.with_name("b.xlsx")
+    workbook(units, a=[["made by hand"], ["t", "F"], ["s", "N"], [1, 2]])
     np.testing.assert_array_equal(read(units, "F", skip_rows=1, header=2).columns["F"], [2])
 
 
 def test_dates_count_as_seconds_in_the_column_of_the_time(tmp_path):
-    path = of_rows(
-        tmp_path / "a.xlsx",
-        [
-            datetime(1970, 1, 2, 0, 0, 1),
-            time(0, 1, 0, 500_000),
-            timedelta(hours=1),
-            " 2.5 ",
-            "#N/A",
-        ],
-    )
+    path = tmp_path / "a.xlsx"
+    cells = [datetime(1970, 1, 2, 0, 0, 1), time(0, 1, 0, 500_000), timedelta(hours=1)]
+    workbook(path, a=[[*cells, " 2.5 ", "#N/A"]])
     table = read(path, *range(5), header=0, clocks=frozenset(range(5)))
     np.testing.assert_allclose(
         [table.columns[i][0] for i in range(5)], [86_401, 60.5, 3600, 2.5, np.nan], atol=1e-3
@@ -78,18 +54,6 @@ def test_dates_count_as_seconds_in_the_column_of_the_time(tmp_path):
     ]
     for column, parts in enumerate(told):
         refusal(parts, "xlsx", path, column, header=0)
-
-
-def test_a_boolean_is_no_number_not_even_of_time(tmp_path):
-    path = of_rows(tmp_path / "a.xlsx", ["F"], [True])
-    for clocks in (frozenset[str](), frozenset({"F"})):
-        refusal(
-            ["row 2, column F: 'True' is not a number", "TRUE or FALSE stands here"],
-            "xlsx",
-            path,
-            "F",
-            clocks=clocks,
-        )
 
 
 def test_wrong_dimensions_of_other_software_do_not_cut_the_sheet(book, tmp_path):
