@@ -2,12 +2,11 @@
 line.
 """
 
-from __future__ import annotations
-
+import csv
 import json
 import re
 import time
-from typing import Any
+from pathlib import Path
 
 import numpy as np
 import yaml
@@ -15,6 +14,9 @@ import yaml
 from mapmore_cli.domain.fits import Scaling
 from mapmore_cli.domain.models import CurveFunction, Fusion, Model, Pieces, SegmentFunction
 from mapmore_cli.domain.recording import Quantity
+
+PROJECT = Path(__file__).resolve().parents[2]
+CONFIGS = PROJECT / "configs"
 
 SPEC = """\
 schema_version: 1
@@ -76,7 +78,44 @@ def wait_until(true, seconds=30.0):
 def write_recording(folder, name, level, strain, force):
     """The recording of one pressure."""
     lines = [f"{level},{e:.5f},{f:.3f}" for e, f in zip(strain, force, strict=True)]
-    (folder / f"{name}_{level}.csv").write_text("\n".join(["P,eps,F", *lines]) + "\n")
+    write_lines(folder / f"{name}_{level}.csv", "P,eps,F", *lines)
+
+
+def write_lines(path, *lines):
+    """A text file of these lines."""
+    path.write_text("\n".join(lines) + "\n")
+
+
+def page_of(run="bench"):
+    """The page of a run in the folder of the test."""
+    return Path("runs", run, "report", "index.html").read_text()
+
+
+def write_columns(path, header, *columns, fmt="%.12g"):
+    """A table of numbers."""
+    rows = np.column_stack(columns)
+    np.savetxt(path, rows, delimiter=",", header=header, comments="", fmt=fmt)
+
+
+def csv_rows(text):
+    """The rows of a table by the names of its columns."""
+    return list(csv.DictReader(text.splitlines()))
+
+
+def options(*settings):
+    """Settings as arguments of a command."""
+    return [part for setting in settings for part in ("--set", setting)]
+
+
+def by_place(document):
+    """The scores of a document, or of the document in a file, by model, split and curve."""
+    if isinstance(document, Path):
+        document = json.loads(document.read_text())
+    return {(row["model"], row["split"], row["curve"]): row for row in document["scores"]}
+
+
+OWN = ("mapmore", "validate", "all")
+"""The place of the scores of a run's own model on all held-out data."""
 
 
 def change_forces(path, change, to=None):
@@ -84,15 +123,8 @@ def change_forces(path, change, to=None):
     header, *rows = path.read_text().splitlines()
     cells = [row.split(",") for row in rows]
     forces = change(np.array([float(cell[2]) for cell in cells])) if cells else []
-    (to or path).write_text(
-        "\n".join(
-            [
-                header,
-                *(f"{p},{e},{force:.9g}" for (p, e, _), force in zip(cells, forces, strict=True)),
-            ]
-        )
-        + "\n"
-    )
+    changed = (f"{p},{e},{force:.9g}" for (p, e, _), force in zip(cells, forces, strict=True))
+    write_lines(to or path, header, *changed)
 
 
 def edit(path, old, new):
@@ -108,7 +140,7 @@ def thinned(recordings, folder, every):
     """
     for path in sorted(recordings.glob("load_cycle_*.csv")):
         head, *rows = path.read_text().splitlines()
-        (folder / path.name).write_text("\n".join([head, *rows[::every]]) + "\n")
+        write_lines(folder / path.name, head, *rows[::every])
 
 
 def without_figures(study, folder, but="", figures=None):
@@ -126,7 +158,7 @@ def without_figures(study, folder, but="", figures=None):
         if needs
         else {}
     )
-    report: dict[str, Any] = {"figures": [], "formats": ["html", "csv"]}
+    report = {"figures": [], "formats": ["html", "csv"]}
     if study.stem == but:
         report = {} if figures is None else {"figures": list(figures)}
     document = {"extends": str(study), "name": study.stem, "needs": quick, "report": report}
@@ -181,14 +213,11 @@ def by_hand(pressure, strain):
 def held_out(document):
     """The scores of every model on all held-out data, of a document with `scores`."""
     return {
-        row["model"]: row
-        for row in document["scores"]
-        if (row["split"], row["curve"]) == ("validate", "all")
+        model: row for (model, *place), row in by_place(document).items() if place == [*OWN[1:]]
     }
 
 
-def scored_run(mapmore, spec, runs, *arguments):
+def scored_run(mapmore, spec, *arguments):
     """RMSE of every model on the held-out data, and what was done, of one `mapmore run`."""
-    result = mapmore("run", spec, "--runs", runs, "--json", "-q", *arguments, code=0)
-    document = json.loads(result.stdout)
+    document = json.loads(mapmore("run", spec, "--json", "-q", *arguments, code=0).stdout)
     return {model: row["rmse"] for model, row in held_out(document).items()}, document["stages"]

@@ -1,24 +1,19 @@
 """How the command line is called in tests."""
 
-from __future__ import annotations
-
 import json
 import shutil
 import subprocess
 import sys
-from collections.abc import Callable
 from functools import cache
 
 import pytest
 import typer.testing
 from cli_samples import hand_model, write_study
 from typer.main import get_command
-from typer.testing import CliRunner, Result
+from typer.testing import CliRunner
 from workers_here import in_turn
 
 from mapmore_cli.cli.app import app
-
-Call = Callable[..., Result]
 
 
 @pytest.fixture(scope="session", autouse=True)
@@ -77,6 +72,13 @@ def shell():
         return subprocess.run(command, capture_output=True, text=True, check=False, **options)
 
     return call
+
+
+@pytest.fixture(autouse=True)
+def folder_of_its_own(request, tmp_path, monkeypatch):
+    """A test that calls the command does it in its folder, where the runs are without `--runs`."""
+    if {"mapmore", "document"} & {*request.fixturenames}:
+        monkeypatch.chdir(tmp_path)
 
 
 @pytest.fixture

@@ -1,7 +1,5 @@
 """The tables of pages, as texts by row and column, and their blocks."""
 
-from __future__ import annotations
-
 import re
 
 from pages import DOCS, read_rows

@@ -2,28 +2,22 @@
 them.
 """
 
-from __future__ import annotations
-
-import json
 from pathlib import Path
 
 import baseline_tables
 import pytest
-from cli_samples import held_out
+from cli_samples import PROJECT, held_out
 from page_tables import DOCS, numbers, page_table
-
-PROJECT = Path(__file__).parents[2]
 
 
 @pytest.mark.long
-def test_the_page_says_what_a_gaussian_process_gets(tmp_path, mapmore):
+def test_the_page_says_what_a_gaussian_process_gets(tmp_path, document):
     pytest.importorskip("sklearn")
     printed = numbers(page_table("baselines", DOCS / "baselines.md")["peano-static"])
     names = ("sarosi", "gaussian_process")
     against = f"validate.against=[{', '.join(names)}]"
     spec = PROJECT / "configs" / "m2" / "peano-static.yaml"
-    result = mapmore("validate", spec, "--runs", tmp_path, "--json", "-q", "--set", against, code=0)
-    scores = held_out(json.loads(result.stdout))
+    scores = held_out(document("validate", spec, "--runs", tmp_path, "-q", "--set", against))
     for name in ("mapmore", *names):
         assert 100 * scores[name]["nrmse"] == pytest.approx(printed[name], rel=0.02)
 
@@ -33,18 +27,12 @@ def test_polynomials_beside_the_studies_of_papers(study, tmp_path):
     """One that pieces win and one that they lose; every study has its row, and the note counts
     them.
     """
-    rows = {
-        name: numbers(row) for name, row in page_table("polynomials", DOCS / "baselines.md").items()
-    }
-    assert list(rows) == [path.rpartition("/")[2] for path in baseline_tables.studies_of_papers()]
+    page, names = DOCS / "baselines.md", baseline_tables.POLYNOMIALS
+    rows = {name: numbers(row) for name, row in page_table("polynomials", page).items()}
+    assert [*rows] == [Path(path).name for path in baseline_tables.studies_of_papers()]
     found = baseline_tables.beside(study, tmp_path)
-    row = rows[study.rpartition("/")[2]]
-    for model in ("mapmore", *baseline_tables.POLYNOMIALS):
+    row = rows[Path(study).name]
+    for model in ("mapmore", *names):
         assert found[model] == pytest.approx(row[model], rel=0.01)
-    ahead = sum(
-        min(row[name] for name in baseline_tables.POLYNOMIALS) < row["mapmore"]
-        for row in rows.values()
-    )
-    assert (
-        f"ahead of mapmore in {ahead} of {len(rows)} studies" in (DOCS / "baselines.md").read_text()
-    )
+    ahead = sum(min(row[name] for name in names) < row["mapmore"] for row in rows.values())
+    assert f"ahead of mapmore in {ahead} of {len(rows)} studies" in page.read_text()

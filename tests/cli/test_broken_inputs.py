@@ -2,13 +2,11 @@
 results as they were.
 """
 
-from __future__ import annotations
-
 import gzip
 import hashlib
 
 import pytest
-from cli_samples import edit, write_study
+from cli_samples import edit
 
 SPEC_WRONG, DATA_WRONG, CANNOT_WRITE = 3, 4, 7
 
@@ -23,7 +21,7 @@ def with_lines(path, keep):
     path.write_text("\n".join(keep(path.read_text().splitlines())))
 
 
-CASES: dict[str, tuple[str, str, int, list[str]]] = {
+CASES = {
     "misspelt key": (
         "method: even",
         "metod: even",
@@ -82,31 +80,25 @@ def test_a_broken_input_is_named_and_harms_nothing(name, copied, mapmore):
     before = results(runs)
     assert before
     spoil(spec.parent, name)
-    result = mapmore("run", spec, "--runs", runs, code=code)
+    result = mapmore("run", spec, code=code, says=words)
     assert result.stdout == ""
     errors = result.stderr[result.stderr.index("error: ") :]
     assert errors.count("error: ") == 1
     assert "Traceback" not in errors
-    for word in words:
-        assert word in errors
     assert results(runs) == before
 
 
-def test_a_run_path_that_is_a_file(tmp_path, mapmore):
-    spec = write_study(tmp_path)
+def test_a_run_path_that_is_a_file(study, tmp_path, mapmore):
     (tmp_path / "runs").mkdir()
     (tmp_path / "runs" / "bench").write_text("precious")
-    mapmore("run", spec, "--runs", tmp_path / "runs", code=CANNOT_WRITE, says="bench")
+    mapmore("run", study, code=CANNOT_WRITE, says="bench")
     assert (tmp_path / "runs" / "bench").read_text() == "precious"
-    mapmore("run", spec, "--runs", tmp_path / "runs" / "bench", code=CANNOT_WRITE)
+    mapmore("run", study, "--runs", tmp_path / "runs" / "bench", code=CANNOT_WRITE)
 
 
-def test_all_mistakes_of_a_spec_are_told_at_once(tmp_path, mapmore):
-    spec = write_study(tmp_path)
-    edit(spec, "method: even", "metod: even")
-    edit(spec, "unit: kPa", "unit: kPaa")
-    edit(spec, "order: 3", "order: 300")
-    mapmore(
-        "run", spec, "--runs", tmp_path / "runs", code=SPEC_WRONG, says=["metod", "kPaa", "order"]
-    )
+def test_all_mistakes_of_a_spec_are_told_at_once(study, tmp_path, mapmore):
+    edit(study, "method: even", "metod: even")
+    edit(study, "unit: kPa", "unit: kPaa")
+    edit(study, "order: 3", "order: 300")
+    mapmore("run", study, code=SPEC_WRONG, says=["metod", "kPaa", "order"])
     assert not (tmp_path / "runs").exists()

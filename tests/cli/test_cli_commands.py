@@ -1,17 +1,15 @@
 """`check`, `simulate`, `schema` and `batch`."""
 
-from __future__ import annotations
-
 import json
 import re
 from pathlib import Path
 
 import pytest
-from cli_samples import write_study
+from cli_samples import PROJECT, write_study
 
 from mapmore_cli.spec.schema import json_schema
 
-RIG = Path(__file__).parents[2] / "datasets/mckibben/load_cycles.yaml"
+RIG = PROJECT / "datasets/mckibben/load_cycles.yaml"
 
 
 def test_check_says_what_was_found_and_writes_nothing(study, document, mapmore):
@@ -71,22 +69,12 @@ def test_the_schema_and_references(mapmore):
 def test_batch_goes_on_after_a_failure_and_ends_with_the_highest_code(tmp_path, shell):
     good, broken = write_study(tmp_path, "good"), write_study(tmp_path, "broken")
     (tmp_path / "broken_200.csv").write_text("")
-    done = shell(
-        "batch",
-        broken,
-        good,
-        tmp_path / "none.yaml",
-        "--runs",
-        tmp_path / "runs",
-        "--jobs",
-        2,
-        "--summary",
-        tmp_path / "s.md",
-    )
+    options = ("--jobs", 2, "--summary", "s.md")
+    done = shell("batch", broken, good, "none.yaml", *options, cwd=tmp_path)
     assert done.returncode == 4
     assert re.search(r"^good +\d+\.\d", done.stdout, re.MULTILINE)
     assert re.search(r"^none +failed", done.stdout, re.MULTILINE)
-    assert done.stdout.endswith(f"page: {tmp_path / 'runs/good/report/index.html'}\n")
+    assert done.stdout.endswith("page: runs/good/report/index.html\n")
     assert all(words in done.stderr for words in ("broken_200.csv", "none.yaml", "good: done"))
     assert "Traceback" not in done.stderr
     assert "1 of 3 runs in order" in (tmp_path / "s.md").read_text()
@@ -96,7 +84,7 @@ def test_batch_goes_on_after_a_failure_and_ends_with_the_highest_code(tmp_path, 
 def test_batch_has_one_document_in_the_order_of_the_specs(tmp_path, mapmore):
     specs = [write_study(tmp_path, name) for name in ("b", "a")]
     override = ("--set", "validate.require.nrmse=1e-9", "--set", "report.formats=[csv]")
-    done = mapmore("batch", *specs, "--runs", tmp_path / "runs", "--json", "-q", *override, code=6)
+    done = mapmore("batch", *specs, "--json", "-q", *override, code=6)
     runs = json.loads(done.stdout)["runs"]
     assert [run["name"] for run in runs] == ["b", "a"]
     assert all(run["exit_code"] == 6 and run["scores"] and len(run["missed"]) == 1 for run in runs)

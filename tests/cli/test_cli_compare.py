@@ -1,13 +1,11 @@
 """`mapmore freeze` and `mapmore compare`: this campaign of a muscle against an earlier one."""
 
-from __future__ import annotations
-
 import json
 import shutil
 import stat
 
 import pytest
-from cli_samples import change_forces, write_study
+from cli_samples import by_place, change_forces, write_study
 
 
 def scaled_study(folder, factor):
@@ -156,34 +154,18 @@ def test_a_frozen_model_or_record_that_was_changed_is_refused(campaigns, mapmore
 
 
 def test_a_frozen_model_stands_among_the_competitors_and_stays_as_it_is(campaigns, mapmore):
-    spec, frozen = (
-        campaigns / "third" / "bench.yaml",
-        campaigns / "archive" / "first@2025" / "model.h5",
-    )
+    frozen = campaigns / "archive" / "first@2025" / "model.h5"
     before = frozen.read_bytes()
     against = "validate.against=[{model: ../archive/first@2025/model.h5, as: before}]"
-    arguments = (
-        "run",
-        spec,
-        "--runs",
-        campaigns / "runs",
-        "-q",
-        "--json",
-        "--set",
-        "name=fourth",
-        "--set",
-        against,
-    )
-    result = mapmore(*arguments, code=0)
-    rmse = {
-        row["model"]: row["rmse"]
-        for row in json.loads(result.stdout)["scores"]
-        if row["curve"] == "all"
-    }
-    assert rmse["before"] > 5 * rmse["mapmore"]
+    spec = campaigns / "third" / "bench.yaml"
+    run = ("run", spec, "--runs", campaigns / "runs", "-q", "--json", "--set", "name=fourth")
+    result = mapmore(*run, "--set", against, code=0)
+    rows = by_place(json.loads(result.stdout))
+    older, own = (rows[model, "train", "all"]["rmse"] for model in ("before", "mapmore"))
+    assert older > 5 * own
     assert frozen.read_bytes() == before
-    assert set(json.loads(mapmore(*arguments).stdout)["stages"].values()) == {"up-to-date"}
-    mapmore(
-        *arguments[:-1], against.replace("first@2025", "nobody@2025"), code=3, says="mapmore freeze"
-    )
-    mapmore(*arguments[:-1], against.replace(", as: before", ""), code=3)
+    again = json.loads(mapmore(*run, "--set", against).stdout)
+    assert set(again["stages"].values()) == {"up-to-date"}
+    nobody = against.replace("first@2025", "nobody@2025")
+    mapmore(*run, "--set", nobody, code=3, says="mapmore freeze")
+    mapmore(*run, "--set", against.replace(", as: before", ""), code=3)

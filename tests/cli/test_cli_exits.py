@@ -2,8 +2,6 @@
 did not ask for it.
 """
 
-from __future__ import annotations
-
 import errno
 import os
 import signal
@@ -40,25 +38,11 @@ def failing(monkeypatch, error):
     monkeypatch.setattr(runner, "bring_up_to_date", fail)
 
 
-@pytest.mark.parametrize(("kind", "code"), MENDABLE)
-def test_errors_that_a_user_can_mend(kind, code, study, mapmore, monkeypatch):
-    failing(monkeypatch, kind("trace.csv:7: it is broken", "mend it"))
-    result = mapmore("run", study)
-    assert (result.exit_code, result.stdout) == (code, "")
-    assert result.stderr == "error: trace.csv:7: it is broken\n  mend it\n"
-
-
-def test_there_is_a_test_for_every_error_class():
-    assert {kind for kind, _ in MENDABLE} == set(errors.MapmoreError.__subclasses__())
-
-
-def test_internal_fault_is_one_line(study, mapmore, monkeypatch):
-    failing(monkeypatch, ZeroDivisionError("division by zero\nand more"))
-    result = mapmore("run", study)
-    assert (result.exit_code, result.stdout) == (1, "")
-    assert result.stderr == (
-        "internal fault: ZeroDivisionError: division by zero; run again with --debug to see where\n"
-    )
+def within_c():
+    """What comes of Ctrl-C while a function in C calls one of Python, as libraries do."""
+    error = SystemError("<class 'float'> returned a result with an exception set")
+    error.__cause__ = KeyboardInterrupt()
+    return error
 
 
 def without_memory():
@@ -77,12 +61,38 @@ def without_memory():
     ]
 
 
-@pytest.mark.parametrize("error", without_memory(), ids=lambda error: type(error).__name__)
-def test_too_little_memory_is_told(error, study, mapmore, monkeypatch):
+@pytest.mark.parametrize(
+    ("error", "code", "told"),
+    [
+        *(
+            (kind("trace.csv:7: it is broken", "mend it"), code, "error: trace.csv:7: it is broken")
+            for kind, code in MENDABLE
+        ),
+        (
+            ZeroDivisionError("division by zero\nand more"),
+            1,
+            "internal fault: ZeroDivisionError: division by zero; "
+            "run again with --debug to see where",
+        ),
+        *((error, 1, "error: there is too little memory for this") for error in without_memory()),
+        (KeyboardInterrupt(), 130, "interrupted"),
+        (within_c(), 130, "interrupted"),
+    ],
+    ids=lambda value: type(value).__name__ if isinstance(value, BaseException) else None,
+)
+def test_whatever_ends_a_run_is_told_in_a_line_with_its_remedy(
+    error, code, told, study, mapmore, monkeypatch
+):
     failing(monkeypatch, error)
-    result = mapmore("run", study)
-    assert (result.exit_code, result.stdout) == (1, "")
-    assert result.stderr.startswith("error: there is too little memory for this\n  ")
+    result = mapmore("run", study, code=code)
+    first, *remedy = result.stderr.splitlines()
+    assert (first, result.stdout) == (told, "")
+    assert len(remedy) == told.startswith("error: ")
+    assert all(line.startswith("  ") for line in remedy)
+
+
+def test_there_is_a_test_for_every_error_class():
+    assert {kind for kind, _ in MENDABLE} == set(errors.MapmoreError.__subclasses__())
 
 
 @pytest.mark.parametrize("place", ["front", "end"])
@@ -96,21 +106,10 @@ def test_debug_shows_the_traceback(place, study, mapmore, monkeypatch):
     assert "in fail" in result.stderr
 
 
-def within_c():
-    """What comes of Ctrl-C while a function in C calls one of Python, as libraries do."""
-    error = SystemError("<class 'float'> returned a result with an exception set")
-    error.__cause__ = KeyboardInterrupt()
-    return error
-
-
-@pytest.mark.parametrize(
-    "interruption", [KeyboardInterrupt(), within_c()], ids=["in Python", "in C"]
-)
-@pytest.mark.parametrize("options", [(), ("--json",)])
-def test_interrupted(interruption, options, study, mapmore, monkeypatch):
-    failing(monkeypatch, interruption)
-    result = mapmore("run", study, *options)
-    assert (result.exit_code, result.stdout, result.stderr) == (130, "", "interrupted\n")
+def test_an_interrupted_run_prints_no_document(study, mapmore, monkeypatch):
+    failing(monkeypatch, KeyboardInterrupt())
+    result = mapmore("run", study, "--json", code=130)
+    assert (result.stdout, result.stderr) == ("", "interrupted\n")
 
 
 BEFORE = """
@@ -162,7 +161,7 @@ def test_a_lock_that_is_a_link(study, mapmore):
     folder = study.parent / "runs" / "bench"
     folder.mkdir(parents=True)
     (folder / ".lock").symlink_to(study.parent / "kept")
-    mapmore("run", study, "--runs", study.parent / "runs", code=7, says="is a folder or a link")
+    mapmore("run", study, code=7, says="is a folder or a link")
     assert not (study.parent / "kept").exists()
 
 

@@ -1,13 +1,10 @@
 """A family from YAML: run, `predict --set`, `adapt`."""
 
-from __future__ import annotations
-
-import csv
-import io
 import json
 
 import numpy as np
 import pytest
+from cli_samples import by_place, csv_rows, write_lines
 
 SPEC = """\
 schema_version: 1
@@ -47,17 +44,17 @@ def folder(tmp_path_factory, mapmore):
                 f"{p:.3f},{strain},{f:.4f}"
                 for p, f in zip(pressure, force(pressure, strain, length), strict=True)
             ]
-            (path / f"{length}_{strain}.csv").write_text("\n".join(["P,eps,F", *rows]) + "\n")
+            write_lines(path / f"{length}_{strain}.csv", "P,eps,F", *rows)
     (path / "muscles.yaml").write_text(SPEC)
     result = mapmore("run", path / "muscles.yaml", "--runs", path / "runs", "-q", "--json", code=0)
-    rows = json.loads(result.stdout)["scores"]
-    assert next(row for row in rows if row["curve"] == "all")["nrmse"] < 0.05
+    rows = by_place(json.loads(result.stdout))
+    assert rows["mapmore", "train", "all"]["nrmse"] < 0.05
     return path
 
 
 def predicted(mapmore, model, table, *arguments):
     result = mapmore("predict", model, table, "-q", *arguments, code=0)
-    return list(csv.DictReader(io.StringIO(result.stdout)))
+    return csv_rows(result.stdout)
 
 
 def test_a_new_length_is_given_on_the_line(folder, mapmore):
@@ -79,26 +76,16 @@ def test_a_new_length_is_given_on_the_line(folder, mapmore):
     assert grid.stdout.splitlines()[1].split(",")[3] == short[0]["force_predicted"]
 
 
-def test_a_specimen_is_adapted_to_a_model_of_its_own(folder, tmp_path, mapmore):
+def test_a_specimen_is_adapted_to_a_model_of_its_own(folder, tmp_path, mapmore, document):
     model, few, out = (
         folder / "runs" / "muscles" / "model.h5",
         tmp_path / "few.csv",
         tmp_path / "own.h5",
     )
     pressure = np.linspace(100, 600, 11)
-    few.write_text(
-        "\n".join(
-            [
-                "pressure,strain,force",
-                *(
-                    f"{p},0,{1.2 * f}"
-                    for p, f in zip(pressure, force(pressure, 0, 250), strict=True)
-                ),
-            ]
-        )
-    )
-    result = mapmore("adapt", model, few, "--set", "rest=250", "-o", out, "--json", "-q", code=0)
-    found = json.loads(result.stdout)
+    lines = (f"{p},0,{1.2 * force(p, 0, 250)}" for p in pressure)
+    write_lines(few, "pressure,strain,force", *lines)
+    found = document("adapt", model, few, "--set", "rest=250", "-o", out, "-q")
     assert 1.1 < found["parameters"]["q_force"] < 1.2  # drawn towards the prior
     assert found["samples"] == 11
     assert "learnt from 3 specimens" in found["notes"][0]
@@ -166,7 +153,7 @@ def test_a_table_that_has_the_column_keeps_it(folder, tmp_path, mapmore):
 )
 def test_what_is_no_family(tmp_path, mapmore, model, words):
     (tmp_path / "muscles.yaml").write_text(SPEC.replace("family: {of: rest}", model))
-    mapmore("run", tmp_path / "muscles.yaml", "--runs", tmp_path / "runs", code=3, says=words)
+    mapmore("run", tmp_path / "muscles.yaml", code=3, says=words)
 
 
 def test_two_specimens_have_no_intervals(folder, mapmore):

@@ -1,14 +1,11 @@
 """`init`, and what `check` prints of its drafts and of mistakes."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 
 import pytest
-from cli_samples import thinned, write_study
+from cli_samples import OWN, PROJECT, by_place, options, thinned
 
-PROJECT = Path(__file__).resolve().parents[2]
 pytestmark = pytest.mark.usefixtures("quick_families")
 
 
@@ -23,25 +20,12 @@ def rig(tmp_path):
 
 @pytest.mark.parametrize("muscle", ["mckibben", pytest.param("peano", marks=pytest.mark.long)])
 def test_a_spec_for_the_shipped_recordings_checks_and_runs(
-    muscle, tmp_path, mapmore, rig, fewer_families
+    muscle, tmp_path, mapmore, document, rig, fewer_families
 ):
     assert started(mapmore, rig / muscle, tmp_path) == []
-    result = mapmore(
-        "run",
-        tmp_path / "spec.yaml",
-        "--runs",
-        tmp_path / "runs",
-        "--json",
-        "-q",
-        "--set",
-        "report.formats=[csv]",
-        code=0,
-    )
-    rows = {
-        (row["model"], row["split"], row["curve"]): row
-        for row in json.loads(result.stdout)["scores"]
-    }
-    assert rows["mapmore", "validate", "all"]["nrmse"] < 0.03
+    settings = options("report.formats=[csv]")
+    rows = by_place(document("run", tmp_path / "spec.yaml", "-q", *settings))
+    assert rows[OWN]["nrmse"] < 0.03
 
 
 @pytest.mark.parametrize(
@@ -50,16 +34,7 @@ def test_a_spec_for_the_shipped_recordings_checks_and_runs(
 )
 def test_a_spec_for_measured_recordings_checks_and_runs(source, tmp_path, mapmore, measured_data):
     assert started(mapmore, measured_data / source, tmp_path) == []
-    mapmore(
-        "run",
-        tmp_path / "spec.yaml",
-        "--runs",
-        tmp_path / "runs",
-        "-q",
-        "--set",
-        "report.formats=[csv]",
-        code=0,
-    )
+    mapmore("run", tmp_path / "spec.yaml", "-q", "--set", "report.formats=[csv]", code=0)
 
 
 def started(mapmore, source, place):
@@ -80,12 +55,12 @@ def test_a_folder_of_several_studies_with_one_output_says_what_is_left_out(tmp_p
     assert [path.name for path in tmp_path.glob("*.yaml")] == ["one.yaml"]
 
 
-def test_stdout_has_the_spec_alone(tmp_path, mapmore, monkeypatch, rig):
+def test_stdout_has_the_spec_alone(tmp_path, mapmore, document, monkeypatch, rig):
     monkeypatch.chdir(tmp_path)
     printed = mapmore("init", rig / "mckibben", "-o", "-", "--name", "bench", "-q")
     assert printed.stderr == ""
     (tmp_path / "spec.yaml").write_text(printed.stdout)
-    assert json.loads(mapmore("check", "spec.yaml", "--json", "-q").stdout)["name"] == "bench"
+    assert document("check", "spec.yaml", "-q")["name"] == "bench"
 
 
 def test_nothing_is_replaced_without_force(tmp_path, mapmore, rig):
@@ -111,29 +86,27 @@ def test_nothing_usable_is_a_data_error(tmp_path, mapmore):
         assert mapmore("init", path, "-o", "-", code=4, says="error: ").stdout == ""
 
 
-def test_check_prints_issues_with_their_remedies(tmp_path, mapmore):
-    spec = write_study(tmp_path)
-    assert mapmore("check", spec, code=0).stdout.splitlines()[-1] == "No issues."
-    outside = mapmore("check", spec, "--set", "data.split.validate.pressure=[300]", code=0)
+def test_check_prints_issues_with_their_remedies(study, mapmore):
+    assert mapmore("check", study, code=0).stdout.splitlines()[-1] == "No issues."
+    outside = mapmore("check", study, "--set", "data.split.validate.pressure=[300]", code=0)
     assert (
         "validation samples have pressure 300, outside of the training range 100 to 200 "
         "[validation-outside]" in outside.stdout
     )
 
 
-def test_check_ends_with_the_code_of_what_has_to_be_mended(tmp_path, mapmore):
-    spec = write_study(tmp_path)
+def test_check_ends_with_the_code_of_what_has_to_be_mended(study, mapmore):
     for setting, code, found in (
         ("data.columns.strain.scale=100", 3, "strain-in-per-cent"),
         ("fit.max_terms=30", 4, "short-segment"),
     ):
-        wrong = mapmore("check", spec, "--json", "--set", setting, code=code, says=found)
+        wrong = mapmore("check", study, "--json", "--set", setting, code=code, says=found)
         assert {issue["id"] for issue in json.loads(wrong.stdout)["issues"]} == {found}
 
 
-def test_shipped_studies_are_clean_of_errors_and_warnings(mapmore):
+def test_shipped_studies_are_clean_of_errors_and_warnings(document):
     for spec in sorted((PROJECT / "configs/m2").glob("*-static.yaml")):
-        assert json.loads(mapmore("check", spec, "--json", "-q").stdout)["issues"] == [], spec
+        assert document("check", spec, "-q")["issues"] == [], spec
 
 
 def test_a_measured_study_is_clean_of_errors_and_warnings(mapmore, measured_data):

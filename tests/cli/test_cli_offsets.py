@@ -2,12 +2,11 @@
 how little an NRMSE of it says.
 """
 
-from __future__ import annotations
-
 import json
 
 import numpy as np
 import pytest
+from cli_samples import OWN, by_place, write_columns
 
 import mapmore_cli as mm
 
@@ -35,26 +34,16 @@ def study(folder, column, fit=""):
     for k in range(1, 600):
         slow[k] = slow[k - 1] + 0.1 * (pressure[k] - slow[k - 1])
     x = 4e-3 * (slow / 300) ** 2 + 2e-5 * np.random.default_rng(0).normal(size=600)
-    rows = np.column_stack([time, pressure, x, 0.5 - x])
-    np.savetxt(folder / "m.csv", rows, delimiter=",", header="t,P,x,L", comments="", fmt="%.12g")
+    write_columns(folder / "m.csv", "t,P,x,L", time, pressure, x, 0.5 - x)
     spec = folder / f"{column}.yaml"
     spec.write_text(SPEC.format(name=column, column=column, fit=fit))
     return spec
 
 
-def own(found, split="validate"):
-    return next(
-        r
-        for r in found["scores"]
-        if (r["model"], r["split"], r["curve"]) == ("mapmore", split, "all")
-    )
-
-
 @pytest.mark.parametrize("fit", ["", ", stop: bic", ", ridge: 1.0e-5", ", stop: free_run"])
 def test_a_length_is_modelled_as_well_as_a_displacement(tmp_path, document, fit):
     moved, long = (
-        own(document("validate", study(tmp_path, name, fit), "--runs", tmp_path / "runs", "-q"))
-        for name in "xL"
+        by_place(document("validate", study(tmp_path, name, fit), "-q"))[OWN] for name in "xL"
     )
     assert long["rmse"] < 1.5 * moved["rmse"]
     assert min(long["r2"], moved["r2"]) > 0.9
@@ -63,20 +52,14 @@ def test_a_length_is_modelled_as_well_as_a_displacement(tmp_path, document, fit)
 
 
 def test_errors_by_range_stand_beside(tmp_path, mapmore):
-    done = mapmore("run", study(tmp_path, "L"), "--runs", tmp_path / "runs", code=0)
+    done = mapmore("run", study(tmp_path, "L"), code=0)
     assert "by range [%]" in done.stdout
     page = (tmp_path / "runs/L/report/index.html").read_text()
     assert "of the range: the target lies far from zero" in page
-    near = mapmore("run", study(tmp_path, "x"), "--runs", tmp_path / "runs", code=0)
+    near = mapmore("run", study(tmp_path, "x"), code=0)
     assert "by range" not in near.stdout
     mapmore(
-        "validate",
-        tmp_path / "L.yaml",
-        "--runs",
-        tmp_path / "runs",
-        "--set",
-        "validate.require={nrmse_range: 1e-4}",
-        code=6,
+        "validate", tmp_path / "L.yaml", "--set", "validate.require={nrmse_range: 1e-4}", code=6
     )
 
 
@@ -98,15 +81,9 @@ def test_a_constant_by_itself_is_told(tmp_path, mapmore):
     spec = study(tmp_path, "L")
     spec.write_text(spec.read_text().replace("max_terms: 6", "max_terms: 1"))
     alone = "the constant alone is the model: it explains all but"
-    mapmore("fit", spec, "--runs", tmp_path / "runs", code=0, says=alone)
+    mapmore("fit", spec, code=0, says=alone)
     done = mapmore(
-        "validate",
-        spec,
-        "--runs",
-        tmp_path / "runs",
-        "--json",
-        code=0,
-        says=(alone, "R² on the training data is 0:"),
+        "validate", spec, "--json", code=0, says=(alone, "R² on the training data is 0:")
     )
     told = json.loads(done.stdout)["warnings"]
     assert len(told) == len(set(told))

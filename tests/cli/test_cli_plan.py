@@ -1,7 +1,5 @@
 """`mapmore plan`: what to measure next."""
 
-from __future__ import annotations
-
 import csv
 
 import numpy as np
@@ -52,28 +50,11 @@ def test_a_single_level_says_nothing_and_levels_have_no_forecast(tmp_path, mapmo
     mapmore(
         "plan", write(tmp_path, [100]), "--runs", tmp_path / "other", code=4, says="single level"
     )
-    mapmore(
-        "plan",
-        write(tmp_path, LEVELS),
-        "--runs",
-        tmp_path / "runs",
-        "--until",
-        "2%",
-        code=2,
-        says="--points",
-    )
+    mapmore("plan", write(tmp_path, LEVELS), "--until", "2%", code=2, says="--points")
 
 
 def test_the_table_and_the_figure_of_levels(tmp_path, mapmore):
-    result = mapmore(
-        "plan",
-        write(tmp_path, LEVELS),
-        "--runs",
-        tmp_path / "runs",
-        "-o",
-        tmp_path / "plan.svg",
-        code=0,
-    )
+    result = mapmore("plan", write(tmp_path, LEVELS), "-o", tmp_path / "plan.svg", code=0)
     assert "gap [kPa]" in result.stdout
     assert "equal distances" in result.stdout
     assert "next" in (tmp_path / "plan.svg").read_text()

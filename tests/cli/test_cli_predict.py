@@ -1,15 +1,15 @@
 """`mapmore predict`: row for row, byte for byte, in any number of chunks."""
 
-from __future__ import annotations
-
 import csv
 import gzip
 import io
 import math
-import tracemalloc
+from collections import deque
+from itertools import chain, repeat
 
 import pytest
 from cli_samples import by_hand, hand_model
+from common import peak_memory
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -136,16 +136,9 @@ def test_broken_tables(text, place, remedy):
 
 
 def test_memory_is_bounded():
-    def endless(n):
-        yield "pressure,strain\n"
-        yield from ("150,0.05\n" for _ in range(n))
-
     def peak(n):
-        tracemalloc.start()
-        assert sum(1 for _ in predicted_lines(MODEL, endless(n), "t", 200)) == n + 1
-        high = tracemalloc.get_traced_memory()[1]
-        tracemalloc.stop()
-        return high
+        lines = chain(["pressure,strain\n"], repeat("150,0.05\n", n))
+        return peak_memory(lambda: deque(predicted_lines(MODEL, lines, "t", 200), maxlen=0))
 
     peak(400)  # imports and caches
     assert peak(20_000) < 2 * peak(1_000)
@@ -187,7 +180,7 @@ def test_progress_is_told_in_bytes_of_the_file(name, tmp_path):
     text = "pressure,strain\n" + "".join(f"{number},0.{number}\n" for number in range(50_000))
     path = tmp_path / name
     path.write_bytes(gzip.compress(text.encode()) if path.suffix == ".gz" else text.encode())
-    told: list[tuple[int, int]] = []
+    told = []
     assert "".join(lines_of(path, lambda read, size: told.append((read, size)))) == text
     read = [read for read, _ in told]
     assert {size for _, size in told} == {path.stat().st_size}

@@ -1,7 +1,5 @@
 """The voice on stderr: patient, plain where it is no terminal, silent on request."""
 
-from __future__ import annotations
-
 import sys
 import warnings
 
@@ -40,9 +38,13 @@ def work(reporter, clock, seconds, steps=100):
         clock.now += seconds / steps
 
 
-def test_quick_work_makes_no_noise(clock, capsys):
+@pytest.mark.parametrize(("pieces", "seconds"), [(1, 0.9), (10, 0.5)])
+def test_quick_work_makes_no_noise(pieces, seconds, clock, capsys):
+    """Patience starts anew with each piece of work."""
     with Reporter() as reporter:
-        work(reporter, clock, 0.9)
+        for number in range(pieces):
+            reporter.progress(f"part {number}", 0, 1)
+            clock.now += seconds
     assert capsys.readouterr().err == ""
 
 
@@ -58,14 +60,6 @@ def test_plain_lines_where_stderr_is_no_terminal(clock, capsys):
         "fit: 55 of 100",
         "fit: 80 of 100",
     ]
-
-
-def test_patience_starts_anew_with_each_piece_of_work(clock, capsys):
-    with Reporter() as reporter:
-        for number in range(10):
-            reporter.progress(f"part {number}", 0, 1)
-            clock.now += 0.5
-    assert capsys.readouterr().err == ""
 
 
 @pytest.mark.usefixtures("terminal")

@@ -1,7 +1,5 @@
 """Runs on a real Dask scheduler with two workers, on loopback."""
 
-from __future__ import annotations
-
 import json
 import os
 import signal

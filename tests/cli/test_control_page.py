@@ -1,7 +1,5 @@
 """docs/control.md says what the loop does."""
 
-from __future__ import annotations
-
 import control_tables
 import pytest
 from page_tables import DOCS, numbers, page_table

@@ -2,10 +2,9 @@
 subtraction, rates and the full dictionary.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
+from cli_samples import write_columns
 
 from mapmore_cli.modelling.expressions import evaluate, parse
 from mapmore_cli.modelling.kinds import equations as model_equations
@@ -97,20 +96,9 @@ def write_record(folder, terms, seed):
         for half, (term, size) in zip((TIME < 1.5, TIME >= 1.5), terms.values(), strict=True)
     )
     noise = rng.normal(0, 0.02 * np.abs(damping).max(), len(TIME))
-    columns = (
-        TIME,
-        pressure,
-        np.round(strain / 1.1e-4) * 1.1e-4,
-        static_force(pressure, strain) + damping + noise,
-    )
-    np.savetxt(
-        folder / "step.csv",
-        np.column_stack(columns),
-        delimiter=",",
-        header="t,P,eps,F",
-        comments="",
-        fmt="%.9g",
-    )
+    read = np.round(strain / 1.1e-4) * 1.1e-4
+    force = static_force(pressure, strain) + damping + noise
+    write_columns(folder / "step.csv", "t,P,eps,F", TIME, pressure, read, force, fmt="%.9g")
 
 
 @pytest.mark.parametrize(
@@ -124,10 +112,7 @@ def test_table_5_is_found_again(muscle, tmp_path):
     p, e = (
         grid.ravel() for grid in np.meshgrid(np.linspace(0, 420, 12), np.linspace(-0.005, 0.15, 20))
     )
-    rows = np.column_stack([p, e, static_force(p, e)])
-    np.savetxt(
-        tmp_path / "static.csv", rows, delimiter=",", header="P,eps,F", comments="", fmt="%.12g"
-    )
+    write_columns(tmp_path / "static.csv", "P,eps,F", p, e, static_force(p, e))
     (tmp_path / "static.yaml").write_text(STATIC)
     (tmp_path / "damping.yaml").write_text(DAMPING)
     wanted = MUSCLES[muscle]

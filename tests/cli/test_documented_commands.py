@@ -2,8 +2,6 @@
 run.
 """
 
-from __future__ import annotations
-
 import os
 import re
 import shlex
@@ -11,7 +9,6 @@ import shutil
 import subprocess
 import sys
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -52,7 +49,7 @@ def words(command):
     """
     lexer = shlex.shlex(command.rstrip(")"), posix=True, punctuation_chars="|<>;&")
     lexer.whitespace_split, lexer.commenters = True, "#"
-    found: list[str] = []
+    found = []
     for word in lexer:
         if word and set(word) <= set("|<>;&"):
             break
@@ -81,7 +78,7 @@ def test_there_are_commands_to_look_at():
     ids=[f"{page}: {' '.join(command)}"[:100] for page, command in EVERY],
 )
 def test_every_command_has_the_arguments_that_it_is_shown_with(page, command):
-    group: Any = typer.main.get_command(app)
+    group = typer.main.get_command(app)
     context = group.make_context("mapmore", list(command), resilient_parsing=False)
     name, found, rest = group.resolve_command(context, [*context._protected_args, *context.args])
     found.make_context(name, rest, parent=context)

@@ -1,12 +1,10 @@
 """The tables of docs/export.md are what their commands print."""
 
-from __future__ import annotations
-
 import shutil
 
 import pytest
 from agreement import POINTS, agreement
-from inverse_agreement import TARGETS, inversion
+from inverse_agreement import inversion
 from page_tables import DOCS, numbers, page_table
 from replay import MEASURED, READERS, SIMULATED, TABLES, replayed
 from test_shipped_studies import STUDIES
@@ -88,27 +86,3 @@ def test_the_sentence_of_replays_follows_from_its_table():
     )
     off = [row[reader] for row in rows for reader in TABLES if reader in row]
     assert f"differ by {min(off):.2f} to {max(off):.2f} %" in PAGE.read_text(encoding="utf-8")
-
-
-def test_what_a_call_costs():
-    rows = {name: numbers(row) for name, row in page_table("calls", PAGE).items()}
-    assert {
-        "sarosi",
-        "polynomial_2",
-        "polynomial_5",
-        "reynolds (damping)",
-        "peternel (damping)",
-    } < set(rows)
-    own = [name for name in rows if name.startswith("mapmore")]
-    assert [bool(rows[name]["state, bytes"]) for name in own] == [False, False, True]
-    assert rows["mapmore, M2's static model"]["C, ns a call"] < M2_NANOSECONDS
-    assert all(row["NumPy, ns a call"] > row["C, ns a call"] > 0 for row in rows.values())
-
-
-def test_the_inverse_misses_nothing_by_the_page():
-    rows = {name: numbers(row) for name, row in page_table("inverse", PAGE).items()}
-    assert {"dmsp-20-88-static", "peano-static", "pgm_force"} < set(rows)
-    for row in rows.values():
-        assert row["one"] + row["several"] + row["flat"] == TARGETS
-        assert row["largest error"] < LARGEST_ERROR
-        assert row["missed"] == 0

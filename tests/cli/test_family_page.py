@@ -1,7 +1,5 @@
 """docs/families.md: its tables are those of the command, and its sentences follow from them."""
 
-from __future__ import annotations
-
 import family_tables
 import pytest
 from page_tables import DOCS, numbers, page_table

@@ -2,13 +2,10 @@
 nothing is dropped silently.
 """
 
-from __future__ import annotations
-
 import warnings
 from datetime import UTC, datetime, timedelta, timezone
 from decimal import Decimal
 from fractions import Fraction
-from typing import Any
 
 import numpy as np
 import pint
@@ -24,7 +21,8 @@ UNITS = pint.UnitRegistry()
 NA = type("NAType", (), {})()  # as pandas has it: no number, and no truth value
 P, E = np.repeat([100.0, 200.0, 300.0], 9), np.tile(np.linspace(0, 0.2, 9), 3)
 F = 3.3 * P * (1 - 3.2 * E) ** 2 - 70
-SECTIONS: dict[str, Any] = {
+TABLE, NUMBERED = {"pressure": P, "strain": E, "force": F}, {0: P, 1: E, 2: F}
+SECTIONS = {
     "levels": {"of": "pressure", "at": "auto"},
     "dictionary": [{"polynomial": {"of": ["strain"], "order": 2}}],
     "fit": {"max_terms": 3},
@@ -86,7 +84,7 @@ def read(values, name="pressure", unit="kPa"):
     return given_numbers(values, "it", name, unit)
 
 
-KINDS: dict[str, Any] = {
+KINDS = {
     "list": list,
     "tuple": tuple,
     "objects": lambda v: np.array(v, dtype=object),
@@ -237,22 +235,22 @@ def test_all_else_is_refused_with_its_place(values, told):
 
 @pytest.fixture(scope="module")
 def fitted():
-    return mm.fit({"pressure": P, "strain": E, "force": F}, **SECTIONS)
+    return mm.fit(TABLE, **SECTIONS)
 
 
 @pytest.mark.parametrize(
     ("table", "columns"),
     [
-        (Frame({0: P, 1: E, 2: F}), BY_NUMBER),
+        (Frame(NUMBERED), BY_NUMBER),
         (Frame({2: F, 0: P, 1: E}), BY_NUMBER),  # a label comes before a place
         ({np.int64(0): P, np.int64(1): E, np.int64(2): F}, BY_NUMBER),
         (Frame({"a": P, "b": E, "c": F}), BY_NUMBER),
         (
-            Frame({0: P, 1: E, 2: F}),
+            Frame(NUMBERED),
             {name: {**one, "column": str(one["column"])} for name, one in BY_NUMBER.items()},
         ),
-        (Table({"pressure": P, "strain": E, "force": F}), None),
-        (np.ma.array(np.rec.fromarrays([P, E, F], names=["pressure", "strain", "force"])), None),
+        (Table(TABLE), None),
+        (np.ma.array(np.rec.fromarrays([*TABLE.values()], names=[*TABLE])), None),
         (
             Frame(
                 {"pressure": P * UNITS.kPa, "strain": E * UNITS.dimensionless, "force": F * UNITS.N}
@@ -293,14 +291,12 @@ class Levels(list):
         (Lazy(), r"call \.collect\(\)"),
         (Frame({}, Levels([("a", "force")])), "MultiIndex"),
         (
-            Frame(
-                {"pressure": P, "strain": E, "force": F}, ["pressure", "strain", "force", "force"]
-            ),
+            Frame(TABLE, [*TABLE, "force"]),
             "'force' is there more than once",
         ),
-        ({"pressure": P[:, None], "strain": E, "force": F}, "has the shape"),
+        ({**TABLE, "pressure": P[:, None]}, "has the shape"),
         (
-            {"pressure": P * UNITS.mm, "strain": E, "force": F},
+            {**TABLE, "pressure": P * UNITS.mm},
             "column 'pressure': unit 'millimeter'",
         ),
     ],
@@ -345,23 +341,19 @@ def test_the_estimator_has_it_too():
     reference = mm.FROLS().fit(X, y).equations_
     for same in (X.tolist(), np.ma.array(X, mask=False), X * UNITS.dimensionless, X.astype(object)):
         assert mm.FROLS().fit(same, y).equations_ == reference
-    masked = np.ma.array(X, mask=np.zeros(X.shape, dtype=bool))
-    masked[5, 0] = np.ma.masked
+    masked = np.ma.masked_equal(X, X[5, 1])
     model = mm.FROLS().fit(X, y)
-    cases = {
-        "NaN": masked,
-        "unit bar": X * UNITS.bar,
-        "row 0, column 0: 'a'": [["a", 1.0]] * len(X),
-        "true and false": X > 1,
-    }
-    for told, odd in cases.items():
-        for use in (
-            lambda odd=odd: mm.FROLS().fit(odd, y),
-            lambda odd=odd: model.predict(odd),
-            lambda odd=odd: model.score(odd, y),
-        ):
+    for told, odd in (
+        ("NaN", masked),
+        ("unit bar", X * UNITS.bar),
+        ("row 0, column 0: 'a'", [["a", 1.0]] * len(X)),
+        ("true and false", X > 1),
+    ):
+        for use in (mm.FROLS().fit, model.score):
             with pytest.raises(ValueError, match=told):
-                use()
+                use(odd, y)
+        with pytest.raises(ValueError, match=told):
+            model.predict(odd)
     for odd in (np.ma.masked_less(y, 0), y * UNITS.N):
         with pytest.raises(ValueError, match=r"NaN|unit newton"):
             mm.FROLS().fit(X, odd)

@@ -2,13 +2,11 @@
 predicts it.
 """
 
-from __future__ import annotations
-
 import re
 
 import numpy as np
 import pytest
-from cli_samples import scored_run, write_recording
+from cli_samples import scored_run, write_lines, write_recording
 
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.recording import Curve
@@ -94,7 +92,7 @@ def of_sessions(folder, split, groups):
     spec = folder / "sessions.yaml"
     files = '[{path: "a_*.csv", set: {specimen: 1}}, {path: "b_*.csv", set: {specimen: 2}}]'
     lines = SPEC.replace("SPLIT", split).replace("groups: {of: specimen}", groups).splitlines()
-    spec.write_text("\n".join([lines[0], lines[1], f"  files: {files}", *lines[4:]]) + "\n")
+    write_lines(spec, *lines[:2], f"  files: {files}", *lines[4:])
     return spec
 
 
@@ -102,7 +100,7 @@ def test_offsets_of_sessions_are_taken_off_and_told(sessions, mapmore):
     errors = {}
     for groups in ("groups: {of: specimen}", "groups: {of: specimen, offset: true}"):
         spec = of_sessions(sessions, "  split: {validate: {pressure: [200]}}", groups)
-        errors[groups] = scored_run(mapmore, spec, sessions / "runs")[0]["mapmore"]
+        errors[groups] = scored_run(mapmore, spec)[0]["mapmore"]
     assert max(errors.values()) > 2 > 0.5 > min(errors.values())
     (note,) = (
         note

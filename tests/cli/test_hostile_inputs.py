@@ -2,10 +2,7 @@
 says where.
 """
 
-from __future__ import annotations
-
 import gzip
-import json
 import os
 import re
 import resource
@@ -21,7 +18,7 @@ import h5py
 import numpy as np
 import pytest
 import scipy.io
-from cli_samples import write_study
+from cli_samples import scored_run, write_lines, write_study
 
 import mapmore_cli
 from mapmore_cli.domain.errors import DataError, WriteError
@@ -49,7 +46,7 @@ def test_a_quote_that_is_not_closed_is_told_with_its_row(row, broken, columns, t
     path = tmp_path / "a.csv"
     lines = ["strain,pressure,force", *ROWS]
     lines[row] = broken
-    path.write_text("\n".join(lines) + "\n")
+    write_lines(path, *lines)
     with pytest.raises(DataError, match=rf"a\.csv:row {row + 1}: a quotation mark opens here"):
         read(path, *columns)
 
@@ -58,11 +55,11 @@ def test_two_quotes_that_swallow_rows_between_them_are_told(tmp_path):
     path = tmp_path / "a.csv"
     lines = ["strain,force,remark", *(f"{i / 100},{i},fine" for i in range(40))]
     lines[5], lines[30] = '0.04,4,"odd', '0.29,29,"odd'
-    path.write_text("\n".join(lines) + "\n")
+    write_lines(path, *lines)
     with pytest.raises(DataError, match="row 6: a quotation mark opens here"):
         read(path, "strain", "force")
     lines[5], lines[30] = '0.04,4,"two\nlines of text"', "0.29,29,fine"
-    path.write_text("\n".join(lines) + "\n")
+    write_lines(path, *lines)
     (table,) = read(path, "strain", "force")
     assert len(table.rows) == 40
 
@@ -252,30 +249,22 @@ def test_a_file_that_was_cut_within_its_last_number_is_refused(text, decimal, do
         READERS["csv"].read(tmp_path / "a.csv", request)
 
 
-def test_a_log_that_was_cut_short_is_an_error_unless_missing_values_are_dropped(tmp_path, mapmore):
-    spec = write_study(tmp_path)
+def test_a_log_that_was_cut_short_is_an_error_unless_missing_values_are_dropped(
+    study, tmp_path, mapmore
+):
     log = tmp_path / "bench_100.csv"
     log.write_text(log.read_text()[:-5])
-    for command in (["ingest", spec, "--runs", tmp_path / "runs"], ["check", spec]):
+    for command in (["ingest", study], ["check", study]):
         mapmore(*command, code=4, says="the last line has no end")
         assert "it is left out" in mapmore(*command, "--set", "data.missing=drop").stderr
 
 
-def test_strains_of_1e_25_are_checked_and_scored_as_others(tmp_path, mapmore):
+def test_strains_of_1e_25_are_checked_and_scored_as_others(study, mapmore):
     """Squares of them are zero: `check` took strain and pressure for one signal."""
-    spec = write_study(tmp_path)
     scaled = ["--set", "data.columns.strain.scale=1e-25"]
-    checked = mapmore("check", spec, *scaled)
-    assert (checked.exit_code, "RuntimeWarning" in checked.stderr) == (0, False), checked.stderr
-    whole, tiny = [
-        mapmore("run", spec, "--runs", tmp_path / name, "--json", "-q", *more)
-        for name, more in (("a", []), ("b", scaled))
-    ]
-    own = [
-        [row["rmse"] for row in json.loads(done.stdout)["scores"] if row["model"] == "mapmore"]
-        for done in (whole, tiny)
-    ]
-    assert own[1] == pytest.approx(own[0], rel=1e-6)
+    assert "RuntimeWarning" not in mapmore("check", study, *scaled, code=0).stderr
+    whole, tiny = (scored_run(mapmore, study, *more)[0]["mapmore"] for more in ([], scaled))
+    assert tiny == pytest.approx(whole, rel=1e-6)
 
 
 def test_commands_to_a_terminal_in_names_are_shown_and_not_obeyed():

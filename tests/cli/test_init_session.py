@@ -1,7 +1,5 @@
 """`init` at a terminal: a person answers on a real pseudo-terminal, and a page comes of it."""
 
-from __future__ import annotations
-
 import gzip
 import json
 
@@ -56,7 +54,7 @@ def test_who_says_the_columns_has_a_model_without_an_open_question(tmp_path, cyl
     assert "as you said" in text
     assert "CHECK:" not in text
     assert "<svg" in (tmp_path / "asked.html").read_text()
-    mapmore("run", tmp_path / "asked.yaml", "--runs", tmp_path / "runs", "-q", code=0)
+    mapmore("run", tmp_path / "asked.yaml", "-q", code=0)
     page = tmp_path / "runs" / "asked" / "report" / "index.html"
     assert "not confirmed" not in page.read_text()
 
@@ -75,7 +73,7 @@ def test_the_target_is_asked_where_names_leave_a_choice(tmp_path, cylinder):
 
 @pytest.mark.usefixtures("quick_families")
 def test_without_a_terminal_nothing_is_asked_and_questions_stay_open_until_confirmed(
-    tmp_path, cylinder, mapmore
+    tmp_path, cylinder, mapmore, document
 ):
     spec = tmp_path / "piped.yaml"
     mapmore("init", cylinder, "-o", spec, code=2, says="do not say what is to be predicted")
@@ -83,16 +81,14 @@ def test_without_a_terminal_nothing_is_asked_and_questions_stay_open_until_confi
         titled = b"t\tvolts\tx\tP\tF\n" + gzip.decompress(file.read_bytes())
         file.write_bytes(gzip.compress(titled, mtime=0))
     mapmore("init", cylinder, "-o", spec, code=0)
-    checked = json.loads(mapmore("check", spec, "--json", "-q").stdout)
+    checked = document("check", spec, "-q")
     assert len(checked["unconfirmed"]) == spec.read_text().count("# CHECK: ") > 0
-    run = json.loads(
-        mapmore("run", spec, "--runs", tmp_path / "runs", "--json", says="not confirmed").stdout
-    )
+    run = json.loads(mapmore("run", spec, "--json", says="not confirmed").stdout)
     assert run["unconfirmed"] == checked["unconfirmed"]
     page = tmp_path / "runs" / run["name"] / "report" / "index.html"
     assert page.read_text().index("not confirmed") < page.read_text().index('class="verdict"')
-    for again in (("check", spec, "--confirm"), ("run", spec, "--runs", tmp_path / "runs")):
-        assert json.loads(mapmore(*again, "--json", "-q").stdout)["unconfirmed"] == []
+    for again in (("check", spec, "--confirm"), ("run", spec)):
+        assert document(*again, "-q")["unconfirmed"] == []
     assert "not confirmed" not in page.read_text()
 
 

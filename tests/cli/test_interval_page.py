@@ -2,9 +2,6 @@
 anew; the coverage is what is said.
 """
 
-from __future__ import annotations
-
-from dataclasses import replace
 from pathlib import Path
 
 import interval_tables
@@ -12,7 +9,7 @@ import numpy as np
 import pytest
 from page_tables import DOCS, numbers, page_table, rows_of
 
-from mapmore_cli.modelling.validation.intervals import FEW, few_levels, left_out_summary
+from mapmore_cli.modelling.validation.intervals import FEW
 
 PAGE = DOCS / "intervals.md"
 
@@ -60,32 +57,6 @@ def test_the_constants_are_those_of_all_families():
     assert numbers(page_table("constants", PAGE)["none"]) == {
         f"{count} levels": scale for count, scale in FEW.items()
     }
-
-
-def test_a_calibration_finds_the_constants_that_errors_were_drawn_with():
-    """Errors of a known rule, spread evenly up to its half width over `AIMED`: so many lie inside
-    of it.
-    """
-    rng, known, drawn = np.random.default_rng(0), [], {3: 2.0, 4: 3.0, 5: 1.5}
-    for number in range(60):
-        count = 3 + number % 3
-        a, s = np.exp(rng.normal(-3, 1, 2))
-        at = 10 * rng.integers(0, count - 1, 40) + rng.uniform(2, 8, 40)
-        parts = {f"{i}": [np.full(5, a)] for i in range(1, count - 1)}
-        left_out = replace(
-            left_out_summary("levels", count, parts),
-            places=tuple(10.0 * np.arange(count)),
-            repeats=(1,) * count,
-            largest=1.0,
-            residual=0.2 * s * a / max(a, s),
-        )
-        half = few_levels(left_out, at, 0.95, drawn)
-        errors = rng.uniform(0, 1, 40) * half / interval_tables.AIMED
-        known.append(
-            interval_tables.Case(f"set {number % 5}", f"family {number % 2}", left_out, at, errors)
-        )
-    found = interval_tables.calibrated(known)
-    assert found == pytest.approx(drawn, rel=0.1)
 
 
 @pytest.mark.long

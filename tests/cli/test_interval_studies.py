@@ -2,13 +2,12 @@
 figures, notebooks.
 """
 
-import csv
-import io
+from pathlib import Path
 
 import numpy as np
 import pytest
 import test_memory_pipeline as memory
-from cli_samples import change_forces, write_study
+from cli_samples import change_forces, csv_rows, edit, write_lines, write_study
 
 import mapmore_cli
 from mapmore_cli.domain.errors import SpecError
@@ -30,48 +29,45 @@ KINDS = {
 
 def asked(spec, *changes, more=""):
     """The study, asked for intervals."""
-    text = spec.read_text().replace(
-        "validate: {against: [polynomial_2]}", "validate: {intervals: true}"
-    )
-    for before, after in changes:
-        assert before in text
-        text = text.replace(before, after)
-    spec.write_text(text + more)
+    edit(spec, "validate: {against: [polynomial_2]}", "validate: {intervals: true}")
+    for change in changes:
+        edit(spec, *change)
+    spec.write_text(spec.read_text() + more)
     return spec
 
 
-def fused(mapmore, spec, runs):
+def fused(mapmore, spec):
     """The model of a study."""
-    mapmore("fuse", spec, "--runs", runs, "-q", code=0)
-    return read_model(runs / spec.stem / "model.h5")
+    mapmore("fuse", spec, "-q", code=0)
+    return read_model(Path("runs", spec.stem, "model.h5"))
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_an_inner_level_is_missed_as_by_a_run_that_holds_it_out(kind, tmp_path, mapmore):
-    spec = asked(write_study(tmp_path), more=KINDS[kind])
-    held = tmp_path / "held.yaml"
-    held.write_text(
-        spec.read_text().replace("name: bench", "name: held").replace("{intervals: true}", "{}")
-    )
-    spec.write_text(spec.read_text().replace(HELD, ""))
-    left_out = fused(mapmore, spec, tmp_path / "runs").left_out
+@pytest.mark.parametrize("more", KINDS.values(), ids=KINDS)
+def test_an_inner_level_is_missed_as_by_a_run_that_holds_it_out(more, study, mapmore):
+    asked(study, more=more)
+    held = study.with_name("held.yaml")
+    text = study.read_text()
+    held.write_text(text.replace("name: bench", "name: held").replace("{intervals: true}", "{}"))
+    edit(study, HELD, "")
+    left_out = fused(mapmore, study).left_out
     assert (left_out.kind, left_out.curves, left_out.parts) == ("levels", 3, ("pressure=200",))
-    without = fused(mapmore, held, tmp_path / "runs")
-    curve = read_dataset(tmp_path / "runs" / "held" / "ingest.h5").curves[1]
+    without = fused(mapmore, held)
+    curve = read_dataset(Path("runs", "held", "ingest.h5")).curves[1]
     errors = curve.columns["force"] - forecast(without, curve).values
     assert left_out.samples.tolist() == [curve.size]
-    found = [left_out.offset[0], left_out.scatter[0], *left_out.sizes[0, [0, 50, 100]]]
-    assert found == pytest.approx(
-        [errors.mean(), errors.std(), *np.quantile(np.abs(errors), [0, 0.5, 1])], rel=1e-9
+    assert [left_out.offset[0], left_out.scatter[0], *left_out.sizes[0, [0, 50, 100]]] == (
+        pytest.approx(
+            [errors.mean(), errors.std(), *np.quantile(np.abs(errors), [0, 0.5, 1])], rel=1e-9
+        )
     )
 
 
 def test_held_out_data_are_in_nothing_of_it(tmp_path, mapmore):
     spec = asked(write_study(tmp_path))
-    before = fused(mapmore, spec, tmp_path / "runs").left_out
+    before = fused(mapmore, spec).left_out
     assert (before.kind, before.curves, len(before.parts)) == ("blocks", 5, 3)
     change_forces(tmp_path / "bench_200.csv", lambda force: force + 50)
-    after = fused(mapmore, spec, tmp_path / "runs").left_out
+    after = fused(mapmore, spec).left_out
     assert np.array_equal(before.sizes, after.sizes)
 
 
@@ -88,17 +84,15 @@ def test_recordings_are_left_out_where_there_are_no_levels(tmp_path, mapmore):
         ("target: static", "target: {column: force}"),
         polynomial,
     )
-    left_out = fused(mapmore, spec, tmp_path / "runs").left_out
+    left_out = fused(mapmore, spec).left_out
     assert (left_out.kind, left_out.curves) == ("recordings", 3)
     assert ["bench_100" in part for part in left_out.parts] == [True, False, False]
 
 
 def test_a_model_with_memory_is_told_by_free_runs_over_blocks(tmp_path, mapmore):
     spec = memory.write_study(tmp_path, "narx", memory.NARX, memory.narx)
-    spec.write_text(
-        spec.read_text().replace("validate: {normaliser", "validate: {intervals: true, normaliser")
-    )
-    model = fused(mapmore, spec, tmp_path / "runs")
+    edit(spec, "validate: {normaliser", "validate: {intervals: true, normaliser")
+    model = fused(mapmore, spec)
     assert (model.left_out.kind, model.left_out.parts[0], len(model.left_out.parts)) == (
         "blocks",
         "block 1 of 5",
@@ -111,23 +105,22 @@ def test_a_model_with_memory_is_told_by_free_runs_over_blocks(tmp_path, mapmore)
     assert np.abs(errors).max() <= many_curves(model.left_out, 0.999)
 
 
-def test_runs_that_are_added_up_are_fitted_anew_without_a_level(tmp_path, mapmore):
+def test_runs_that_are_added_up_are_fitted_anew_without_a_level(study, tmp_path, mapmore):
     """A run added to itself misses the level by what is left of twice the run that holds it out."""
-    spec = write_study(tmp_path)
-    whole = spec.read_text().replace(
+    whole = study.read_text().replace(
         "figures: [], formats: [html, csv]", "figures: [], formats: [csv]"
     )
     (tmp_path / "held.yaml").write_text(whole.replace("name: bench", "name: held"))
-    spec.write_text(whole.replace(HELD, ""))
+    study.write_text(whole.replace(HELD, ""))
     part = "{model: bench.yaml, inputs: {pressure: pressure, strain: strain}}"
-    head = spec.read_text().split("target:")[0].replace("name: bench", "name: twice")
+    head = study.read_text().split("target:")[0].replace("name: bench", "name: twice")
     twice = tmp_path / "twice.yaml"
     twice.write_text(
         f"{head}target: {{column: force}}\nmodel: {{sum: [{part}, {part}]}}\nvalidate: "
         f"{{intervals: true}}\n"
     )
-    left_out = fused(mapmore, twice, tmp_path / "runs").left_out
-    without = fused(mapmore, tmp_path / "held.yaml", tmp_path / "runs")
+    left_out = fused(mapmore, twice).left_out
+    without = fused(mapmore, tmp_path / "held.yaml")
     curve = read_dataset(tmp_path / "runs" / "held" / "ingest.h5").curves[1]
     errors = curve.columns["force"] - 2 * forecast(without, curve).values
     assert left_out.parts == ("pressure=200",)
@@ -156,8 +149,8 @@ def test_a_part_that_the_fit_cannot_do_without_is_named(tmp_path, mapmore):
     )
     for level in (100, 300):  # without 200 kPa, four samples are left for six parameters
         log = tmp_path / f"bench_{level}.csv"
-        log.write_text("\n".join(log.read_text().splitlines()[:3]) + "\n")
-    result = mapmore("fuse", spec, "--runs", tmp_path / "runs", "-q")
+        write_lines(log, *log.read_text().splitlines()[:3])
+    result = mapmore("fuse", spec, "-q")
     assert result.exit_code in (4, 5)
     assert "validate.intervals: without bench_200" in result.stderr
 
@@ -182,7 +175,7 @@ def test_a_table_gains_the_ends(model_file, mapmore):
     result = mapmore(
         "predict", model_file, "-", "--interval", "0.9", "--derivatives", stdin=TABLE, code=0
     )
-    rows = list(csv.DictReader(io.StringIO(result.stdout)))
+    rows = csv_rows(result.stdout)
     assert list(rows[0])[2:] == [
         "force_predicted",
         "outside_range",

@@ -2,8 +2,6 @@
 does.
 """
 
-from __future__ import annotations
-
 import os
 import signal
 import subprocess
@@ -39,7 +37,7 @@ def fail_if_none(mark):
 @pytest.mark.parametrize("once", [True, False])
 def test_a_worker_that_dies_costs_its_job_one_start(once, tmp_path):
     """What was at work beside it is started again as well; nothing of the batch is lost."""
-    told: list[tuple[int, str]] = []
+    told = []
     (tmp_path / "there").touch()
     deadly = tmp_path / "mark" if once else None
     jobs = dict(enumerate([deadly, *[tmp_path / "there"] * 3]))
@@ -51,7 +49,7 @@ def test_a_worker_that_dies_costs_its_job_one_start(once, tmp_path):
 
 
 def test_a_job_that_fails_is_not_started_again(tmp_path):
-    told: list[tuple[int, str]] = []
+    told = []
     jobs = {3: None, 4: tmp_path / "a", 5: tmp_path / "b"}
     ended = dict(in_processes(fail_if_none, jobs, 1, lambda *what: told.append(what)))
     error = ended.pop(3)

@@ -2,15 +2,12 @@
 again.
 """
 
-from __future__ import annotations
-
 import json
-from pathlib import Path
 
 import pytest
-from cli_samples import held_out
+from cli_samples import CONFIGS, OWN, by_place, options
 from page_tables import MEMORY, numbers, page_table
-from test_shipped_studies import CONFIGS, NRMSE
+from test_shipped_studies import NRMSE
 
 from mapmore_cli.spec.campaign import load_campaign
 from mapmore_cli.storage.artefacts import read_fit, read_model
@@ -35,31 +32,6 @@ def campaign(name):
     }
 
 
-def rows_of(table):
-    """NRMSE in per cent of the runs of a campaign, by run and model."""
-    _, runs = campaign(table)
-    found = page_table(table, MEMORY)
-    return {name: numbers(found[name]) for name in runs}
-
-
-def nrmse(mapmore, entry, runs):
-    """NRMSE in per cent of a run's own model on what was held out."""
-    overrides = [part for override in entry.overrides for part in ("--set", override)]
-    result = mapmore(
-        "validate",
-        entry.config,
-        "--runs",
-        runs,
-        "--json",
-        "-q",
-        *overrides,
-        "--set",
-        "validate.against=[]",
-        code=0,
-    )
-    return float(100 * held_out(json.loads(result.stdout))["mapmore"]["nrmse"])
-
-
 def test_the_campaign_has_every_record_and_one_fragment():
     spec, runs = campaign("coiled")
     assert [
@@ -75,14 +47,13 @@ def test_the_campaign_has_every_record_and_one_fragment():
 @pytest.mark.parametrize(
     ("table", "name"), [(table, name) for table, names in AGAIN.items() for name in names]
 )
-def test_a_run_gives_what_the_page_says(table, name, tmp_path, mapmore, measured_data):
+def test_a_run_gives_what_the_page_says(table, name, document, measured_data):
     _, runs = campaign(table)
-    told = (
-        numbers(page_table("uncut", MEMORY)[name])["cut"]
-        if name == FEWER
-        else rows_of(table)[name]["mapmore"]
-    )
-    assert nrmse(mapmore, runs[name], tmp_path) == pytest.approx(told, rel=0.02)
+    cut = name == FEWER
+    told = numbers(page_table("uncut" if cut else table, MEMORY)[name])["cut" if cut else "mapmore"]
+    own = options(*runs[name].overrides, "validate.against=[]")
+    found = by_place(document("validate", runs[name].config, "-q", *own))
+    assert 100 * found[OWN]["nrmse"] == pytest.approx(told, rel=0.02)
 
 
 def test_the_true_terms_of_the_simulated_record(tmp_path, mapmore, measured_data):
@@ -132,36 +103,21 @@ def test_inner_reversals_are_shown_as_they_run():
         )
 
 
-STUDIES = Path(__file__).parents[2] / "configs" / "identification"
+STUDIES = CONFIGS / "identification"
 
 
-def scores(mapmore, *arguments):
-    result = mapmore("validate", *arguments, "--json", "-q", code=0)
-    return {
-        (row["model"], row["split"]): row
-        for row in json.loads(result.stdout)["scores"]
-        if row["curve"] == "all"
-    }
-
-
-def test_the_terms_of_the_tanks_run_as_the_page_says(tmp_path, mapmore, measured_data):
+def test_the_terms_of_the_tanks_run_as_the_page_says(tmp_path, document, measured_data):
     told = numbers(page_table("tanks", MEMORY)["coefficients in free run"])
     terms = page_table("tanks_terms", MEMORY)
     assert len(terms) == told["terms"]
-    again = f"dictionary=[{{terms: {json.dumps(list(terms))}}}]"
-    settings = (
-        "--set",
-        again,
-        "--set",
-        f"fit.max_terms={len(terms)}",
+    settings = options(
+        f"dictionary=[{{terms: {json.dumps(list(terms))}}}]", f"fit.max_terms={len(terms)}"
     )
-    rows = scores(mapmore, STUDIES / "cascaded_tanks.yaml", *settings, "--runs", tmp_path)
-    assert rows["mapmore", "train"]["rmse"] == pytest.approx(
+    rows = by_place(document("validate", STUDIES / "cascaded_tanks.yaml", *settings, "-q"))
+    assert rows["mapmore", "train", "all"]["rmse"] == pytest.approx(
         told["RMSE, whole record, fitted"], abs=2e-3
     )
-    memory = read_fit(tmp_path / "cascaded_tanks" / "fit.h5").memory
-    assert memory is not None
-    assert memory.held_out is not None
+    memory = read_fit(tmp_path / "runs" / "cascaded_tanks" / "fit.h5").memory
     assert memory.held_out[-1] == pytest.approx(told["RMSE, last quarter, held out"], abs=5e-3)
     coefficients = {term: float(row["coefficient"]) for term, row in terms.items()}
     assert dict(zip(memory.model.terms, memory.model.theta, strict=True)) == pytest.approx(
@@ -169,35 +125,24 @@ def test_the_terms_of_the_tanks_run_as_the_page_says(tmp_path, mapmore, measured
     )
 
 
-def test_what_is_decided_in_free_run_runs_better():
-    """On the last quarter, which was held out to choose the number of terms."""
-    errors = {
-        name: numbers(row)["RMSE, last quarter, held out"]
-        for name, row in page_table("tanks", MEMORY).items()
-    }
-    assert errors["coefficients in free run"] == min(errors.values())
+LINEAR = (
+    "dictionary=[{lags: {of: [y, u], steps: [1, 2], constant: false}}]",
+    "fit.max_terms=4",
+)
 
 
 @pytest.mark.parametrize(
-    "model", ["linear_one_step", "linear", pytest.param("mapmore", marks=pytest.mark.long)]
+    ("model", "changes"),
+    [
+        ("linear_one_step", (*LINEAR, "fit.criterion=one_step")),
+        ("linear", LINEAR),
+        pytest.param("mapmore", (), marks=pytest.mark.long),
+    ],
 )
 def test_the_oscillator_trained_on_little_runs_as_the_page_says(
-    model, tmp_path, mapmore, measured_data
+    model, changes, document, measured_data
 ):
     told = numbers(page_table("bouc_wen", MEMORY)[model])["RRSE, free run, trained on 2048 samples"]
-    linear = (
-        "dictionary=[{lags: {of: [y, u], steps: [1, 2], constant: false}}]",
-        "fit.max_terms=4",
-    )
-    changes = {
-        "mapmore": (),
-        "linear": linear,
-        "linear_one_step": (*linear, "fit.criterion=one_step"),
-    }[model]
-    settings = [
-        part
-        for change in ("data.split.validate={last: 0.95}", "validate.against=[]", *changes)
-        for part in ("--set", change)
-    ]
-    rows = scores(mapmore, STUDIES / "bouc_wen.yaml", *settings, "--runs", tmp_path)
-    assert rows["mapmore", "validate"]["rrse"] == pytest.approx(told, rel=5e-3)
+    few = options("data.split.validate={last: 0.95}", "validate.against=[]", *changes)
+    rows = by_place(document("validate", STUDIES / "bouc_wen.yaml", *few, "-q"))
+    assert rows[OWN]["rrse"] == pytest.approx(told, rel=5e-3)

@@ -2,9 +2,6 @@
 where that is quick.
 """
 
-from __future__ import annotations
-
-import csv
 from functools import cache
 
 import numpy as np
@@ -54,26 +51,6 @@ def table(name):
     return page_table(name, PAGE)
 
 
-def test_poles_and_gains_are_those_of_the_published_rows():
-    with (DATASETS / "published" / "p_table_1.csv").open(newline="") as lines:
-        rows = list(csv.DictReader(lines))
-    for model, told in table("poles").items():
-        mine = [
-            [float(row[name]) for name in ("p1", "p2", "p3")]
-            for row in rows
-            if row["model"] == model
-        ]
-        radii = [np.abs(np.linalg.eigvals([[0, 1], [p1, p2]])).max() for p1, p2, _ in mine]
-        gains = [5 * p3 / (1 - p1 - p2) for p1, p2, p3 in mine]
-        shown = numbers(told)
-        assert shown["sections"] == len(mine)
-        assert shown["largest pole"] == pytest.approx(max(radii), abs=6e-4)
-        assert shown["least steady output at 5 V"] == pytest.approx(min(gains), abs=6e-3)
-        assert shown["greatest"] == pytest.approx(max(gains), abs=6e-3)
-        if len(mine) > 2:
-            assert shown["shared state"] < 0.05 < 1 < shown["greatest jump at a boundary"]
-
-
 @pytest.mark.parametrize("model", MODELS)
 def test_errors_by_waveform_are_made_again_from_the_recordings(model):
     motion = fitted(*MODELS[model])
@@ -91,34 +68,30 @@ def test_errors_by_waveform_are_made_again_from_the_recordings(model):
         )
 
 
-@pytest.mark.parametrize(("row", "slowest"), [("0.5 s", 0.5), ("1 s", None), ("1000 s", 1000.0)])
-def test_a_section_may_not_be_too_slow(row, slowest):
-    """The default is a quarter of the wavelength."""
-    motion = fitted(PARTS, {"sections": BOUNDARIES, "slowest": slowest})
+@pytest.mark.parametrize(
+    ("name", "row", "column", "references", "settings"),
+    [
+        ("slowest", "0.5 s", "piecewise", PARTS, {"sections": BOUNDARIES, "slowest": 0.5}),
+        ("slowest", "1 s", "piecewise", PARTS, {"sections": BOUNDARIES}),
+        ("slowest", "1000 s", "piecewise", PARTS, {"sections": BOUNDARIES, "slowest": 1000.0}),
+        *(
+            (
+                "sections",
+                f"sections-{count}",
+                "RMSE, hard",
+                (*FULL, *PARTS),
+                {"sections": count, "direction": True, "offset": True},
+            )
+            for count in (1, 3)
+        ),
+    ],
+)
+def test_errors_over_all_waveforms_are_made_again(name, row, column, references, settings):
+    """Of slow sections (by default a quarter of the wavelength), and by their number."""
+    motion = fitted(references, settings)
     logs = [log(path.stem) for path in sorted((DATASETS / "waveforms").glob("waveform_*.csv"))]
     error = np.concatenate([simulate(motion, record) - record["displacement"] for record in logs])
-    assert float(table("slowest")[row]["piecewise"]) == pytest.approx(
-        np.sqrt(np.mean(error**2)), rel=0.02
-    )
-
-
-@pytest.mark.parametrize("count", [1, 3])
-def test_errors_by_the_number_of_sections_are_made_again(count):
-    motion = fitted((*FULL, *PARTS), {"sections": count, "direction": True, "offset": True})
-    names = (
-        "full_stroke",
-        "lower_stroke",
-        "upper_stroke",
-        "triangle",
-        "square",
-        "rapid",
-        "weighted",
-    )
-    logs = [log(f"waveform_{name}") for name in names]
-    error = np.concatenate([simulate(motion, record) - record["displacement"] for record in logs])
-    row = table("sections")[f"sections-{count}"]
-    assert float(row["RMSE, hard"]) == pytest.approx(np.sqrt(np.mean(error**2)), rel=0.02)
-    assert int(row["sections, rise and fall"]) == 2 * count
+    assert float(table(name)[row][column]) == pytest.approx(np.sqrt(np.mean(error**2)), rel=0.02)
 
 
 def test_what_is_said_of_the_best_models():

@@ -2,22 +2,18 @@
 damping study first.
 """
 
-from __future__ import annotations
-
-import csv
 import json
 import re
-from pathlib import Path
 
 import numpy as np
 import pytest
-from cli_samples import held_out, without_figures
+from cli_samples import CONFIGS, by_place, csv_rows, held_out, options, without_figures, write_lines
 from page_tables import DOCS, page_table
 
 import mapmore_cli
 from mapmore_cli.storage.artefacts import read_dataset, read_model, read_validation
 
-CONFIGS = Path(__file__).parents[2] / "configs" / "m2"
+M2 = CONFIGS / "m2"
 DAMPING = DOCS / "damping.md"
 
 SHOWN = {
@@ -77,7 +73,7 @@ def muscle(request, tmp_path_factory, mapmore):
     runs = tmp_path_factory.mktemp(request.param)
     figures = ["fit"] if request.param == LOOKED_AT else None
     study = without_figures(
-        CONFIGS / f"{request.param}-dynamic.yaml",
+        M2 / f"{request.param}-dynamic.yaml",
         runs,
         but=f"{request.param}-damping",
         figures=figures,
@@ -105,25 +101,15 @@ def test_the_page_shows_what_the_runs_say(study, muscle):
     [("dmsp-20-88", "McKibben"), pytest.param("peano", "Peano", marks=pytest.mark.long)],
 )
 def test_the_page_says_what_the_static_study_from_80_kpa_costs(name, column, tmp_path, mapmore):
-    study = f"{name}-damping-from-80"
-    mapmore(
-        "validate",
-        without_figures(CONFIGS / f"{study}.yaml", tmp_path),
-        "--runs",
-        tmp_path,
-        "-q",
-        code=0,
-    )
-    found, table = pooled(tmp_path / study), page_table("from80", DAMPING)
+    study = without_figures(M2 / f"{name}-damping-from-80.yaml", tmp_path)
+    mapmore("validate", study, "-q", code=0)
+    found = pooled(tmp_path / "runs" / study.stem)
+    table = page_table("from80", DAMPING)
     told = {model: float(cells[column].strip("*")) for model, cells in table.items()}
     assert told == pytest.approx({model: 100 * found[model] for model in told}, abs=0.051)
     if name == "dmsp-20-88":
-        fall = next(
-            one
-            for one in read_model(tmp_path / study / "model.h5").body.segments
-            if "fall" in one.id
-        )
-        assert fall.terms == ("strain_rate^2",)
+        segments = read_model(tmp_path / "runs" / study.stem / "model.h5").body.segments
+        assert [one.terms for one in segments if "fall" in one.id] == [("strain_rate^2",)]
 
 
 @pytest.mark.parametrize(
@@ -133,91 +119,50 @@ def test_the_page_says_what_the_static_study_from_80_kpa_costs(name, column, tmp
         pytest.param("peano", "Peano", marks=pytest.mark.long),
     ],
 )
-def test_the_page_says_what_a_sensor_in_the_muscle_shows(name, column, tmp_path, mapmore):
-    models = ("mapmore", "none", "reynolds", "peternel")
-    settings = [
-        "name=in-muscle",
+def test_the_page_says_what_a_sensor_in_the_muscle_shows(name, column, tmp_path, document):
+    settings = options(
         "validate.against=[none, reynolds, peternel]",
         "report.published=null",
         "data.columns.pressure.column=Pm",
-    ]
-    chosen = [word for setting in settings for word in ("--set", setting)]
-    mapmore(
-        "validate",
-        without_figures(CONFIGS / f"{name}-damping.yaml", tmp_path),
-        "--runs",
-        tmp_path,
-        "-q",
-        *chosen,
-        code=0,
     )
-    found = pooled(tmp_path / "in-muscle")
+    study = without_figures(M2 / f"{name}-damping.yaml", tmp_path)
+    found = held_out(document("validate", study, "-q", *settings))
     cell = page_table("untried", DAMPING)["pressure taken in the muscle"][column]
     told = [float(number) for number in re.sub(r"\([^)]*\)", "", cell).split(",")]
-    assert told == pytest.approx([100 * found[model] for model in models], abs=0.051)
-
-
-def test_the_page_says_what_rates_are_worth_on_a_measured_muscle(measured_data, tmp_path, mapmore):
-    del measured_data  # absent where the recordings are
-    mapmore(
-        "validate",
-        CONFIGS.parent / "coiled" / "coiled_steps_rates.yaml",
-        "--runs",
-        tmp_path,
-        "-q",
-        code=0,
+    assert told == pytest.approx(
+        [100 * found[model]["nrmse"] for model in ("mapmore", "none", "reynolds", "peternel")],
+        abs=0.051,
     )
-    scores = json.loads((tmp_path / "coiled_steps_rates" / "scores.json").read_text())["scores"]
-    found = {
-        (row["model"], row["split"]): 100 * row["nrmse"] for row in scores if row["curve"] == "all"
-    }
-    table = page_table("rates", DAMPING)
-    for row, model in zip(
-        table,
-        ("static_map", "rise_and_fall_maps", "mapmore", "rates_without_direction"),
-        strict=True,
-    ):
-        told = [float(table[row][column].strip("*")) for column in ("validation", "training")]
+
+
+@pytest.mark.usefixtures("measured_data")
+def test_the_page_says_what_rates_are_worth_on_a_measured_muscle(document):
+    found = by_place(document("validate", CONFIGS / "coiled" / "coiled_steps_rates.yaml", "-q"))
+    models = ("static_map", "rise_and_fall_maps", "mapmore", "rates_without_direction")
+    for (row, cells), model in zip(page_table("rates", DAMPING).items(), models, strict=True):
+        told = [float(cells[column].strip("*")) for column in ("validation", "training")]
         assert told == pytest.approx(
-            [found[model, "validate"], found[model, "train"]], abs=0.051
+            [100 * found[model, split, "all"]["nrmse"] for split in ("validate", "train")],
+            abs=0.051,
         ), row
 
 
-@pytest.mark.parametrize("study", SHOWN)
-def test_the_least_in_a_table_is_bold(study):
-    for column in ("McKibben", "Peano"):
-        cells = {
-            row: re.sub(r"\([^)]*\)", "", cells[column])
-            for row, cells in page_table(study, DAMPING).items()
-        }
-        least = min(
-            float(value) for cell in cells.values() for value in cell.replace("*", "").split("/")
-        )
-        assert {row for row, cell in cells.items() if "**" in cell} == {
-            row
-            for row, cell in cells.items()
-            if least in [float(value) for value in cell.replace("*", "").split("/")]
-        }
-
-
-@pytest.mark.parametrize("muscle", [LOOKED_AT], indirect=True)
 def test_one_command_makes_pages_with_records_over_time_and_equations_in_the_papers_units(muscle):
     name, runs = muscle
     for study in ("static-from-zero", "damping", "dynamic"):
         assert (runs / f"{name}-{study}" / "report" / "index.html").is_file()
     report = runs / f"{name}-damping" / "report"
     assert "plateau" in (report / "fit.svg").read_text()
-    rows = list(csv.DictReader((report / "tables" / "equations.csv").read_text().splitlines()))
+    assert "published NRMSE" in (report / "index.html").read_text()
+    rows = csv_rows((report / "tables" / "equations.csv").read_text())
     assert [row["id"] for row in rows] == ["all;direction=fall/all", "all;direction=rise/all"]
-    (other,) = [column for column in rows[0] if column.startswith("with ")]
+    (other,) = (column for column in rows[0] if column.startswith("with "))
     assert "strain_rate in 1/ms" in other
-    fall = next(row for row in rows if "fall" in row["id"])
     here, there = (
-        float(fall[column].removeprefix("'").partition("*")[0]) for column in ("equation", other)
+        float(rows[0][column].removeprefix("'").partition("*")[0]) for column in ("equation", other)
     )
-    assert there == pytest.approx(here * 1000.0 ** (2 if fall["equation"].endswith("^2") else 1))
-    published = (report / "index.html").read_text()
-    assert "published NRMSE" in published
+    squared = rows[0]["equation"].endswith("^2")
+    assert there == pytest.approx(here * 1000.0 ** (2 if squared else 1))
 
 
 def test_a_table_of_time_pressure_and_strain_predicts_what_was_validated(muscle, tmp_path, mapmore):
@@ -226,34 +171,26 @@ def test_a_table_of_time_pressure_and_strain_predicts_what_was_validated(muscle,
     """
     name, runs = muscle
     run_dir = runs / f"{name}-dynamic"
-    dataset, validation = (
-        read_dataset(run_dir / "ingest.h5"),
-        read_validation(run_dir / "validate.h5"),
-    )
-    lines = ["recording,time,pressure,strain"]
-    for curve in dataset.curves[:2]:
-        columns = zip(
+    curves = read_dataset(run_dir / "ingest.h5").curves[:2]
+    lines = [
+        f"{curve.id},{t!r},{p!r},{e!r}"
+        for curve in curves
+        for t, p, e in zip(
             *(curve.columns[column].tolist() for column in ("time", "pressure", "strain")),
             strict=True,
         )
-        lines += [f"{curve.id},{t!r},{p!r},{e!r}" for t, p, e in columns]
-    (tmp_path / "table.csv").write_text("\n".join(lines) + "\n")
-    mapmore(
-        "predict", run_dir / "model.h5", tmp_path / "table.csv", "-o", tmp_path / "out.csv", code=0
-    )
-    found = [
-        float(row["force_predicted"])
-        for row in csv.DictReader((tmp_path / "out.csv").read_text().splitlines())
     ]
-    wanted = np.concatenate(validation.predictions["mapmore"][:2])
-    assert np.allclose(found, wanted, rtol=1e-9, atol=1e-9)
-    first = dataset.curves[0].columns
+    write_lines(tmp_path / "table.csv", "recording,time,pressure,strain", *lines)
+    done = mapmore("predict", run_dir / "model.h5", "table.csv", code=0)
+    found = [float(row["force_predicted"]) for row in csv_rows(done.stdout)]
+    wanted = np.concatenate(read_validation(run_dir / "validate.h5").predictions["mapmore"][:2])
+    np.testing.assert_allclose(found, wanted, rtol=1e-9, atol=1e-9)
+    first = {column: curves[0].columns[column] for column in ("time", "pressure", "strain")}
     model = mapmore_cli.load_model(run_dir / "model.h5")
     with pytest.warns(
         UserWarning, match="outside of the training range"
     ):  # rates of the held-out step, and strains before it
-        said = model(time=first["time"], pressure=first["pressure"], strain=first["strain"])
-    assert np.allclose(said, wanted[: len(first["time"])])
+        np.testing.assert_allclose(model(**first), wanted[: len(first["time"])], atol=1e-6)
 
 
 def test_the_dynamic_model_is_the_sum_of_the_two(muscle):

@@ -2,15 +2,10 @@
 make is made anew and compared.
 """
 
-from __future__ import annotations
-
-import math
 import re
 from pathlib import Path
 
-import muscle_figures
 import muscle_tables
-import numpy as np
 import pytest
 from page_tables import DOCS, numbers, page_table
 
@@ -86,20 +81,6 @@ def test_a_k_was_inert():
     assert f"{muscle_tables.size_of_eq_3():.1f} times too small" in WRIST.read_text(
         encoding="utf-8"
     )
-
-
-def test_biological_curves_are_those_of_h():
-    """Eq 2 is 5 % at a width from the optimum; eq 3 is one at rest, zero at the fastest shortening,
-    about 1.5 far into lengthening.
-    """
-    assert muscle_figures.biological_length(np.array([1.0, 1.0 - 0.56])) == pytest.approx(
-        [1.0, 0.05]
-    )
-    v = np.array([-12.0, -1e-12, 0.0, 1e9])
-    assert muscle_figures.biological_velocity(v) == pytest.approx(
-        [0.0, 1.0, 1.0, 1.5 + 0.5 / (7.56 * 5.0)], abs=1e-6
-    )
-    assert math.exp(muscle_figures.STIFFNESS) == pytest.approx(0.05)
 
 
 def test_every_study_of_both_folders_is_named_on_its_page_or_made_for_it():

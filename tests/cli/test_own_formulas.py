@@ -1,14 +1,12 @@
 """Formulas of the user's own: as good as the built-in ones wherever these may stand."""
 
-from __future__ import annotations
-
 import json
 import re
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
+from cli_samples import edit
 
 import mapmore_cli as mm
 from mapmore_cli.domain.errors import DataError, SpecError
@@ -38,11 +36,19 @@ FRAME = {
     - 40
     + RNG.normal(size=len(BAR)),
 }
-STUDY: dict[str, Any] = {
+STUDY = {
     "levels": {"of": "pressure", "at": "auto"},
     "split": {"validate": {"pressure": [200]}},
     "dictionary": [{"polynomial": {"of": ["strain"], "order": 3}}],
 }
+
+
+BACKBONE = {"backbone": "our_sarosi"}
+
+
+def fitted(*formulas, **more):
+    """The study with formulas of its own."""
+    return mm.fit(FRAME, formulas=[*formulas], **STUDY, **more)
 
 
 def rows(fitted, model):
@@ -50,9 +56,7 @@ def rows(fitted, model):
 
 
 def test_it_is_fitted_as_the_built_in_one():
-    found = mm.fit(
-        FRAME, formulas=[SAROSI], validate={"against": ["sarosi", "our_sarosi"]}, **STUDY
-    )
+    found = fitted(SAROSI, validate={"against": ["sarosi", "our_sarosi"]})
     assert rows(found, "our_sarosi") == pytest.approx(rows(found, "sarosi"), rel=1e-6)
 
 
@@ -60,7 +64,7 @@ def test_it_is_a_backbone_and_a_model_that_stands_alone(tmp_path, mapmore):
     """The file needs no spec: prediction, derivatives and exports agree with those of the built-in
     formula.
     """
-    own = mm.fit(FRAME, name="muscle", formulas=[SAROSI], model={"backbone": "our_sarosi"}, **STUDY)
+    own = fitted(SAROSI, name="muscle", model=BACKBONE)
     built_in = mm.fit(FRAME, model={"backbone": "sarosi"}, **STUDY)
     points = {"pressure": 170.0, "strain": np.linspace(0.01, 0.19, 7)}
     np.testing.assert_allclose(own(**points), built_in(**points), rtol=1e-5)
@@ -69,18 +73,15 @@ def test_it_is_a_backbone_and_a_model_that_stands_alone(tmp_path, mapmore):
     for name, slope in built_in.derivatives(**points).items():
         np.testing.assert_allclose(loaded.derivatives(**points)[name], slope, rtol=1e-4)
     mapmore("export", tmp_path / "model.h5", "--to", "numpy", "-o", tmp_path, "-q", code=0)
-    code: dict[str, Any] = {}
+    code = {}
     exec((tmp_path / "muscle.py").read_text(), code)
     np.testing.assert_allclose(code["evaluate"](**points), own(**points), rtol=1e-12)
 
 
 def test_a_formula_as_the_model_and_in_a_sum():
-    alone = mm.fit(
-        FRAME,
-        formulas=[SAROSI],
-        model={"type": "literature", "name": "our_sarosi"},
-        levels=STUDY["levels"],
-    )
+    levels = STUDY["levels"]
+    formula = {"type": "literature", "name": "our_sarosi"}
+    alone = mm.fit(FRAME, formulas=[SAROSI], model=formula, levels=levels)
     assert {row["model"] for row in alone.scores} == {
         "mapmore",
         "plane",
@@ -96,18 +97,14 @@ def test_a_formula_as_the_model_and_in_a_sum():
         "inputs": {"pressure": "pressure", "strain": "strain"},
     }
     linear = {"name": "linear_part", "expression": "s*strain*pressure^2", "parameters": {"s": {}}}
-    both = mm.fit(
-        FRAME, formulas=[SAROSI, linear], model={"sum": [pair, other]}, levels=STUDY["levels"]
-    )
+    both = mm.fit(FRAME, formulas=[SAROSI, linear], model={"sum": [pair, other]}, levels=levels)
     assert both.scores.of_model(split="train")["r2"] > 0.999
 
 
 def test_it_may_be_written_in_other_units():
     """In bar: the same predictions, and parameters in those units."""
     in_bar = {**SAROSI, "name": "in_bar", "units": {"pressure": "bar"}}
-    found = mm.fit(
-        FRAME, formulas=[SAROSI, in_bar], validate={"against": ["our_sarosi", "in_bar"]}, **STUDY
-    )
+    found = fitted(SAROSI, in_bar, validate={"against": ["our_sarosi", "in_bar"]})
     assert rows(found, "in_bar") == pytest.approx(rows(found, "our_sarosi"), rel=1e-6)
 
 
@@ -115,14 +112,7 @@ def test_units_of_parameters_are_shown(tmp_path, mapmore):
     """In `show`, of a model and of a competitor, and on the page; a parameter without one has
     none.
     """
-    own = mm.fit(
-        FRAME,
-        name="muscle",
-        formulas=[SAROSI],
-        validate={"against": ["our_sarosi"]},
-        model={"backbone": "our_sarosi"},
-        **STUDY,
-    )
+    own = fitted(SAROSI, name="muscle", validate={"against": ["our_sarosi"]}, model=BACKBONE)
     page = mm.run(own.to_yaml(tmp_path / "muscle.yaml"), tmp_path / "runs").page.read_text()
     assert re.search(
         r"a1 = \S+ N, a2 = \S+ N, a3 = -?[\d.]+, a4",
@@ -141,22 +131,17 @@ def test_units_of_parameters_are_shown(tmp_path, mapmore):
 
 
 def test_a_changed_file_makes_the_fits_stale(tmp_path):
-    (tmp_path / "own.json").write_text(json.dumps(SAROSI))
-    study = {**STUDY, "formulas": "own.json", "model": {"backbone": "our_sarosi"}}
-    spec = mm.fit(FRAME, **{**study, "formulas": [SAROSI]}).to_yaml(tmp_path / "study.yaml")
-    text = spec.read_text()
-    start, end = text.index("formulas:"), text.index("model:")
-    spec.write_text(text[:start] + "formulas: own.json\n" + text[end:])
-    assert set(mm.run(spec, tmp_path / "runs").stages.values()) == {"done"}
-    assert set(mm.run(spec, tmp_path / "runs").stages.values()) == {"up-to-date"}
-    (tmp_path / "own.json").write_text(
-        json.dumps({**SAROSI, "expression": SAROSI["expression"] + " + 0.001*a6*strain"})
-    )
+    own = tmp_path / "own.json"
+    own.write_text(json.dumps(SAROSI))
+    spec = mm.fit(FRAME, model={"backbone": "sarosi"}, **STUDY).to_yaml(tmp_path / "study.yaml")
+    edit(spec, "sarosi", "our_sarosi")
+    spec.write_text(f"{spec.read_text()}formulas: own.json\n")
+    for status in ("done", "up-to-date"):
+        assert set(mm.run(spec, tmp_path / "runs").stages.values()) == {status}
+    edit(own, "+ a6", "+ a6 + 0.001*a6*strain")
     assert mm.run(spec, tmp_path / "runs").stages["fit"] == "done"
-    assert (
-        "formulas:\n- name: our_sarosi"
-        in (tmp_path / "runs" / "model" / "experiment.yaml").read_text()
-    )
+    resolved = (tmp_path / "runs" / "model" / "experiment.yaml").read_text()
+    assert "formulas:\n- name: our_sarosi" in resolved
 
 
 @pytest.mark.parametrize(
@@ -180,12 +165,12 @@ def test_a_changed_file_makes_the_fits_stale(tmp_path):
 def test_what_is_wrong_is_told(change, message):
     own = {**SAROSI, **change}
     with pytest.raises(SpecError, match=message):
-        mm.fit(FRAME, formulas=[own], validate={"against": [own["name"]]}, **STUDY)
+        fitted(own, validate={"against": [own["name"]]})
 
 
 def test_a_file_that_is_not_there():
     with pytest.raises(SpecError, match="there is no file"):
-        mm.fit(FRAME, formulas=["nowhere.yaml"], **STUDY)
+        fitted("nowhere.yaml")
 
 
 @pytest.mark.parametrize(
@@ -203,14 +188,9 @@ def test_a_damaged_definition_is_refused(text):
 
 
 def test_a_model_file_with_another_definition_is_refused(tmp_path):
-    path = mm.fit(FRAME, formulas=[SAROSI], model={"backbone": "our_sarosi"}, **STUDY).save(
-        tmp_path / "model.h5"
-    )
+    path = fitted(SAROSI, model=BACKBONE).save(tmp_path / "model.h5")
     model = read_model(path)
-    assert model.backbone is not None
-    write_model(
-        path,
-        replace(model, body=replace(model.body, backbone=replace(model.backbone, definition="{}"))),
-    )
+    backbone = replace(model.backbone, definition="{}")
+    write_model(path, replace(model, body=replace(model.body, backbone=backbone)))
     with pytest.raises(DataError, match="defines no formula"):
         mm.load_model(path)

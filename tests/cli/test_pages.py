@@ -1,7 +1,5 @@
 """Tables of pages that are files of their own, and sentences that tell their cells."""
 
-from __future__ import annotations
-
 import math
 import re
 from pathlib import Path

@@ -2,24 +2,20 @@
 rules, the page needs nothing else.
 """
 
-from __future__ import annotations
-
 import csv
 import json
 import re
-from pathlib import Path
 
 import pytest
-from cli_samples import edit, write_study
+from cli_samples import CONFIGS, PROJECT, edit, held_out, write_study
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mapmore_cli.annexes.paper.paper import Compared, counts, judged, summary_lines
+from mapmore_cli.annexes.paper.paper import judged
 from mapmore_cli.spec.campaign import Verdict, load_campaign, load_paper
 from mapmore_cli.spec.loader import load
 
-PROJECT = Path(__file__).parents[2]
-CONFIGS, PUBLISHED = PROJECT / "configs", PROJECT / "datasets" / "published"
+PUBLISHED = PROJECT / "datasets" / "published"
 NUMBERED = {"m1": (6, 1, 6), "m2": (24, 5, 15), "p": (17, 4, 11), "w": (16, 0, 10), "h": (6, 1, 6)}
 """Equations, tables and figures that the papers number, counted in their texts."""
 
@@ -156,17 +152,14 @@ def test_what_agrees_and_what_differs(paper, tmp_path, mapmore):
     and distance.
     """
     runs = tmp_path / "runs"
-    mapmore("validate", tmp_path / "bench.yaml", "--runs", runs, "-q", code=0)
-    scores = json.loads((runs / "bench" / "scores.json").read_text())["scores"]
-    held = {
-        row["model"]: row for row in scores if row["split"] == "validate" and row["curve"] == "all"
-    }
+    mapmore("validate", tmp_path / "bench.yaml", "-q", code=0)
+    held = held_out(json.loads((runs / "bench" / "scores.json").read_text()))
     ours = {
         metric: {model: held[model][metric] for model in ("mapmore", "polynomial_2")}
         for metric in ("rmse", "nrmse")
     }
     write_table(paper, ours["rmse"], ours["nrmse"])
-    done = mapmore("paper", paper, "--runs", runs, "--json", "-q", code=0)
+    done = mapmore("paper", paper, "--json", "-q", code=0)
     (found,) = json.loads(done.stdout)["papers"]
     agree = {"size": (2, 2), "value": (2, 2), "order": (1, 1), "sentence": (1, 1)}
     assert {
@@ -178,7 +171,7 @@ def test_what_agrees_and_what_differs(paper, tmp_path, mapmore):
         {"mapmore": 1.9 * ours["rmse"]["mapmore"], "polynomial_2": -ours["rmse"]["polynomial_2"]},
         swapped,
     )
-    done = mapmore("paper", paper, "--runs", runs, "-q", code=0)
+    done = mapmore("paper", paper, "-q", code=0)
     for words in (
         "RMSE: 1 of 2 sizes within a factor of 2 (ours are -1 to 0.526 of the printed)",
         "order by NRMSE: 0 of 1 as printed",
@@ -240,16 +233,3 @@ def test_a_size_agrees_both_ways_and_not_with_another_sign(a, b, factor):
 def test_a_number_that_is_missing_agrees_with_nothing(rule):
     for cells in ((None, 1.0), (1.0, None), (1.0, float("nan")), ("word", 1.0)):
         assert not judged(rule, "", *cells).holds
-
-
-def test_kinds_are_counted_apart():
-    found = [
-        Compared("size", "RMSE", True, 0.7, 2.0),
-        Compared("size", "RMSE", False, 3.0, 2.0),
-        Compared("order", "RMSE", False, 0.4),
-    ]
-    assert counts(found) == {"size": (1, 2), "order": (0, 1)}
-    assert summary_lines(found) == (
-        "RMSE: 1 of 2 sizes within a factor of 2 (ours are 0.7 to 3 of the printed)",
-        "order by RMSE: 0 of 1 as printed (mean tau 0.40)",
-    )

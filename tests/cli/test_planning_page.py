@@ -1,34 +1,11 @@
 """docs/planning.md: its sentences follow from its tables, and a campaign of them is made anew."""
 
-from __future__ import annotations
-
-import re
-
 import numpy as np
 import planning_tables
 import pytest
 from page_tables import DOCS, rows_of
 
 PAGE = DOCS / "planning.md"
-
-
-def means_of(name):
-    """What the note of a table says."""
-    block = (
-        PAGE.read_text(encoding="utf-8")
-        .split(f"<!-- table {name} 0 -->")[1]
-        .split("<!-- end -->")[0]
-    )
-    return [float(text) for text in re.findall(r"\d\.\d\d", block.split("Geometric mean")[1])]
-
-
-def test_equal_distances_are_as_good_as_is_said():
-    errors = np.array([[float(cell) for cell in row[2:]] for row in rows_of("levels", PAGE)])
-    ratios = np.exp(np.log(errors[:, 1:] / errors[:, [0]]).mean(axis=0))
-    assert ratios == pytest.approx(means_of("levels"), abs=0.01)
-    assert ratios[0] > 1.05
-    assert 0.8 < ratios[1] < 0.87
-    assert len({row[0] for row in rows_of("levels", PAGE)}) == 6
 
 
 def test_what_is_said_of_stopping():

@@ -2,159 +2,115 @@
 same input.
 """
 
-from __future__ import annotations
-
-import hashlib
-import json
 import locale
 import time
 from contextlib import suppress
-from typing import Any
+from pathlib import Path
 
 import h5py
 import numpy as np
-from cli_samples import change_forces, write_study
+from cli_samples import change_forces, options, scored_run, write_lines
 
 LATER = ["fuse", "validate", "report"]
 
 
 def arrays(path):
-    found: dict[str, np.ndarray] = {}
+    found = {}
+
+    def keep(name, node):
+        if isinstance(node, h5py.Dataset):
+            found[name] = node[()]
+
     with h5py.File(path) as file:
-        file.visititems(
-            lambda name, node: (
-                found.update({name: node[()]}) if isinstance(node, h5py.Dataset) else None
-            )
-        )
+        file.visititems(keep)
     return found
 
 
-def test_permuted_held_out_forces_leave_the_model_unchanged(tmp_path, mapmore):
+def test_permuted_held_out_forces_leave_the_model_unchanged(study, tmp_path, mapmore):
+    run = tmp_path / "runs" / "bench"
     for settings in (
-        [],
-        ["--set", "model.backbone=sarosi", "--set", "fit.max_terms=3", "--set", "fit.stop=bic"],
+        (),
+        options("model.backbone=sarosi", "fit.max_terms=3", "fit.stop=bic"),
     ):
-        folder = tmp_path / str(len(settings))
-        folder.mkdir()
-        spec = write_study(folder)
-        model = folder / "runs" / "bench" / "model.h5"
-        mapmore("run", spec, "--runs", folder / "runs", "-q", *settings, code=0)
-        before, scores = arrays(model), (model.parent / "scores.json").read_bytes()
-        change_forces(folder / "bench_200.csv", np.random.default_rng(0).permutation)
-        mapmore("run", spec, "--runs", folder / "runs", "-q", *settings, code=0)
-        after = arrays(model)
-        np.testing.assert_equal(after, before)
-        assert (model.parent / "scores.json").read_bytes() != scores
-
-
-def stages(mapmore, spec, runs, *more):
-    result = mapmore("run", spec, "--runs", runs, "--json", "-q", *more, code=0)
-    return dict(json.loads(result.stdout)["stages"])
+        mapmore("run", study, "-q", *settings, code=0)
+        before, scores = arrays(run / "model.h5"), (run / "scores.json").read_bytes()
+        change_forces(tmp_path / "bench_200.csv", np.random.default_rng(0).permutation)
+        mapmore("run", study, "-q", *settings, code=0)
+        np.testing.assert_equal(arrays(run / "model.h5"), before)
+        assert (run / "scores.json").read_bytes() != scores
 
 
 def test_a_change_redoes_what_depends_on_it_and_says_why(copied, tmp_path, mapmore):
-    spec, runs = copied
-    assert set(stages(mapmore, spec, runs).values()) == {"up-to-date"}
-    explained = mapmore("run", spec, "--runs", runs, "--explain", "--set", "fuse.z_s=0.4").stdout
-    assert "fuse.z_s: 0.25 -> 0.4" in explained
-    again = stages(mapmore, spec, runs, "--set", "fuse.z_s=0.4")
+    spec, _ = copied
+    assert set(scored_run(mapmore, spec)[1].values()) == {"up-to-date"}
+    wider = options("fuse.z_s=0.4")
+    assert "fuse.z_s: 0.25 -> 0.4" in mapmore("run", spec, "--explain", *wider).stdout
+    again = scored_run(mapmore, spec, *wider)[1]
     assert [stage for stage, status in again.items() if status == "done"] == LATER
-    (tmp_path / "bench_300.csv").write_text(
-        (tmp_path / "bench_300.csv").read_text().replace("300,", "300.5,")
-    )
-    assert (
-        "bench_300.csv"
-        in mapmore("run", spec, "--runs", runs, "--explain", "--set", "fuse.z_s=0.4").stdout
-    )
-    assert set(stages(mapmore, spec, runs, "--set", "fuse.z_s=0.4").values()) == {"done"}
+    change_forces(tmp_path / "bench_300.csv", lambda force: force + 1)
+    assert "bench_300.csv" in mapmore("run", spec, "--explain", *wider).stdout
+    assert set(scored_run(mapmore, spec, *wider)[1].values()) == {"done"}
 
 
 def test_the_same_input_gives_the_same_bytes(copied, mapmore):
     spec, before = copied
-    again = before.with_name("again")
-    assert set(stages(mapmore, spec, again).values()) == {"done"}
-    digests = []
-    for runs in (before, again):
-        files = sorted(
-            path
-            for path in (runs / "bench").rglob("*")
+    assert set(scored_run(mapmore, spec, "--runs", "again")[1].values()) == {"done"}
+    one, other = (
+        {
+            path.relative_to(runs): path.read_bytes()
+            for path in runs.rglob("*")
             if path.is_file() and path.name not in ("run.json", ".lock")
-        )
-        digests.append(
-            {
-                path.relative_to(runs).as_posix(): hashlib.sha256(path.read_bytes()).hexdigest()
-                for path in files
-            }
-        )
-    assert digests[0] == digests[1]
-    assert "bench/scores.json" in digests[0]
+        }
+        for runs in (before, before.with_name("again"))
+    )
+    assert one == other
+    assert Path("bench", "scores.json") in one
 
 
-def test_a_backbone_that_says_it_all_is_kept_alone(tmp_path, mapmore):
+def test_a_backbone_that_says_it_all_is_kept_alone(study, mapmore, document):
     """The data are a plane: polynomial_2 has it, and a residual of noise must not help on left-out
     levels.
     """
-    spec, runs = write_study(tmp_path), tmp_path / "runs"
-    result = mapmore(
-        "run",
-        spec,
-        "--runs",
-        runs,
-        "--set",
-        "model.backbone=polynomial_2",
-        "--set",
-        "fit.max_terms=3",
-        code=0,
-    )
-    shown = json.loads(mapmore("show", runs / "bench" / "model.h5", "--json").stdout)
-    rows = {
-        row["model"]: row
-        for row in json.loads((runs / "bench" / "scores.json").read_text())["scores"]
-        if row["split"] == "validate"
-    }
-    assert "keeps polynomial_2 alone" in result.stderr
-    assert shown["segments"] == []
-    assert rows["mapmore"]["rmse"] == rows["polynomial_2"]["rmse"]
+    settings = options("model.backbone=polynomial_2", "fit.max_terms=3")
+    told = [
+        "keeps polynomial_2 alone",
+        "as its backbone polynomial_2, because its pieces were dropped",
+    ]
+    mapmore("run", study, *settings, code=0, says=told)
+    assert document("show", "runs/bench/model.h5")["segments"] == []
+    rmse, _ = scored_run(mapmore, study, *settings)
+    assert rmse["mapmore"] == rmse["polynomial_2"]
 
 
 def test_order_of_rows_names_of_files_threads_and_time_zone_do_not_matter(
-    tmp_path, mapmore, monkeypatch
+    study, tmp_path, document, monkeypatch
 ):
     """Nor does the language: numbers are read and written in one way everywhere."""
     from threadpoolctl import threadpool_limits
 
-    found: list[tuple[bytes, list[Any]]] = []
-    before = locale.setlocale(locale.LC_ALL)
-    for place in ("plain", "other"):
-        folder = tmp_path / place
-        folder.mkdir()
-        spec = write_study(folder)
-        if place == "other":
-            rng = np.random.default_rng(3)
-            for number, level in zip("3x1", (100, 200, 300), strict=True):
-                head, *rows = (folder / f"bench_{level}.csv").read_text().splitlines()
-                (folder / f"bench_{number}.csv").write_text(
-                    "\n".join([head, *rng.permutation(rows)]) + "\n"
-                )
-                (folder / f"bench_{level}.csv").unlink()
-            monkeypatch.setenv("TZ", "Pacific/Kiritimati")
-            time.tzset()
-            for language in ("de_DE.UTF-8", "C.UTF-8", ""):
-                with suppress(locale.Error):
-                    locale.setlocale(locale.LC_ALL, language)
-                    break
-        try:
-            with threadpool_limits(2 if place == "other" else 1):
-                mapmore("validate", spec, "--runs", folder / "runs", "-q", code=0)
-        finally:
-            locale.setlocale(locale.LC_ALL, before)
-        shown = json.loads(mapmore("show", folder / "runs" / "bench" / "fit.h5", "--json").stdout)
-        found.append(
-            (
-                (folder / "runs" / "bench" / "scores.json").read_bytes(),
-                [segment["terms"] for segment in shown["segments"]],
-            )
-        )
-    monkeypatch.undo()
+    def found(threads):
+        with threadpool_limits(threads):
+            document("validate", study, "-q")
+        shown = document("show", "runs/bench/fit.h5")
+        scores = Path("runs", "bench", "scores.json").read_bytes()
+        return scores, [segment["terms"] for segment in shown["segments"]]
+
+    plain = found(1)
+    rng, before = np.random.default_rng(3), locale.setlocale(locale.LC_ALL)
+    for number, level in zip("3x1", (100, 200, 300), strict=True):
+        path = tmp_path / f"bench_{level}.csv"
+        head, *rows = path.read_text().splitlines()
+        write_lines(tmp_path / f"bench_{number}.csv", head, *rng.permutation(rows))
+        path.unlink()
+    monkeypatch.setenv("TZ", "Pacific/Kiritimati")
     time.tzset()
-    assert found[0] == found[1]
+    for language in ("de_DE.UTF-8", "C.UTF-8", ""):
+        with suppress(locale.Error):
+            locale.setlocale(locale.LC_ALL, language)
+            break
+    try:
+        assert found(2) == plain
+    finally:
+        locale.setlocale(locale.LC_ALL, before)
+        monkeypatch.undo()
+        time.tzset()

@@ -2,13 +2,11 @@
 nothing is written.
 """
 
-from __future__ import annotations
-
 import shlex
-import shutil
 
 import h5py
 import pytest
+from cli_samples import edit
 
 import mapmore_cli
 from mapmore_cli.domain.errors import DataError
@@ -87,7 +85,6 @@ LINES = [
 
 @pytest.mark.parametrize(("line", "code", "words"), LINES, ids=[line for line, _, _ in LINES])
 def test_what_is_refused(line, code, words, finished, model_file, tmp_path, mapmore, monkeypatch):
-    monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("CC", "no-such-compiler")
     (tmp_path / "t.csv").write_text("force,pressure,strain\n100,150,0.05\n")
     places = {
@@ -114,32 +111,23 @@ NEWER = (
         "compare MODEL MODEL --figure out.svg",
     ),
     *(f"export MODEL --to {to} -o out" for to in ("c", "py", "fmu")),
-    "validate SPEC --runs runs",
+    "validate SPEC --runs others",
 )
 
 
 @pytest.mark.parametrize("command", NEWER)
 def test_a_model_of_a_newer_format_is_refused_by_whatever_reads_one(
-    command, finished, tmp_path, mapmore, monkeypatch
+    command, copied, tmp_path, mapmore
 ):
-    monkeypatch.chdir(tmp_path)
-    shutil.copytree(finished[0].parent, tmp_path / "study")
-    spec, model = (
-        tmp_path / "study" / "bench.yaml",
-        tmp_path / "study" / "runs" / "bench" / "model.h5",
-    )
+    spec, runs = copied
+    model = runs / "bench" / "model.h5"
     with h5py.File(model, "a") as file:
         file.attrs["format_version"] = "4.0"
     (tmp_path / "table.csv").write_text("pressure,strain,force\n150,0.02,100\n")
-    if "SPEC" in command:
-        rival = f"{{model: {model.relative_to(spec.parent)}, as: other}}"
-        spec.write_text(spec.read_text().replace("against: [polynomial_2]", f"against: [{rival}]"))
+    edit(spec, "[polynomial_2]", "[{model: runs/bench/model.h5, as: other}]")
     places = {"MODEL": model, "TABLE": "table.csv", "SPEC": spec}
-    mapmore(
-        *[places.get(word, word) for word in command.split()],
-        code=4,
-        says=["4.0", "newer", "update mapmore"],
-    )
-    assert not list(tmp_path.glob("out*"))
+    line = [places.get(word, word) for word in command.split()]
+    mapmore(*line, code=4, says=["4.0", "newer", "update mapmore"])
+    assert not [*tmp_path.glob("out*")]
     with pytest.raises(DataError, match=r"format 4\.0"):
         mapmore_cli.load_model(model)

@@ -2,14 +2,11 @@
 and nothing is read for it twice.
 """
 
-from __future__ import annotations
-
 import json
-import re
 
 import numpy as np
 import pytest
-from cli_samples import write_study
+from cli_samples import options, page_of, write_lines, write_recording, write_study
 
 import mapmore_cli as mm
 from mapmore_cli.checking import applied
@@ -29,92 +26,70 @@ LOW = (
 )
 
 
-def test_an_error_of_check_ends_a_run_with_its_place_and_its_code(tmp_path, mapmore):
-    spec, runs = write_study(tmp_path), tmp_path / "runs"
+def test_an_error_of_check_ends_a_run_with_its_place_and_its_code(
+    study, tmp_path, mapmore, document
+):
+    runs = tmp_path / "runs"
     for command in ("run", "segment", "fit", "batch", "run"):  # again and again
-        ended = mapmore(
-            command, spec, "--runs", runs, *PER_CENT, code=3, says="looks like per cent"
-        )
+        ended = mapmore(command, study, *PER_CENT, code=3, says="looks like per cent")
         assert "bench.yaml:" in ended.stderr or command == "batch"
     assert not (runs / "bench" / "model.h5").exists()
-    mapmore("ingest", spec, "--runs", runs, *PER_CENT, code=0)
-    document = json.loads(
-        mapmore("run", spec, "--runs", runs, *PER_CENT, "--no-check", "--json", "-q", code=0).stdout
-    )
-    assert [("per cent" in warning) for warning in document["warnings"]] == [True]
-    page = (runs / "bench" / "report" / "index.html").read_text()
-    assert len(re.findall(r'<p class="warning">strain reaches', page)) == 1
+    mapmore("ingest", study, *PER_CENT, code=0)
+    told = document("run", study, *PER_CENT, "--no-check", "-q")["warnings"]
+    assert ["per cent" in warning for warning in told] == [True]
+    assert page_of().count('<p class="warning">strain reaches') == 1
     mapmore(
-        "run", spec, "--runs", runs, *PER_CENT, code=3, says="looks like per cent"
+        "run", study, *PER_CENT, code=3, says="looks like per cent"
     )  # what went on once is no permission
 
 
-def test_a_constant_target_is_wrong_data(tmp_path, mapmore):
-    mapmore(
-        "run",
-        write_study(tmp_path),
-        "--runs",
-        tmp_path / "runs",
-        "--set",
-        "data.columns.force.scale=0",
-        code=4,
-        says="force is 0",
-    )
+def test_a_constant_target_is_wrong_data(study, mapmore):
+    flat = options("data.columns.force.scale=0")
+    mapmore("run", study, *flat, code=4, says="force is 0")
 
 
-def test_warnings_are_told_each_time_and_data_are_not_read_again(tmp_path, mapmore, monkeypatch):
-    spec, runs = write_study(tmp_path), tmp_path / "runs"
-    first = mapmore("run", spec, "--runs", runs, *LOW, code=0)
+def test_warnings_are_told_each_time_and_data_are_not_read_again(
+    study, tmp_path, mapmore, monkeypatch
+):
+    runs = tmp_path / "runs"
+    first = mapmore("run", study, *LOW, code=0)
     assert first.stderr.count(BAR) == 1
-    assert (runs / "bench" / "report" / "index.html").read_text().count(BAR) == 1
+    assert page_of().count(BAR) == 1
 
     def refuse(*_, **__):
         raise AssertionError("an up-to-date run applies no rule")
 
     monkeypatch.setattr(applied, "issues_of", refuse)
-    told: list[str] = []
-    bring_up_to_date(load(spec, LOW[1::2]), runs, warn=told.append)
+    told = []
+    bring_up_to_date(load(study, LOW[1::2]), runs, warn=told.append)
     assert [BAR in message for message in told] == [True]
     (runs / "bench" / "check.json").write_text("{")  # damaged: the rules are applied again
     with pytest.raises(AssertionError):
-        bring_up_to_date(load(spec, LOW[1::2]), runs)
+        bring_up_to_date(load(study, LOW[1::2]), runs)
 
 
-def test_a_batch_warns_of_every_run_once(tmp_path, mapmore):
-    spec = write_study(tmp_path)
-    again = tmp_path / "again.yaml"
-    again.write_text(spec.read_text().replace("name: bench", "name: again"))
-    ended = mapmore(
-        "batch", spec, again, "--runs", tmp_path / "runs", "--jobs", "1", *LOW, "--json", code=0
-    )
+def test_a_batch_warns_of_every_run_once(study, mapmore):
+    again = study.with_name("again.yaml")
+    again.write_text(study.read_text().replace("name: bench", "name: again"))
+    ended = mapmore("batch", study, again, "--jobs", "1", *LOW, "--json", code=0)
     runs = json.loads(ended.stdout)["runs"]
     assert [sum(BAR in warning for warning in run["warnings"]) for run in runs] == [1, 1]
 
 
-def test_variations_repeat_no_warning(tmp_path, mapmore):
-    spec = write_study(tmp_path)
+def test_variations_repeat_no_warning(study, mapmore):
     against = "validate.against=[{as: other, set: {fit.max_terms: 1}}]"
-    ended = mapmore("run", spec, "--runs", tmp_path / "runs", *LOW, "--set", against, code=0)
+    ended = mapmore("run", study, *LOW, "--set", against, code=0)
     assert ended.stderr.count(BAR) == 1
 
 
-def test_what_made_levels_impossible_is_told(tmp_path, mapmore):
-    by_strain = (
+def test_what_made_levels_impossible_is_told(study, mapmore):
+    by_strain = options(
         "data.columns.strain.scale=100",
         "data.levels={of: strain, at: [0.0123, 0.0527]}",
         "data.split={}",
         "segment={}",
     )
-    given = [part for setting in by_strain for part in ("--set", setting)]
-    mapmore(
-        "run",
-        write_study(tmp_path),
-        "--runs",
-        tmp_path / "runs",
-        *given,
-        code=4,
-        says="looks like per cent",
-    )
+    mapmore("run", study, *by_strain, code=4, says="looks like per cent")
 
 
 def arrays(scale):
@@ -161,7 +136,7 @@ def test_a_model_without_inputs_gets_a_page(tmp_path, mapmore, dictionary):
         f"{0.01 * i:.2f},{100 + 50 * np.sin(0.05 * i):.4f},{0.5 + 1e-3 * rng.normal():.6f}"
         for i in range(400)
     ]
-    (tmp_path / "m.csv").write_text("\n".join(["t,P,L", *rows]) + "\n")
+    write_lines(tmp_path / "m.csv", "t,P,L", *rows)
     (tmp_path / "s.yaml").write_text(
         "name: s\ndata:\n  files: [m.csv]\n  columns: {time: {column: t, unit: s}, pressure: "
         "{column: P, unit: kPa}, "
@@ -169,7 +144,7 @@ def test_a_model_without_inputs_gets_a_page(tmp_path, mapmore, dictionary):
         f"{{column: length}}\ndictionary: {dictionary}\n"
         "fit: {max_terms: 1}\n"
     )
-    ended = mapmore("run", tmp_path / "s.yaml", "--runs", tmp_path / "runs", code=0)
+    ended = mapmore("run", tmp_path / "s.yaml", code=0)
     assert "no input was selected: the model only goes on from its own past" in ended.stderr
     assert "Scores" in ended.stdout
     assert (
@@ -179,44 +154,28 @@ def test_a_model_without_inputs_gets_a_page(tmp_path, mapmore, dictionary):
 
 def test_every_figure_of_an_inverted_model_is_drawn(tmp_path, mapmore):
     """Also that between the levels, where the model's own quantities stand at the axes."""
+    spec = write_study(tmp_path, levels=(100, 200, 300, 400))
+    force = np.linspace(0.0, 150.0, 40)
     for level in (100, 200, 300, 400):
-        force = np.linspace(0.0, 150.0, 40)
         strain = (0.05 + 0.0004 * level) * (1 - force / 400) ** 1.2
-        (tmp_path / f"held_{level}.csv").write_text(
-            "\n".join(
-                [
-                    "P,eps,F",
-                    *(f"{level},{e:.5f},{f:.3f}" for e, f in zip(strain, force, strict=True)),
-                ]
-            )
-            + "\n"
-        )
-    (tmp_path / "s.yaml").write_text(
-        "name: s\ndata:\n  files: ['held_*.csv']\n  columns: {pressure: {column: P}, strain: "
-        "{column: eps}, force: {column: F}}\n"
-        "  levels: {of: pressure, at: [100, 200, 300, 400]}\n  split: {validate: {pressure: "
-        "[200]}}\ntarget: {column: strain}\n"
-        "validate: {as: force}\nsegment: {force: {method: even, count: 2, min_samples: 6}}\n"
-        "dictionary: [{polynomial: {of: [force], order: 2}}]\nfit: {max_terms: 2}\n"
+        write_recording(tmp_path, "bench", level, strain, force)
+    settings = options(
+        "target={column: strain}",
+        "validate={as: force}",
+        "segment={force: {method: even, count: 2, min_samples: 6}}",
+        "dictionary=[{polynomial: {of: [force], order: 2}}]",
+        "fit={max_terms: 2}",
+        "report={}",
     )
-    mapmore("run", tmp_path / "s.yaml", "--runs", tmp_path / "runs", code=0)
-    drawn = {path.stem for path in (tmp_path / "runs" / "s" / "report").rglob("segments_levels*")}
-    assert drawn
-    mapmore("figure", tmp_path / "runs" / "s", "segments", "-o", tmp_path / "out.pdf", code=0)
+    mapmore("run", spec, *settings, code=0)
+    run = tmp_path / "runs" / "bench"
+    assert {*(run / "report").rglob("segments_levels*")}
+    mapmore("figure", run, "segments", "-o", tmp_path / "out.pdf", code=0)
 
 
-def test_a_label_that_cannot_be_set_is_found_before_anything_is_computed(tmp_path, mapmore):
-    spec = write_study(tmp_path)
+def test_a_label_that_cannot_be_set_is_found_before_anything_is_computed(study, tmp_path, mapmore):
     deep = "report.style={labels: {force: '$x" + "^{x" * 120 + "}" * 120 + "$'}}"
-    assert "cannot be set" in mapmore("check", spec, "--set", deep, code=3).stdout
-    mapmore("run", spec, "--runs", tmp_path / "runs", "--set", deep, code=3, says="cannot be set")
+    assert "cannot be set" in mapmore("check", study, "--set", deep, code=3).stdout
+    mapmore("run", study, "--set", deep, code=3, says="cannot be set")
     assert not (tmp_path / "runs" / "bench" / "model.h5").exists()
-    mapmore(
-        "run",
-        spec,
-        "--runs",
-        tmp_path / "runs",
-        "--set",
-        "report.style={labels: {force: '$F_0^{x^{2}}$ (N)'}}",
-        code=0,
-    )
+    mapmore("run", study, "--set", "report.style={labels: {force: '$F_0^{x^{2}}$ (N)'}}", code=0)

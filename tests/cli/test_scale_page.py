@@ -1,7 +1,5 @@
 """docs/scale.md says what the simulation says, and the simulation what can be reckoned by hand."""
 
-from __future__ import annotations
-
 import re
 
 import pytest
@@ -16,33 +14,13 @@ def test_the_table_is_the_one_of_the_page():
     runs = scale.recorded()
     assert len(told) == 9
     for name, row in told.items():
+        assert numbers(row)["client"] < 0.5 * numbers(row)["file system"]
         count, workers = map(int, name.split(" on "))
         if count > 1_000:
             continue
         loads = [runs[number % len(runs)] for number in range(count)]
         assert row["what limits"] == scale.bounds(loads, workers).limit
         assert numbers(row)["simulated"] == pytest.approx(scale.simulated(loads, workers), rel=1e-3)
-
-
-def test_what_the_text_says_stands_in_the_table():
-    told = page_table("limits", DOCS / "scale.md")
-    assert told["10 on 64"]["what limits"] == told["10 on 1000"]["what limits"] == "longest run"
-    assert told["1000 on 64"]["what limits"] == told["100000 on 1000"]["what limits"] == "workers"
-    assert told["1000 on 1000"]["what limits"] == "longest run"
-    by_run = {name: numbers(row) for name, row in told.items()}
-    assert 1.25 < by_run["1000 on 64"]["simulated"] / by_run["1000 on 64"]["workers"] < 1.42
-    assert 0.9 < by_run["100000 on 1000"]["file system"] / by_run["100000 on 1000"]["workers"] < 1
-    assert all(row["client"] < 0.5 * row["file system"] for row in by_run.values())
-
-
-def test_by_hand():
-    work = [scale.Load(0, 0, seconds, 0) for seconds in (3, 1, 2)]
-    assert [scale.simulated(work, workers) for workers in (1, 2, 3, 9)] == [6, 3, 3, 3]
-    disk = [scale.Load(0, 1, 0, 2)] * 4
-    assert [scale.simulated(disk, workers) for workers in (1, 4)] == [12, 12]
-    sent = [scale.Load(5, 0, 1, 0)] * 3
-    assert [scale.simulated(sent, workers) for workers in (1, 3)] == [16, 16]
-    assert scale.bounds(sent, 3).limit == "client and scheduler"
 
 
 parts = st.floats(0, 5, width=16)

@@ -2,9 +2,6 @@
 the data or the fit.
 """
 
-from __future__ import annotations
-
-from cli_samples import write_study
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
@@ -34,11 +31,12 @@ MODELS = (
 @example("force", 300.0, -1.0, MODELS[0])
 @example("strain", -29.0, 1.0, MODELS[1])
 @example("pressure", 27.0, 1.0, MODELS[1])
-def test_any_scale_gives_a_result_or_says_what_is_wrong(tmp_path, name, exponent, sign, model):
-    spec = write_study(tmp_path)
+def test_any_scale_gives_a_result_or_says_what_is_wrong(
+    study, tmp_path, name, exponent, sign, model
+):
     own = ("data.levels.at=auto", "data.split={}") if name == "pressure" else ()
     loaded = load(
-        spec,
+        study,
         (
             f"data.columns.{name}.scale={sign * 10.0**exponent!r}",
             *own,

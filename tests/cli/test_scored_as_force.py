@@ -2,13 +2,11 @@
 one.
 """
 
-from __future__ import annotations
-
 import json
 
 import numpy as np
 import pytest
-from cli_samples import SPEC
+from cli_samples import OWN, SPEC, by_place, options, page_of, write_lines, write_recording
 
 TURNED = (
     "target={column: strain}",
@@ -18,10 +16,6 @@ TURNED = (
 )
 
 
-def options(*settings):
-    return [part for setting in settings for part in ("--set", setting)]
-
-
 @pytest.fixture(scope="module")
 def study(tmp_path_factory):
     """The force is set, alike at three pressures, and the strain measured."""
@@ -29,8 +23,7 @@ def study(tmp_path_factory):
     for level in (100, 200, 300):
         force = np.linspace(0.0, 150.0, 40)
         strain = (0.05 + 0.0004 * level) * (1 - force / 400) + rng.normal(0, 2e-4, 40)
-        lines = [f"{level},{e:.5f},{f:.3f}" for e, f in zip(strain, force, strict=True)]
-        (folder / f"bench_{level}.csv").write_text("\n".join(["P,eps,F", *lines]) + "\n")
+        write_recording(folder, "bench", level, strain, force)
     spec = folder / "bench.yaml"
     spec.write_text(
         SPEC.format(
@@ -40,46 +33,33 @@ def study(tmp_path_factory):
     return spec
 
 
-def scores(runs, name):
-    rows = json.loads((runs / name / "scores.json").read_text())["scores"]
-    return {(row["model"], row["split"]): row for row in rows if row["curve"] == "all"}
-
-
-def test_all_rows_are_of_the_force(study, tmp_path, mapmore):
+def test_all_rows_are_of_the_force(study, tmp_path, mapmore, document):
     """The inverted model has the error that inverting it by hand, in `predict`, gives; the formulas
     have that of the direct study.
     """
-    runs = tmp_path / "runs"
-    given = options(*TURNED, "validate={as: force, against: [polynomial_2]}", "name=turned")
-    mapmore("run", study, "--runs", runs, *given, code=0)
-    mapmore(
-        "validate", study, "--runs", runs, *options("validate={against: [polynomial_2]}"), code=0
-    )
-    rows, direct_rows = scores(runs, "turned"), scores(runs, "bench")
+    against = "validate.against=[polynomial_2]"
+    turned = options(*TURNED, "validate.as=force", against, "name=turned")
+    mapmore("run", study, *turned, code=0)
+    run = tmp_path / "runs" / "turned"
+    assert json.loads((run / "scores.json").read_text())["units"] == {"force": "N"}
+    rows = by_place(run / "scores.json")
+    direct = by_place(document("validate", study, "-q", *options(against)))
     assert {row["target"] for row in rows.values()} == {"force"}
-    assert json.loads((runs / "turned" / "scores.json").read_text())["units"] == {"force": "N"}
-    assert rows["polynomial_2", "validate"] == {
-        **direct_rows["polynomial_2", "validate"],
-        "target": "force",
-    }
-    measured = study.parent / "bench_200.csv"
-    table = tmp_path / "table.csv"
-    table.write_text(
-        "\n".join(["pressure,strain,force", *measured.read_text().splitlines()[1:]]) + "\n"
-    )
+    formula = ("polynomial_2", *OWN[1:])
+    assert rows[formula] == {**direct[formula], "target": "force"}
+    _, *measured = (study.parent / "bench_200.csv").read_text().splitlines()
+    write_lines(tmp_path / "table.csv", "pressure,strain,force", *measured)
     out = tmp_path / "out.csv"
-    mapmore("predict", runs / "turned" / "model.h5", table, "-o", out, "--as", "force", code=0)
+    mapmore("predict", run / "model.h5", "table.csv", "-o", out, "--as", "force", code=0)
     found = np.genfromtxt(out, delimiter=",", names=True, dtype=None, encoding="utf-8")
     error = np.sqrt(np.mean((found["force_predicted"] - found["force"]) ** 2))
-    assert rows["mapmore", "validate"]["rmse"] == pytest.approx(error, rel=1e-6)
-    assert rows["mapmore", "validate"]["nrmse"] < 0.05
-    page = (runs / "turned" / "report" / "index.html").read_text()
-    assert "The model predicts strain; it is inverted, and scored as force." in page
+    assert rows[OWN]["rmse"] == pytest.approx(error, rel=1e-6)
+    assert rows[OWN]["nrmse"] < 0.05
+    assert "The model predicts strain; it is inverted, and scored as force." in page_of("turned")
 
 
-def test_the_inverted_model_stands_beside_the_direct_one(study, tmp_path, mapmore):
+def test_the_inverted_model_stands_beside_the_direct_one(study, document):
     """As a competitor whose target is another, also where every level is left out in turn."""
-    runs = tmp_path / "runs"
     changed = "{target: {column: strain}, segment: {force: {method: even, count: 2}}, " + (
         "dictionary: [{polynomial: {of: [force], order: 2}}], fit: {max_terms: 2}}"
     )
@@ -87,11 +67,11 @@ def test_the_inverted_model_stands_beside_the_direct_one(study, tmp_path, mapmor
         f"validate={{against: [{{set: {changed}, as: inverted}}]}}",
         "data.split={leave_one_level_out: true}",
     )
-    mapmore("validate", study, "--runs", runs, *given, code=0)
-    rows = scores(runs, "bench")
-    assert {"mapmore", "inverted"} <= {model for model, _ in rows}
-    assert rows["inverted", "validate"]["n"] == 120
-    assert 0 < rows["inverted", "validate"]["nrmse"] < 1
+    rows = by_place(document("validate", study, "-q", *given))
+    assert OWN in rows
+    inverted = rows["inverted", *OWN[1:]]
+    assert inverted["n"] == 120
+    assert 0 < inverted["nrmse"] < 1
 
 
 @pytest.mark.parametrize(
@@ -116,20 +96,12 @@ def test_the_inverted_model_stands_beside_the_direct_one(study, tmp_path, mapmor
     ],
 )
 def test_what_cannot_be_inverted_is_refused(settings, words, study, tmp_path, mapmore):
-    mapmore(
-        "validate",
-        study,
-        "--runs",
-        tmp_path / "runs",
-        *options("validate.against=[]", *settings),
-        code=3,
-        says=words,
-    )
+    mapmore("validate", study, *options("validate.against=[]", *settings), code=3, says=words)
 
 
 def test_a_table_is_turned_with_its_flags(study, tmp_path, mapmore):
     runs = tmp_path / "runs"
-    mapmore("fuse", study, "--runs", runs, *options(*TURNED), code=0)
+    mapmore("fuse", study, *options(*TURNED), code=0)
     model, table = runs / "bench" / "model.h5", tmp_path / "table.csv"
     table.write_text("pressure,strain\n200,0.1\n200,5\n200,\n")
     shown = mapmore("predict", model, table, "--as", "force", code=0)

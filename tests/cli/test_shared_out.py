@@ -2,8 +2,6 @@
 the forks.
 """
 
-from __future__ import annotations
-
 import os
 import signal
 import subprocess

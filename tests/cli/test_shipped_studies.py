@@ -4,21 +4,17 @@ pages.
 These are docs/measured-static.md and docs/memory.md.
 """
 
-from __future__ import annotations
-
 import json
 import re
-from pathlib import Path
 
 import jsonschema
 import pytest
 import yaml
-from cli_samples import held_out, without_figures
+from cli_samples import CONFIGS, held_out, options, without_figures
 from page_tables import MEMORY, numbers, page_table
 
 from mapmore_cli.spec.loader import load
 
-CONFIGS = Path(__file__).parents[2] / "configs"
 STUDIES = sorted(
     path
     for path in CONFIGS.rglob("*.yaml")
@@ -187,21 +183,12 @@ def test_a_study_is_named_after_its_file_and_follows_the_schema(path, schema):
     schema.validate(yaml.safe_load(loaded.resolved))
 
 
-def run(mapmore, path, runs, *settings, with_report):
+def run(document, path, runs, *settings, with_report):
     spec = without_figures(path, runs) if "needs:" in path.read_text(encoding="utf-8") else path
-    result = mapmore(
-        "run" if with_report else "validate",
-        spec,
-        "--runs",
-        runs,
-        "--json",
-        "-q",
-        *settings,
-        code=0,
-    )
-    document = json.loads(result.stdout)
+    command = "run" if with_report else "validate"
+    found = document(command, spec, "--runs", runs, "-q", *settings)
     assert (runs / path.stem / "report" / "index.html").is_file() == with_report
-    return held_out(document)
+    return held_out(found)
 
 
 @pytest.mark.parametrize(
@@ -213,15 +200,15 @@ def run(mapmore, path, runs, *settings, with_report):
         for path in SIMULATED
     ],
 )
-def test_a_simulated_study_gives_its_scores(path, tmp_path, mapmore):
-    rows = run(mapmore, path, tmp_path, with_report=path.stem in WITH_REPORT)
+def test_a_simulated_study_gives_its_scores(path, tmp_path, document):
+    rows = run(document, path, tmp_path, with_report=path.stem in WITH_REPORT)
     for model, nrmse in NRMSE[path.stem].items():
         assert rows[model]["nrmse"] == pytest.approx(nrmse, abs=1e-4, rel=5e-3)
 
 
-def test_a_long_simulated_study_runs_alone(tmp_path, mapmore):
+def test_a_long_simulated_study_runs_alone(tmp_path, document):
     (path,) = (path for path in SIMULATED if path.stem == LONG_SIMULATED[0])
-    rows = run(mapmore, path, tmp_path, "--set", "validate.against=[]", with_report=False)
+    rows = run(document, path, tmp_path, "--set", "validate.against=[]", with_report=False)
     assert rows["mapmore"]["nrmse"] == pytest.approx(
         NRMSE[LONG_SIMULATED[0]]["mapmore"], abs=1e-4, rel=5e-3
     )
@@ -242,8 +229,8 @@ def runs(tmp_path_factory):
         for path in MEASURED
     ],
 )
-def test_a_measured_study_runs(path, runs, mapmore, measured_data):
-    rows = run(mapmore, path, runs, with_report=path.stem in WITH_REPORT)
+def test_a_measured_study_runs(path, runs, document, measured_data):
+    rows = run(document, path, runs, with_report=path.stem in WITH_REPORT)
     assert 0 < rows["mapmore"]["nrmse"] < 0.6
     assert rows["mapmore"]["n"] >= 10
     told = shown_of(path.stem)
@@ -270,17 +257,14 @@ QUICK = ("festo_10mm_10cm_pressure", "bellows_strain", "coiled_steps_motion")
     ],
 )
 def test_a_long_measured_study_runs_almost_alone(
-    study, competitor, tmp_path, mapmore, measured_data
+    study, competitor, tmp_path, document, measured_data
 ):
     (path,) = (path for path in MEASURED if path.stem == study)
     rows = run(
-        mapmore,
+        document,
         path,
         tmp_path,
-        "--set",
-        f"validate.against=[{competitor}]",
-        "--set",
-        "validate.simple=false",
+        *options(f"validate.against=[{competitor}]", "validate.simple=false"),
         with_report=False,
     )
     assert 0 < rows["mapmore"]["nrmse"] < 0.6

@@ -2,23 +2,17 @@
 told at its place.
 """
 
-from __future__ import annotations
-
-import csv
 import json
-import math
-from pathlib import Path
-from shutil import copy
 
 import numpy as np
 import pytest
-from cli_samples import held_out
+from cli_samples import PROJECT, by_place, csv_rows, held_out, write_lines
 
 import mapmore_cli
 from mapmore_cli.annexes.motion.simulation import simulate
-from mapmore_cli.storage.artefacts import read_fit, read_model
+from mapmore_cli.storage.artefacts import read_fit
 
-DATASETS = Path(__file__).parents[2] / "datasets"
+DATASETS = PROJECT / "datasets"
 LOGS = DATASETS / "waveforms"
 SPEC = f"""\
 name: moving
@@ -48,7 +42,6 @@ def finished(tmp_path_factory, mapmore):
     """The study, run once."""
     folder = tmp_path_factory.mktemp("moving")
     (folder / "spec.yaml").write_text(SPEC)
-    copy(DATASETS / "published" / "p_table_3.csv", folder)
     result = mapmore("run", folder / "spec.yaml", "--runs", folder / "runs", "--json", "-q", code=0)
     return folder / "runs" / "moving", json.loads(result.stdout)
 
@@ -57,14 +50,9 @@ def refused(mapmore, tmp_path, change, code, says):
     old, new = change
     assert old in SPEC
     (tmp_path / "spec.yaml").write_text(SPEC.replace(old, new))
-    copy(DATASETS / "published" / "p_table_3.csv", tmp_path)
     return mapmore(
         "run", tmp_path / "spec.yaml", "--runs", tmp_path / "runs", "-q", code=code, says=says
     ).stderr
-
-
-def table(path):
-    return list(csv.DictReader(path.read_text().splitlines()))
 
 
 def recording(name="waveform_rapid"):
@@ -74,45 +62,35 @@ def recording(name="waveform_rapid"):
 
 def test_the_model_file_holds_sections_that_predict_what_was_scored(finished):
     folder, document = finished
-    model = read_model(folder / "model.h5")
-    assert [quantity.name for quantity in model.inputs] == ["input"]
     motion = read_fit(folder / "fit.h5").body.model
     assert motion.boundaries == pytest.approx((2.35, 3.95))
     log = recording()
-    error = simulate(motion, log) - log["displacement"]
-    row = next(
-        row
-        for row in document["scores"]
-        if (row["model"], row["curve"]) == ("mapmore", "waveform_rapid")
-    )
-    assert row["rmse"] == pytest.approx(math.sqrt(np.mean(error**2)), rel=1e-9)
+    simulated = simulate(motion, log)
+    row = by_place(document)["mapmore", "validate", "waveform_rapid"]
+    error = np.sqrt(np.mean((simulated - log["displacement"]) ** 2))
+    assert row["rmse"] == pytest.approx(error, rel=1e-9)
     loaded = mapmore_cli.load_model(folder / "model.h5")
-    np.testing.assert_allclose(
-        loaded(time=log["time"], input=log["input"]), simulate(motion, log), atol=1e-12
-    )
+    assert [quantity.name for quantity in loaded.inputs] == ["input"]
+    np.testing.assert_allclose(loaded(time=log["time"], input=log["input"]), simulated, atol=1e-12)
 
 
-def test_show_tells_sections_poles_and_searches(finished, mapmore):
+def test_show_tells_sections_poles_and_searches(finished, mapmore, document):
     folder, _ = finished
-    shown = json.loads(mapmore("show", folder / "model.h5", "--json").stdout)
+    shown = document("show", folder / "model.h5")
     assert shown["kind"] == "state_space"
     sections = shown["motion"]["sections"]
     assert [section["id"] for section in sections] == [
         f"{way} {place}" for place in (1, 2, 3) for way in ("rise", "fall")
     ]
     for section in sections:
-        poles = [complex(*pole) for pole in section["poles"]]
-        assert sum(poles) == pytest.approx(section["p2"], abs=1e-9)
-        assert -poles[0] * poles[1] == pytest.approx(section["p1"], abs=1e-9)
-        assert section["gain"] == pytest.approx(
-            section["weights"][0] / (1 - section["p1"] - section["p2"])
-        )
-    fit = json.loads(mapmore("show", folder / "fit.h5", "--json").stdout)["motion"]
+        one, other = (complex(*pole) for pole in section["poles"])
+        p1, p2 = section["p1"], section["p2"]
+        assert [one + other, -one * other] == pytest.approx([p2, p1], abs=1e-9)
+        assert section["gain"] == pytest.approx(section["weights"][0] / (1 - p1 - p2))
+    fit = document("show", folder / "fit.h5")["motion"]
     assert fit["solver"] == "least_squares"
-    assert all(
-        search["history"][-1] == pytest.approx(search["rmse"], rel=1e-6)
-        for search in fit["searches"]
-    )
+    for search in fit["searches"]:
+        assert search["history"][-1] == pytest.approx(search["rmse"], rel=1e-6)
     text = mapmore("show", folder / "model.h5").stdout
     assert "displacement[k-2]" in text
     assert "Sections meet at input 2.35, 3.95" in text
@@ -121,22 +99,18 @@ def test_show_tells_sections_poles_and_searches(finished, mapmore):
 def test_predict_needs_no_measured_output_and_begins_anew_after_a_gap(finished, mapmore, tmp_path):
     folder, _ = finished
     log = recording()
-    time = log["time"].copy()
-    time[100:] += 2.0
-    lines = ["time,input", *(f"{t:.2f},{u:.3f}" for t, u in zip(time, log["input"], strict=True))]
-    (tmp_path / "table.csv").write_text("\n".join(lines) + "\n")
-    result = mapmore("predict", folder / "model.h5", tmp_path / "table.csv", "-o", "-", code=0)
-    rows = list(csv.DictReader(result.stdout.splitlines()))
-    predicted = np.array([float(row["displacement_predicted"]) for row in rows])
+    time, voltage = log["time"] + 2.0 * (np.arange(len(log["time"])) >= 100), log["input"]
+    lines = [f"{t:.2f},{u:.3f}" for t, u in zip(time, voltage, strict=True)]
+    write_lines(tmp_path / "table.csv", "time,input", *lines)
+    rows = csv_rows(mapmore("predict", folder / "model.h5", "table.csv", code=0).stdout)
     motion = read_fit(folder / "fit.h5").body.model
-    parts = [slice(0, 100), slice(100, None)]
-    expected = np.concatenate(
-        [
-            simulate(motion, {"time": time[part], "input": np.round(log["input"][part], 3)})
-            for part in parts
-        ]
+    expected = [
+        simulate(motion, {"time": time[part], "input": np.round(voltage[part], 3)})
+        for part in (slice(0, 100), slice(100, None))
+    ]
+    np.testing.assert_allclose(
+        [float(row["displacement_predicted"]) for row in rows], np.concatenate(expected), atol=1e-9
     )
-    np.testing.assert_allclose(predicted, expected, atol=1e-9)
     assert {row["outside_range"] for row in rows} == {"false"}
 
 
@@ -145,7 +119,7 @@ def test_the_page_shows_sections_and_errors(finished):
     page = (folder / "report" / "index.html").read_text()
     for words in ("Models of motion", "Errors over one wavelength"):
         assert words in page
-    rows = table(folder / "report" / "tables" / "sections.csv")
+    rows = csv_rows((folder / "report" / "tables" / "sections.csv").read_text())
     assert [row["model"] for row in rows] == ["mapmore"] * 6 + ["one"] + ["joined"] * 3
     assert {row["solver"] for row in rows} == {"least squares"}
 
@@ -153,40 +127,38 @@ def test_the_page_shows_sections_and_errors(finished):
 def test_scores_follow_from_the_numbers_beside_the_figures(finished):
     """The page's scores, made again from the CSVs beside its figures."""
     folder, document = finished
-    squares: dict[str, list[float]] = {}
-    for path in sorted((folder / "report" / "panels").glob("fit.*.csv")):
-        for row in table(path):
-            for name in ("mapmore", "one", "joined"):
-                if row["data"] == "validate" and f"{name} [cm]" in row:
-                    squares.setdefault(name, []).append(
-                        (float(row[f"{name} [cm]"]) - float(row["displacement [cm]"])) ** 2
-                    )
     told = held_out(document)
-    assert set(squares) == {"mapmore", "one", "joined"}
-    for name, errors in squares.items():
+    rows = [
+        row
+        for path in (folder / "report" / "panels").glob("fit.*.csv")
+        for row in csv_rows(path.read_text())
+        if row["data"] == "validate"
+    ]
+    for name in ("mapmore", "one", "joined"):
+        errors = [
+            float(row[f"{name} [cm]"]) - float(row["displacement [cm]"])
+            for row in rows
+            if f"{name} [cm]" in row
+        ]
         assert len(errors) == told[name]["n"]
-        assert math.sqrt(sum(errors) / len(errors)) == pytest.approx(told[name]["rmse"], rel=1e-6)
+        assert np.sqrt(np.mean(np.square(errors))) == pytest.approx(told[name]["rmse"], rel=1e-6)
 
 
 def test_table_3_follows_from_the_same_numbers(finished):
     folder, _ = finished
-    tables = table(folder / "report" / "tables" / "waveforms.csv")
-    (row,) = [
-        row
-        for row in tables
-        if (row["recording"], row["model"]) == ("waveform_weighted", "mapmore")
-    ]
-    motion, log = read_fit(folder / "fit.h5").body.model, recording("waveform_weighted")
-    error = (simulate(motion, log) - log["displacement"])[-80:]
-    assert int(row["samples"]) == 80
-    assert float(row["RMSE [cm]"]) == pytest.approx(math.sqrt(np.mean(error**2)), rel=1e-3)
-    assert float(row["max error [cm]"]) == pytest.approx(np.abs(error).max(), rel=1e-3)
+    rows = csv_rows((folder / "report" / "tables" / "waveforms.csv").read_text())
+    row = {(row["recording"], row["model"]): row for row in rows}["waveform_weighted", "mapmore"]
+    log = recording("waveform_weighted")
+    error = (simulate(read_fit(folder / "fit.h5").body.model, log) - log["displacement"])[-80:]
+    assert [float(row[key]) for key in ("samples", "RMSE [cm]", "max error [cm]")] == pytest.approx(
+        [80, np.sqrt(np.mean(error**2)), np.abs(error).max()], rel=1e-3
+    )
 
 
 def test_it_runs_again_to_the_same_bytes(finished, mapmore, tmp_path):
     folder, _ = finished
     (tmp_path / "spec.yaml").write_text(SPEC)
-    mapmore("validate", tmp_path / "spec.yaml", "--runs", tmp_path / "runs", "-q", code=0)
+    mapmore("validate", tmp_path / "spec.yaml", "-q", code=0)
     for name in ("fit.h5", "model.h5", "scores.json"):
         assert (tmp_path / "runs" / "moving" / name).read_bytes() == (folder / name).read_bytes()
 

@@ -70,13 +70,12 @@ def joint(folder, summands, against=""):
 
 
 @pytest.mark.parametrize("summands", [RUNS, FORMULAS], ids=["runs", "formulas"])
-def test_a_joint_is_the_difference_of_its_muscles(summands, tmp_path, mapmore):
+def test_a_joint_is_the_difference_of_its_muscles(summands, tmp_path, mapmore, document):
     spec = joint(tmp_path, summands, f"{{sum: [{FORMULAS}], as: pair}}")
-    rmse, _ = scored_run(mapmore, spec, tmp_path / "runs")
+    rmse, _ = scored_run(mapmore, spec)
     assert max(rmse["mapmore"], rmse["pair"]) < 1e-5
     model = tmp_path / "runs" / "joint" / "model.h5"
-    shown = json.loads(mapmore("show", model, "--json").stdout)
-    assert "pressure = p1" in json.dumps(shown)
+    assert "pressure = p1" in json.dumps(document("show", model))
     table = tmp_path / "table.csv"
     table.write_text("p1,p2,s\n300,200,0.05\n")
     result = mapmore("predict", model, table, "-o", "-", code=0)
@@ -120,4 +119,4 @@ def test_wrong_sums(summands, words, tmp_path, mapmore):
 def test_two_runs_whose_pressures_have_one_name_are_refused(tmp_path, mapmore):
     spec = joint(tmp_path, RUNS.replace("pressure: p1, ", "").replace("pressure: p2, ", ""))
     words = ["flexor and extensor both have an input `pressure`", "inputs: {pressure: pressure_1}"]
-    mapmore("run", spec, "--runs", tmp_path / "runs", code=3, says=words)
+    mapmore("run", spec, code=3, says=words)

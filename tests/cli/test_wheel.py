@@ -1,7 +1,5 @@
 """The program as somebody gets it who has no checkout: a wheel, built and tried."""
 
-from __future__ import annotations
-
 import json
 import os
 import shutil
@@ -9,17 +7,19 @@ import subprocess
 import sys
 import tarfile
 import zipfile
-from pathlib import Path
 
 import pytest
-
-PROJECT = Path(__file__).resolve().parents[2]
-
+from cli_samples import PROJECT
 
 BUILD = (
     "import sys; from setuptools import build_meta; getattr(build_meta, sys.argv[1])(sys.argv[2])"
 )
 """What pip has the build backend do, without pip."""
+
+
+def build(place, *work):
+    command = [sys.executable, "-c", BUILD, *work]
+    subprocess.run(command, check=True, cwd=place, capture_output=True)
 
 
 @pytest.fixture(scope="module")
@@ -31,22 +31,11 @@ def wheel(tmp_path_factory):
         ".*", "tests", "docs", "configs", "datasets", "runs", "build", "*.egg-info", "__pycache__"
     )
     shutil.copytree(PROJECT, copy, ignore=wanted)
-    subprocess.run(
-        [sys.executable, "-c", BUILD, "build_sdist", folder],
-        check=True,
-        cwd=copy,
-        capture_output=True,
-    )
+    build(copy, "build_sdist", folder)
     (archive,) = folder.glob("*.tar.gz")
     with tarfile.open(archive) as sources:
         sources.extractall(folder, filter="data")
-    unpacked = folder / archive.name.removesuffix(".tar.gz")
-    subprocess.run(
-        [sys.executable, "-c", BUILD, "build_wheel", folder],
-        check=True,
-        cwd=unpacked,
-        capture_output=True,
-    )
+    build(folder / archive.name.removesuffix(".tar.gz"), "build_wheel", folder)
     (found,) = folder.glob("*.whl")
     return found
 
