@@ -291,6 +291,7 @@ MORE = os.environ.get("MAPMORE_EXAMPLES")
 UNUSABLE = (
     "no table of numbers",
     "too few training samples",
+    "too few for",  # terms, of a file of three samples
     "it looks like",  # a unit that no title says
     "are one signal",
 )
