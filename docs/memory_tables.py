@@ -51,10 +51,11 @@ def uncut(runs: Path) -> Table:
         (given,) = variant.set.get("data.files", [""])
         if not isinstance(given, dict):
             continue
+        # else samples that a competitor does not predict are left out as well
         alone = (
             *entry.overrides,
             "validate.against=[]",
-        )  # else samples that a competitor does not predict are left out as well
+        )
         cut, whole = (
             (*alone, f"name={variant.name}-cut"),
             (*alone, "data.files.0.keep=[]", f"name={variant.name}-uncut"),

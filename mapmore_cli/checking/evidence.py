@@ -62,9 +62,8 @@ def _groups_of(strain: Array) -> list[tuple[float, IntArray]]:
     it.
     """
     low, span = float(strain.min()), float(np.ptp(strain)) or 1.0
-    place = np.round((strain - low) / span * 200).astype(
-        int
-    )  # strains within half a per cent of the range are one
+    # strains within half a per cent of the range are one
+    place = np.round((strain - low) / span * 200).astype(int)
     if len(np.unique(place)) > GROUPS:
         place = np.minimum((strain - low) / span * GROUPS, GROUPS - 1).astype(int)
     return [
@@ -176,9 +175,8 @@ def same_signals(columns: Sequence[Array]) -> list[list[int]]:
 # What was set
 # --------------------------------------------------------------------------------------------------
 
-EVEN = (
-    0.8  # of the steps from sample to sample, that are one step up or down where a quantity was set
-)
+# of the steps from sample to sample, that are one step up or down where a quantity was set
+EVEN = 0.8
 ALIKE = 0.02  # of the step, that these may differ
 
 

@@ -89,9 +89,8 @@ def read_label(name: str) -> ColumnTitle | None:
     The first word that names a quantity decides, and a unit is looked for behind it; without such a
     word, a unit of pressure does.
     """
-    apart = re.sub(
-        r"(?<=[a-z]{3})(?=[A-Z])|(?<=\bp)(?=[LRAB]\b)", " ", name
-    )  # camel case, and `pL` of a pair; kPa and MPa stay whole
+    # camel case, and `pL` of a pair; kPa and MPa stay whole
+    apart = re.sub(r"(?<=[a-z]{3})(?=[A-Z])|(?<=\bp)(?=[LRAB]\b)", " ", name)
     parts = words(apart)
     named = [place for place, word in enumerate(parts) if word in _OF_WORD]
     named = [place for place in named if not place or parts[place] != "v"]  # volts of `y_V`

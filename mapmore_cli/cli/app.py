@@ -180,9 +180,8 @@ def _common(
 
 def main() -> None:
     """Run the installed command and of `python -m mapmore_cli`."""
-    cast(io.TextIOWrapper, sys.stdout).reconfigure(
-        errors="replace"
-    )  # a terminal without ² and – still shows the table
+    # a terminal without ² and – still shows the table
+    cast(io.TextIOWrapper, sys.stdout).reconfigure(errors="replace")
     try:
         app(prog_name="mapmore")
     except (OSError, MemoryError) as error:  # outside of a command, as where --help is printed

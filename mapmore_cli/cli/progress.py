@@ -40,10 +40,11 @@ class Reporter:
         self._quiet = quiet
         self._verbose = verbose
         self._bar: Progress | None = None
+        # what is in progress, and the time of its next sign of life
         self._task, self._due = (
             "",
             0.0,
-        )  # what is in progress, and the time of its next sign of life
+        )
         self._stage: tuple[str, float] | None = None
         self._cleanup = ExitStack()
         self._warnings: dict[str, list[str]] = {}

@@ -295,9 +295,8 @@ class MemoryModel:
         """
         states = self.states
         width = states.high - states.low if states.scaled else np.ones(len(states.names))
-        slope = np.divide(
-            1.0, width, out=np.zeros(len(width)), where=width > 0
-        )  # a state that stood still in training is zero
+        # a state that stood still in training is zero
+        slope = np.divide(1.0, width, out=np.zeros(len(width)), where=width > 0)
         low = states.low if states.scaled else np.zeros(len(width))
         return Scaling(
             "range" if states.scaled else "none",

@@ -158,12 +158,10 @@ class Tried:
         # failed
     ] = ()
     error: float = math.nan  # their root mean square
-    parts: float = (
-        math.nan
-    )  # the same over left-out levels or recordings; NaN where there are too few of them
-    excess: float = (
-        math.nan
-    )  # mean over all folds of the logarithm of the error over that of the best structure
+    # the same over left-out levels or recordings; NaN where there are too few of them
+    parts: float = math.nan
+    # mean over all folds of the logarithm of the error over that of the best structure
+    excess: float = math.nan
     spread: float = math.nan  # standard error of that mean
     seconds: float = 0.0  # that it took
     failure: str = ""  # why a fit failed

@@ -133,9 +133,8 @@ class Published:
     source: str
     nrmse: Mapping[str, float] = field(default_factory=dict)  # fractions
     rmse: Mapping[str, float] = field(default_factory=dict)  # in the target's unit
-    rmse_at_least: Mapping[str, float] = field(
-        default_factory=dict
-    )  # where only a lower bound was printed
+    # where only a lower bound was printed
+    rmse_at_least: Mapping[str, float] = field(default_factory=dict)
 
     def shown_rmse(self, model: str) -> float | str | None:
         """Return the RMSE as a cell of a table: a bound is told as one, and None where nothing was

@@ -59,9 +59,8 @@ def learned(name: str, x: Array, y: Array) -> Callable[[Array], Array]:
     middle, height = float(y.mean()), float(_width(y))
     learner = _learner(name, x.shape[1])
     with warnings.catch_warnings():
-        warnings.filterwarnings(
-            "ignore", module="sklearn"
-        )  # a search that stopped early: its score says what it is worth
+        # a search that stopped early: its score says what it is worth
+        warnings.filterwarnings("ignore", module="sklearn")
         learner.fit((x - centre) / width, (y - middle) / height)
     return lambda of: _learner_says(learner, (of - centre) / width) * height + middle
 

@@ -204,10 +204,11 @@ def _losses(recording: Recording) -> Iterator[str]:
         )
 
 
+# largest value of a quantity: powers and squares of others leave the range of numbers
 LEAST, MOST = (
     1e-30,
     1e30,
-)  # largest value of a quantity: powers and squares of others leave the range of numbers
+)
 
 
 def _check_sizes(samples: Samples, units: Mapping[str, str]) -> None:
@@ -288,9 +289,8 @@ def _conditions(
         )
     if choice.last_cycles is not None and choice.of is not None:
         yield _last_cycles(parts, choice.of, choice.last_cycles)
-    if (
-        choice.fraction is not None
-    ):  # the nearest whole number of samples, drawn without replacement
+    # the nearest whole number of samples, drawn without replacement
+    if choice.fraction is not None:
         drawn = np.random.default_rng(choice.seed or 0).permutation(sum(sizes))[
             : round(choice.fraction * sum(sizes))
         ]

@@ -202,9 +202,8 @@ def expand(pattern: str, folder: Path) -> list[Path]:
                 f'the name {name!r} is not one line of valid text without " ` $ < > \\',
                 "rename the file",
             )
-        if (
-            path.stat().st_size == 0
-        ):  # as all files below /proc say of themselves, which may never end
+        # as all files below /proc say of themselves, which may never end
+        if path.stat().st_size == 0:
             raise DataError(f"{name}: is empty", "leave it out of `files`, or get it again")
         files.append(path)
     if not files:

@@ -216,9 +216,8 @@ def _against_the_file(raw: RawTable, table: Logs, units: Mapping[str, str]) -> I
         free = column.unit is None and (
             name == "input" or (units[name] == "1" and not is_canonical(name))
         )
-        if (
-            not told.unit.strip() or scales or free
-        ):  # nobody says what a command, or a quantity of one's own, is in
+        # nobody says what a command, or a quantity of one's own, is in
+        if not told.unit.strip() or scales or free:
             continue
         unit = unit_of_file(told.unit, declared)
         if unit is None:

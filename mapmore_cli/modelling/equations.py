@@ -67,9 +67,8 @@ def equation(
             for short, line in where.items()
         }
         own = [evaluate(parse(to_text(term, digits)), {**at, **known}, len(u)) for term in parts]
-        return np.asarray(
-            np.sum(own, axis=0)
-        )  # term by term: the whole may be longer than an expression that is read
+        # term by term: the whole may be longer than an expression that is read
+        return np.asarray(np.sum(own, axis=0))
 
     with np.errstate(all="ignore"):  # a term may be undefined somewhere in the ranges
         known = {**at, **{short: evaluate(line, at, len(u)) for short, line in where.items()}}
@@ -143,9 +142,8 @@ def summed(
                 for tree, own in zip(trees, degrees, strict=True)
                 if name in tree.names
             )
-            shift = (
-                1.0 if placed.get(name) == "right" and bent > 0 else 0.0
-            )  # most of its terms are shorter where it begins at zero
+            # most of its terms are shorter where it begins at zero
+            shift = 1.0 if placed.get(name) == "right" and bent > 0 else 0.0
             short[name], where[fresh] = (
                 Name(fresh) - shift,
                 affine(Name(name), slope, intercept + shift),

@@ -39,10 +39,11 @@ SPLITS, STEEP = 6, 3.0
 secant: it may turn twice there.
 """
 
+# rows that are scanned at a time; bisections that halve an interval down to rounding
 CHUNK, BISECTIONS = (
     500,
     50,
-)  # rows that are scanned at a time; bisections that halve an interval down to rounding
+)
 SAME = 1e-9  # fraction of the span of outputs in a scan below which a difference counts as zero
 # fraction of the wanted output: a bisection that ends farther away has found a jump, no solution
 REACHED = 1e-6

@@ -11,9 +11,8 @@ from mapmore_cli.domain.declared import Contradiction, Either, InUnit, OfHeld, S
 
 AUTO = "auto"  # what left-out training data choose: a backbone
 LEAST_RIDGE = 1e-9  # a smaller ridge, but for zero, would drown in the rounding of the Gram matrix
-FORWARD = (
-    3  # terms chosen forward for each that is kept, where pruning follows and nothing else is said
-)
+# terms chosen forward for each that is kept, where pruning follows and nothing else is said
+FORWARD = 3
 
 Stop = Literal["tolerance", "bic", "aicc", "press", "free_run"]
 """When fewer terms than `max_terms` are enough."""

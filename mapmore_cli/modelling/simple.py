@@ -15,11 +15,12 @@ import numpy as np
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.recording import Curve, Dataset
 
+# total degree of each polynomial, every monomial up to it included
 DEGREES = {
     "plane": 1,
     "quadratic": 2,
     "cubic": 3,
-}  # total degree of each polynomial, every monomial up to it included
+}
 ORDERS = (1, 2, 4, 8)  # samples that an ARX looks back; the free run on training data chooses
 MOST_ROWS = 50_000  # training rows that a fit takes, an even share
 LARGEST = 1e3  # times the largest measured output, from which a free run has diverged

@@ -80,12 +80,11 @@ def inspect(
             return _sorted(None, [*found, _no_curves(fault, loaded)], read_by)
         raise
     issues = issues_of(loaded, dataset, hints=True)
+    # what would end a run that this one needs, or is compared with, would end both
     for (
         key,
         other,
-    ) in (
-        needed.items()
-    ):  # what would end a run that this one needs, or is compared with, would end both
+    ) in needed.items():
         try:
             found = issues_of(
                 other,

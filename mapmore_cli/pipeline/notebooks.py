@@ -179,9 +179,8 @@ class LoadedModel:
         reading = reading_of(self.model, given)
         needed = list(dict.fromkeys((*reading.columns, *reading.outputs)))
         signals = self.model.signals
-        spare = (
-            {"time", *(signal.of for signal in signals)} if signals else set[str]()
-        )  # what given rates and directions follow from
+        # what given rates and directions follow from
+        spare = {"time", *(signal.of for signal in signals)} if signals else set[str]()
         if not set(needed) <= set(columns) <= {*needed, *spare}:
             raise TypeError(
                 f"this model is a function of {', '.join(needed)}; got "

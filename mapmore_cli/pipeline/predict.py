@@ -266,10 +266,11 @@ def _numbers_of(
             inputs = with_signals(reading.signals, {name: x[part] for name, x in columns.items()})
         except DataError:  # too few samples for the window of a rate
             continue
+        # far outside of the range a term may overflow; the flag says so
         with (
             np.errstate(all="ignore"),
             numbered(rows[part]),
-        ):  # far outside of the range a term may overflow; the flag says so
+        ):
             run = simulate(model, inputs)
             outside[part] = outside_range(model, inputs)
             numbers[part] = np.column_stack(

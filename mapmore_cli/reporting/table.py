@@ -263,11 +263,12 @@ def title_of(text: str) -> str:
 @cache
 def environment() -> Environment:
     """Return the templates of the package, with tables and figures as filters."""
+    # tables and figures need none of it
     from jinja2 import (
         Environment,
         PackageLoader,
         StrictUndefined,
-    )  # tables and figures need none of it
+    )
     from markupsafe import Markup
 
     loader = PackageLoader("mapmore_cli.reporting")

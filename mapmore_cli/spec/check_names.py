@@ -219,9 +219,10 @@ def _expression(text: str, loc: Loc, spec: ExperimentSpec) -> Iterator[Finding]:
     yield from found
     of_target = [name for name in term.names if state(name).quantity == spec.target_quantity]
     if of_target and not found:
+        # takes long to load, and few specs need it
         from mapmore_cli.modelling.memory.feedback import (
             parted,
-        )  # takes long to load, and few specs need it
+        )
 
         yield from refused(loc, parted, term, of_target)
 
@@ -265,9 +266,10 @@ def _of_target(found: State, text: str, loc: Loc, spec: ExperimentSpec) -> Itera
     target, is_derived = spec.target_quantity, spec.target in DERIVED
     if found.quantity != target:
         return
+    # takes long to load, and few specs need it
     from mapmore_cli.modelling.memory.feedback import (
         looks_back,
-    )  # takes long to load, and few specs need it
+    )
 
     if is_derived or isinstance(found, Measured):
         back = "" if is_derived else f", or let it look back, as `{target}[k-1]`"

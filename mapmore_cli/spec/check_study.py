@@ -323,9 +323,8 @@ def unknown_formula(
     spec: ExperimentSpec, name: str | None, loc: Loc, others: Sequence[str] = ()
 ) -> Iterator[Finding]:
     """Tell that no formula has a name, at a place of the spec."""
-    if (
-        name is not None and name not in spec.own_formulas
-    ):  # what is wrong with one of its own is told where it is written
+    # what is wrong with one of its own is told where it is written
+    if name is not None and name not in spec.own_formulas:
         known = (*literature.names(), *spec.own_formulas, *others)
         yield Finding(loc, f"there is no literature model `{name}`", did_you_mean(name, known))
 

@@ -217,9 +217,8 @@ def _problem(details: ErrorDetails, root: Node, keys_at: KeysAt) -> Mistake:
     loc, rest = _split(details["loc"], root)
     node = nearest(root, loc)
     name = f"`{_dotted(loc)}`" if loc else "the spec"
-    for depth, key in enumerate(
-        loc
-    ):  # a key that would be a quantity, but whose value says that a near one is meant
+    # a key that would be a quantity, but whose value says that a near one is meant
+    for depth, key in enumerate(loc):
         known = keys_at(loc[:depth])
         if (
             known

@@ -183,9 +183,8 @@ def _validated(
     problems += [Mistake(node.at, what, VARIABLES) for node, what in strays]
     known = {problem.at for problem in problems}
     raise_if_any([*problems, *(problem for problem in later if problem.at not in known)])
-    if (
-        isinstance(spec, ExperimentSpec) and path.is_file()
-    ):  # else no file holds it, and no comments either
+    # else no file holds it, and no comments either
+    if isinstance(spec, ExperimentSpec) and path.is_file():
         spec._unconfirmed = questions_in(path.read_text(encoding="utf-8-sig"))
     return Loaded(spec, path, path.parent, tuple(overrides), root)
 
@@ -253,9 +252,8 @@ def questions_in(text: str) -> tuple[str, ...]:
     that it is about.
     """
     found = []
-    for match in (
-        _QUESTION.finditer(text) if "CHECK" in text else ()
-    ):  # which is looked for much faster
+    # which is looked for much faster
+    for match in _QUESTION.finditer(text) if "CHECK" in text else ():
         words = [match["text"]]
         start = text.rfind("\n", 0, match.start()) + 1
         key = _KEY.search(text, start)  # of its line, or of the one that the comment stands above

@@ -49,9 +49,8 @@ def json_schema() -> JsonSchemaValue:
         "required": schema.pop("required"),
         "properties": {"data": {"required": sections["Data"]["required"]}},
     }
-    for name in {
-        *_sections_within(schema, sections, ("items", "prefixItems", "$defs", "default"))
-    }:  # `extends` merges mappings, and no lists
+    # `extends` merges mappings, and no lists
+    for name in {*_sections_within(schema, sections, ("items", "prefixItems", "$defs", "default"))}:
         sections[name].pop("required", None)
     return {
         "$schema": GenerateJsonSchema.schema_dialect,
@@ -74,9 +73,8 @@ def _sections_within(
         name = str(schema.get("$ref", "")).removeprefix("#/$defs/")
         if name in sections:
             yield name
-            others = {
-                key: value for key, value in sections.items() if key != name
-            }  # families lie within products
+            # families lie within products
+            others = {key: value for key, value in sections.items() if key != name}
             yield from _sections_within(sections[name], others, skipped)
         for key, value in schema.items():
             if key not in skipped:

@@ -71,14 +71,12 @@ _COMMON = [
     *(f"{unit}/s" for unit in ("1", "%", "mm", "m", "N", "V", "Pa", "kPa", "bar", "psi")),
 ]
 
-_QUANTITY = re.compile(
-    r"([+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?)(.*)", re.ASCII | re.DOTALL
-)  # one way to match
+# one way to match
+_QUANTITY = re.compile(r"([+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?)(.*)", re.ASCII | re.DOTALL)
 _FACTOR = r"\(*(?:1|%|[^\W\d]\w*|°[CF])(?:(?:\^|\*\*)-?\d)?\)*"
 _UNIT = re.compile(rf"{_FACTOR}(?:(?:\s*[*/·]\s*|\s+){_FACTOR})*")
-_TORQUE = re.compile(
-    r"\b([mk]?N)(m|mm|cm)\b"
-)  # as everybody writes it; pint has a measure of yarn by this name
+# as everybody writes it; pint has a measure of yarn by this name
+_TORQUE = re.compile(r"\b([mk]?N)(m|mm|cm)\b")
 _LONGEST_UNIT = 60
 _BASE = {
     "kilogram": "kg", "meter": "m", "second": "s", "ampere": "A", "kelvin": "K", "mole": "mol",
@@ -98,9 +96,8 @@ def default_unit(
     """
     if name in changes:
         return changes[name]
-    others = {
-        key: of for key, of in rates.items() if key != name
-    }  # a circle of rates is reported elsewhere
+    # a circle of rates is reported elsewhere
+    others = {key: of for key, of in rates.items() if key != name}
     if name in rates or name.endswith("_rate"):
         of = rates.get(name, name.removesuffix("_rate"))
         return f"{default_unit(of, changes, others)}/{default_unit('time', changes)}"

@@ -77,9 +77,8 @@ def _on_one_line(node: yaml.Node) -> int:
         return ONE_LINE if "\n" in node.value else len(node.value) + 2
     parts = [part for one in node.value for part in (one if isinstance(one, tuple) else (one,))]
     size = 2 + sum(map(_on_one_line, parts))
-    is_wrapped = len(parts) == 2 and isinstance(
-        parts[1], yaml.CollectionNode
-    )  # `polynomial: {...}` needs no braces around it
+    # `polynomial: {...}` needs no braces around it
+    is_wrapped = len(parts) == 2 and isinstance(parts[1], yaml.CollectionNode)
     node.flow_style = size <= ONE_LINE and not is_wrapped
     return size
 

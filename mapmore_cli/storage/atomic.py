@@ -99,9 +99,8 @@ def _locked(place: Path, patient: bool = True) -> int | None:
     """Hold a file or folder against other processes that ask for it; None where another one holds
     it, or the system has no such locks.
     """
-    if (
-        sys.platform == "win32"
-    ):  # there, nothing shows that an unfinished file is abandoned, and all of them stay
+    # there, nothing shows that an unfinished file is abandoned, and all of them stay
+    if sys.platform == "win32":
         return None
     import fcntl
 
@@ -136,9 +135,8 @@ def replacing(path: Path) -> Iterator[BufferedRandom]:
     In an unfinished folder it is not flushed: `sync_tree` flushes the whole folder before that
     takes its place.
     """
-    path = (
-        path.resolve() if path.is_symlink() else path
-    )  # what a link leads to is replaced, not the link
+    # what a link leads to is replaced, not the link
+    path = path.resolve() if path.is_symlink() else path
     alone = not any(UNFINISHED.fullmatch(part) for part in path.parent.parts)
     with refusals_told(path.parent), unfinished_beside(path) as unfinished:
         with unfinished.open("r+b") as file:

@@ -40,9 +40,8 @@ def sysidentpy(P, y, k):
     from sysidentpy.model_structure_selection import FROLS
 
     method = FROLS(n_terms=k, order_selection=False, ylag=1, xlag=1)
-    delayed = np.concatenate([np.zeros(method.max_lag), y])[
-        :, None
-    ]  # it drops the rows before the longest lag from y, not from P
+    # it drops the rows before the longest lag from y, not from P
+    delayed = np.concatenate([np.zeros(method.max_lag), y])[:, None]
 
     def run():
         err, chosen, *_ = method.run_mss_algorithm(P, delayed, k)

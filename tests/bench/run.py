@@ -13,9 +13,8 @@ import sys
 import tempfile
 from pathlib import Path
 
-os.environ |= dict.fromkeys(
-    ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"), "1"
-)  # before NumPy starts its threads
+# before NumPy starts its threads
+os.environ |= dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"), "1")
 
 HERE = Path(__file__).parent
 

@@ -99,9 +99,8 @@ def main(samples, folder):
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
     part = min(WHOLE, samples)
     whole = fit_in_memory(path, part)
-    whole_seconds = median_seconds(
-        lambda: fit_in_memory(path, part), 3
-    )  # on pages that the first one made the system hand out
+    # on pages that the first one made the system hand out
+    whole_seconds = median_seconds(lambda: fit_in_memory(path, part), 3)
     result = {
         "samples": samples,
         "candidates": len(TERMS),

@@ -142,11 +142,12 @@ main()
 def test_interrupted_before_the_command(error, code, last, tmp_path):
     (tmp_path / "before.py").write_text(BEFORE.format(error=error))
     search = os.pathsep.join([str(tmp_path), *sys.path])
+    # as `python -m mapmore_cli`, after which Python may kill itself
     command = [
         sys.executable,
         "-m",
         "before",
-    ]  # as `python -m mapmore_cli`, after which Python may kill itself
+    ]
     done = subprocess.run(
         command,
         env={**os.environ, "PYTHONPATH": search},

@@ -40,13 +40,14 @@ def test_the_last_one_named_varies_fastest_and_one_value_holds_an_input():
         (0.1, 20),
     ]
     assert points("pressure=150,strain=0:0.2:0.1") == [(150, 0), (150, 0.1), (150, 0.2)]
+    # as a person would print them
     assert [line.strip() for line in grid_lines("x=0:0.3:0.1", ("x",))] == [
         "x",
         "0",
         "0.1",
         "0.2",
         "0.3",
-    ]  # as a person would print them
+    ]
 
 
 @pytest.mark.parametrize(

@@ -74,9 +74,10 @@ def test_first_lines_tell_of_better_models(tmp_path, mapmore, document, monkeypa
     """
     from mapmore_cli.annexes.search import searching
 
+    # a plane
     monkeypatch.setattr(
         searching, "simplest_of", lambda sizes, *_, **__: Ranked(0, 0, *np.ones((2, len(sizes))))
-    )  # a plane
+    )
     mapmore("run", write_bare(tmp_path), "-q")
     run = tmp_path / "runs/bare"
     formulas = [

@@ -178,9 +178,8 @@ def test_the_shell_pipeline(workshop):
     assert len(rows) == 2
     assert "mapmore" in done.stderr
     assert "%" in done.stderr
-    assert (
-        run(workshop, EXAMPLES / "pipeline.sh", "nothing.yaml", "table.csv").returncode == 3
-    )  # ends where it fails
+    # ends where it fails
+    assert run(workshop, EXAMPLES / "pipeline.sh", "nothing.yaml", "table.csv").returncode == 3
 
 
 @pytest.mark.long  # the shell pipeline runs the same commands

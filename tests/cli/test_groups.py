@@ -143,9 +143,8 @@ def test_offsets_do_not_depend_on_held_out_outputs_and_move_with_the_target():
 
 def test_what_goes_with_the_group_is_no_offset():
     group = np.repeat([1.0, 2.0], 50)
-    x = np.where(group == 1, 0.0, 1.0) + np.tile(
-        np.linspace(0, 1e-9, 50), 2
-    )  # varies within a group, and tells nothing
+    # varies within a group, and tells nothing
+    x = np.where(group == 1, 0.0, 1.0) + np.tile(np.linspace(0, 1e-9, 50), 2)
     with pytest.raises(DataError, match="cannot be told"):
         offsets_of(
             [Curve("all", None, {"x": x, "g": group, "y": x}, np.zeros(100, dtype=bool), ("a",))],

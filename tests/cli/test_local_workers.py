@@ -75,9 +75,8 @@ def test_no_worker_outlives_its_parent(name, code, tmp_path):
         wait_until(lambda: len(list(tmp_path.glob("runs/*/ingest.h5"))) == 1)
         workers = children_of(process.pid)
         process.send_signal(getattr(signal, name))
-        _, stderr = process.communicate(
-            timeout=30
-        )  # what workers hold open would keep this waiting
+        # what workers hold open would keep this waiting
+        _, stderr = process.communicate(timeout=30)
     assert process.returncode == code
     assert "Traceback" not in stderr
     assert code < 0 or stderr.splitlines()[-1] == f"ended by {name}"

@@ -187,9 +187,8 @@ def test_a_table_of_time_pressure_and_strain_predicts_what_was_validated(muscle,
     np.testing.assert_allclose(found, wanted, rtol=1e-9, atol=1e-9)
     first = {column: curves[0].columns[column] for column in ("time", "pressure", "strain")}
     model = mapmore_cli.load_model(run_dir / "model.h5")
-    with pytest.warns(
-        UserWarning, match="outside of the training range"
-    ):  # rates of the held-out step, and strains before it
+    # rates of the held-out step, and strains before it
+    with pytest.warns(UserWarning, match="outside of the training range"):
         np.testing.assert_allclose(model(**first), wanted[: len(first["time"])], atol=1e-6)
 
 

@@ -29,9 +29,8 @@ def assert_shown(found, page):
     """The page has the same rows, and numbers that agree within their printed digits."""
     shown = page_table(found.name, page)
     keys = [re.sub(r" \[.*\]$", "", heading) for heading in found.headings[1:]]
-    if len({row[0] for row in found.shown}) == len(
-        found.rows
-    ):  # several rows may begin with one model
+    # several rows may begin with one model
+    if len({row[0] for row in found.shown}) == len(found.rows):
         assert list(shown) == [row[0] for row in found.shown]
     for first, *cells in found.shown:
         if [row[0] for row in found.shown].count(first) > 1:

@@ -50,9 +50,8 @@ def test_the_joint_moves_as_the_page_says(tmp_path):
 
 
 def test_a_measured_regulator(tmp_path, measured_data):
-    with warnings.catch_warnings(
-        action="ignore", category=UserWarning
-    ):  # held-out samples beyond the training range
+    # held-out samples beyond the training range
+    with warnings.catch_warnings(action="ignore", category=UserWarning):
         assert_shown(outlook_tables.regulators(tmp_path), EXPORT)
 
 

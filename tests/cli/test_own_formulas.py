@@ -82,12 +82,13 @@ def test_a_formula_as_the_model_and_in_a_sum():
     levels = STUDY["levels"]
     formula = {"type": "literature", "name": "our_sarosi"}
     alone = mm.fit(FRAME, formulas=[SAROSI], model=formula, levels=levels)
+    # and not itself as a backbone
     assert {row["model"] for row in alone.scores} == {
         "mapmore",
         "plane",
         "quadratic",
         "cubic",
-    }  # and not itself as a backbone
+    }
     assert alone.scores.of_model(split="train")["r2"] > 0.999
     assert "exp(-" in alone.equations[0].text
     pair = {"formula": "our_sarosi", "inputs": {"pressure": "pressure", "strain": "strain"}}

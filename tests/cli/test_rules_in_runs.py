@@ -38,9 +38,8 @@ def test_an_error_of_check_ends_a_run_with_its_place_and_its_code(
     told = document("run", study, *PER_CENT, "--no-check", "-q")["warnings"]
     assert ["per cent" in warning for warning in told] == [True]
     assert page_of().count('<p class="warning">strain reaches') == 1
-    mapmore(
-        "run", study, *PER_CENT, code=3, says="looks like per cent"
-    )  # what went on once is no permission
+    # what went on once is no permission
+    mapmore("run", study, *PER_CENT, code=3, says="looks like per cent")
 
 
 def test_a_constant_target_is_wrong_data(study, mapmore):

@@ -160,9 +160,8 @@ def test_no_heap_no_globals():
             assert [line for line in text.splitlines() if line.startswith("#include")][1:] == [
                 "#include <math.h>"
             ]
-            lines = (
-                [] if "_inverse" in file else text.splitlines()
-            )  # whose knots are constants, and its types are named
+            # whose knots are constants, and its types are named
+            lines = [] if "_inverse" in file else text.splitlines()
             outside = [
                 line for line in lines if line and not line[0].isspace() and line[0] not in "{}/#"
             ]

@@ -43,9 +43,8 @@ def autoregression(rng):
 
 def spline(rng):
     """A cubic that changes at a knot, and goes straight along a second input."""
-    x, z = (
-        np.concatenate([[0.0, 1.0], rng.uniform(0, 1, 118)]) for _ in range(2)
-    )  # no block takes the ends of the range away
+    # no block takes the ends of the range away
+    x, z = (np.concatenate([[0.0, 1.0], rng.uniform(0, 1, 118)]) for _ in range(2))
     a = rng.uniform(0.5, 2, 4)
     return {"x": x, "z": z, "y": a[0] + a[1] * x + 9 * a[2] * np.abs(x - 0.3) ** 3 + a[3] * x * z}
 
@@ -100,9 +99,8 @@ def explained(case, seed, monkeypatch):
     monkeypatch.setattr(searching, "FAMILIES", case.families)
     columns = case.make(np.random.default_rng(seed))
     taken = search(dataset_of(columns, output=list(columns)[-1]), WHOLE, beside=False).found
-    exact = (
-        np.median(taken.errors) < 1e-9
-    )  # a fold that takes an end of the range away cannot say how it goes on there
+    # a fold that takes an end of the range away cannot say how it goes on there
+    exact = np.median(taken.errors) < 1e-9
     return (
         taken.words.startswith(case.words) and taken.parameters <= case.parameters and bool(exact)
     )

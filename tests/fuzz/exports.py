@@ -177,9 +177,8 @@ def model_of(chance, mark):
     model = chance.choice(bodies())
     others = chance.sample(sorted({*NAMES}), 5)
     names = dict(zip(("pressure", "strain", "speed", "force", "angle"), others, strict=True))
-    if (
-        isinstance(model.body, Formula | Sum) or model.backbone is not None
-    ):  # a formula knows its inputs by name
+    # a formula knows its inputs by name
+    if isinstance(model.body, Formula | Sum) or model.backbone is not None:
         inputs = tuple(
             Quantity(names.get(one.name, f"own_{one.name}"), text_of(chance, mark))
             for one in model.inputs
@@ -315,9 +314,10 @@ def try_text(chance, number, folder):
     """A table and a figure in which every text is free, in every format, as the formats' own
     readers take them.
     """
+    # no lone surrogates
     title, heading, cell, note = (
         text_of(chance).encode(errors="ignore").decode() for _ in range(4)
-    )  # no lone surrogates
+    )
     table = Table(
         "t", title, (Column(heading, cell), Column("n")), ((cell, 1.0), (note, 2.0)), (note,)
     )

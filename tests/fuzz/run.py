@@ -68,9 +68,8 @@ def told(words):
 def main(count, seed, names=()):
     """Try all targets, or those named; 1 where one of them is at fault."""
     warnings.simplefilter("ignore")
-    signal.signal(
-        signal.SIGINT, signal.default_int_handler
-    )  # a shell that starts this in the background has it ignored
+    # a shell that starts this in the background has it ignored
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     faults = []
     print(
         "| what | tried | past the syntax | outcomes | faults |\n|---|---:|---:|---|---:|",

@@ -104,7 +104,6 @@ def test_the_reader_suggests_the_encoding(ingest, encoding):
 @given(st.binary(max_size=300))
 def test_an_encoding_is_guessed_for_any_bytes(content):
     encoding = encoding_of(content)
-    if not encoding.startswith(
-        "utf-16"
-    ):  # which has pairs of bytes, of which half a one may be left
+    # which has pairs of bytes, of which half a one may be left
+    if not encoding.startswith("utf-16"):
         content.decode(encoding, errors="ignore" if encoding == "utf-8" else "strict")

@@ -12,12 +12,13 @@ from mapmore_cli.ingestion.files import slice_of
 from mapmore_cli.spec.loader import load
 
 PROJECT = Path(__file__).resolve().parents[2]
+# m; 0.182 m at rest
 CLAMPED = {
     "Unkink": 0.182,
     "kinked25": 0.1745,
     "kinked50": 0.167,
     "kinked75": 0.1595,
-}  # m; 0.182 m at rest
+}
 
 
 def read(data, folder, warn=lambda _: None, **more):
@@ -82,9 +83,8 @@ def test_two_logs_of_the_bellows_give_the_pressure_that_was_published(measured_d
     place = np.searchsorted(theirs["time"], ours["time"] - 1e-6).clip(0, len(theirs["time"]) - 1)
     assert np.isclose(theirs["time"][place], ours["time"], atol=1e-6).mean() > 0.99
     np.testing.assert_allclose(ours["force"], theirs["force"][place], atol=2e-3)
-    smooth = np.convolve(
-        ours["pressure"], np.full(9, 1 / 9), mode="same"
-    )  # they published a moving average
+    # they published a moving average
+    smooth = np.convolve(ours["pressure"], np.full(9, 1 / 9), mode="same")
     differences = smooth - theirs["pressure"][place]
     assert np.sqrt(np.mean((ours["pressure"] - theirs["pressure"][place]) ** 2)) < 0.3  # kPa, of 94
     assert np.median(np.abs(differences)) < 0.02

@@ -72,9 +72,8 @@ def test_damping_is_what_the_static_model_leaves_less_its_mean_on_the_plateau(
     assert [curve.id for curve in dataset.curves] == ["step_pressure=100", "step_pressure=200"]
     for curve, height in zip(dataset.curves, (101.0, 199.0), strict=True):
         time, damping = curve.columns["time"], curve.columns["damping"]
-        assert curve.columns["step_pressure"] == pytest.approx(
-            height, rel=1e-3
-        )  # the band takes in the ends of both ramps
+        # the band takes in the ends of both ramps
+        assert curve.columns["step_pressure"] == pytest.approx(height, rel=1e-3)
         assert (time[curve.at_rest].min(), time[curve.at_rest].max()) == (
             pytest.approx(0.5, abs=0.03),
             pytest.approx(2.0, abs=0.03),

@@ -25,6 +25,7 @@ STUDIES = (
     "wrist/wrist-static",
 )
 CLOSE = 1e-9
+# of nobody who runs the program
 TOOLS = (
     "ruff",
     "mypy",
@@ -32,7 +33,7 @@ TOOLS = (
     "scipy-stubs",
     "types-",
     "setuptools",
-)  # of nobody who runs the program
+)
 
 
 def requirements():

@@ -190,12 +190,13 @@ def test_folds_resemble_what_the_study_holds_out():
     ends = folds(np.arange(1000) >= 600)
     assert ends.asks_parts
     assert ends.dataset.curves[0].size == 600
+    # runs as long as a third at most; the ends
     assert [int(fold[0].sum()) for fold in ends.folds] == [
         *[200] * 5,
         120,
         210,
         300,
-    ]  # runs as long as a third at most; the ends
+    ]
     assert all(runs(fold[0]) == 1 for fold in ends.folds)
 
 

@@ -35,9 +35,8 @@ EVENTS = {
 }
 
 
-os.fsync = lambda _file: (
-    None
-)  # whoever is killed leaves a disk that goes on: no power cut, and no waiting for one
+# whoever is killed leaves a disk that goes on: no power cut, and no waiting for one
+os.fsync = lambda _file: None
 
 
 def update(loaded):

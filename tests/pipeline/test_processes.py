@@ -71,9 +71,8 @@ def test_run_is_locked_while_another_process_writes_it(tmp_path):
         with pytest.raises(WriteError, match="demo: another process") as caught:
             bring_up_to_date(study(tmp_path), tmp_path / "runs", stages=fake_stages())
         assert caught.value.exit_code == 7
-        assert (
-            sorted((tmp_path / "runs" / "demo").iterdir()) == before
-        )  # the other's unfinished work is left alone
+        # the other's unfinished work is left alone
+        assert sorted((tmp_path / "runs" / "demo").iterdir()) == before
         other.kill()
     outcome = bring_up_to_date(study(tmp_path), tmp_path / "runs", stages=fake_stages())
     assert set(outcome.stages.values()) == {"done"}

@@ -33,9 +33,8 @@ def test_every_run_and_every_limit_is_a_case():
     assert (
         failure.get("message") == "nrmse of mapmore on the validate rows is 0.07; the limit is 0.05"
     )
-    assert (
-        cases[("mapmore.missed", "require r2")].find("failure") is not None
-    )  # no number keeps no limit
+    # no number keeps no limit
+    assert cases[("mapmore.missed", "require r2")].find("failure") is not None
     error = cases[("mapmore.broken", "run")].find("error")
     assert error is not None
     assert error.get("message") == "none_*.csv: no such file"

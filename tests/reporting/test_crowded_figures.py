@@ -134,9 +134,8 @@ class TestRepeatability:
         assert not any(note.startswith(REPEATABILITY) for note in plain.notes)
 
 
-NAMES = [
-    name for name in FIGURES if name not in ("loops", "motion", "convergence")
-]  # of models with memory
+# of models with memory
+NAMES = [name for name in FIGURES if name not in ("loops", "motion", "convergence")]
 
 
 def boxes(figure):

@@ -217,9 +217,8 @@ def test_panels_are_found_by_level_and_by_id(words, mixed):
 
 def test_a_panel_that_the_page_leaves_out_is_drawn_when_it_is_asked_for(inputs, monkeypatch):
     for drawing in drawings("fit", inputs):
-        assert "pressure=150" not in [
-            panel.key for panel in drawing.panels
-        ]  # it trains: all training curves are in one panel
+        # it trains: all training curves are in one panel
+        assert "pressure=150" not in [panel.key for panel in drawing.panels]
     drawing, panel = panel_of("fit", inputs, "150")
     assert [one.key for one in drawing.panels] == ["pressure=150"]
     curve = next(one for one in inputs.dataset.curves if one.id == "pressure=150")

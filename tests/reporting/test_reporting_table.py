@@ -62,9 +62,8 @@ def test_text_columns_line_up():
     assert lines[-1] == "A note."
     heading, rule, *rows = lines[2:-1]
     assert {len(line) for line in (heading, rule, *rows)} == {len(heading)}
-    assert (
-        rows[0].index("12.35") + 5 == heading.index("RMSE [N]") + 8
-    )  # numbers end where their heading ends
+    # numbers end where their heading ends
+    assert rows[0].index("12.35") + 5 == heading.index("RMSE [N]") + 8
 
 
 def test_markdown_escapes_the_pipe_and_aligns_numbers():

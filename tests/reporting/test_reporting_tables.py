@@ -186,9 +186,8 @@ class TestModel:
             assert (lower, upper) == (pytest.approx(theta - half), pytest.approx(theta + half))
             assert physical == pytest.approx(fit.selection.theta[0] * fit.scaling.y_slope)
             assert physical_half == pytest.approx(half * abs(fit.scaling.y_slope))
-            assert half == pytest.approx(
-                2.010 * fit.selection.theta_error[0], rel=1e-3
-            )  # Student's t for 49 degrees of freedom, printed
+            # Student's t for 49 degrees of freedom, printed
+            assert half == pytest.approx(2.010 * fit.selection.theta_error[0], rel=1e-3)
             assert physical_half > 0
         assert any("independent" in note for note in table.notes)
 
@@ -258,9 +257,8 @@ def test_formulas_that_are_one_model_are_named_once_each_pair():
     assert len(same) == 1
     assert "tondu_lopez and chou_hannaford are one model here" in same[0]
     assert same_models([("a", fit("a", 2.0)), ("b", fit("b", 2.001))]) == ()
-    assert (
-        same_models([("a", fit("a", 2.0)), ("a again", fit("a", 2.0))]) == ()
-    )  # one formula, fitted in two ways
+    # one formula, fitted in two ways
+    assert same_models([("a", fit("a", 2.0)), ("a again", fit("a", 2.0))]) == ()
 
 
 def score(model, nrmse, split="validate", curve="all"):

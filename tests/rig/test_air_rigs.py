@@ -82,9 +82,8 @@ def test_a_random_motion_is_what_its_columns_say():
     assert found["force"].min() >= 0.0
     drawn = found["length"] - found["length"][0]
     assert drawn.min() > -1e-9
-    assert (
-        np.corrcoef(drawn, found["pressure"])[0, 1] > 0.8
-    )  # a muscle that is drawn out holds less
+    # a muscle that is drawn out holds less
+    assert np.corrcoef(drawn, found["pressure"])[0, 1] > 0.8
 
 
 def test_what_one_muscle_of_the_joint_gives_the_other_takes():
@@ -102,9 +101,8 @@ def test_what_one_muscle_of_the_joint_gives_the_other_takes():
         - setup.damping * moved["velocity_1"] / setup.radius
     )
     acceleration = np.gradient(moved["velocity_1"], setup.clock) / setup.radius
-    assert (
-        np.corrcoef(turning[later], setup.inertia * acceleration[later])[0, 1] > 0.95
-    )  # but for the filter of the load cells
+    # but for the filter of the load cells
+    assert np.corrcoef(turning[later], setup.inertia * acceleration[later])[0, 1] > 0.95
 
 
 def test_a_stiff_tendon_is_none():

@@ -77,9 +77,8 @@ def test_a_reversal_inside_the_loop_leaves_the_branch_and_comes_back_to_it(kind)
     turn = int(np.argmax(inner["strain"]))
     falling = slice(turn, turn + int(np.argmin(inner["strain"][turn : turn + 2000])))
     stroke = inner["strain"].max()
-    last = int(
-        np.flatnonzero(inner["strain"] > 0.69 * stroke)[-1]
-    )  # the end of the inner rise; the fall to zero follows
+    # the end of the inner rise; the fall to zero follows
+    last = int(np.flatnonzero(inner["strain"] > 0.69 * stroke)[-1])
     fall = slice(last, last + int(np.argmin(inner["strain"][last:])))
     back = outer["strain"].argmax()
     for strains, branch in ((0.8, falling), (0.2, fall)):

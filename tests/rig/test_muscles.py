@@ -160,9 +160,8 @@ def test_a_minor_loop_is_forgotten(peak, back):
 @settings(deadline=None)
 @given(path=paths, pressure=st.floats(0, 5e5))
 def test_friction_never_gives_work_back_over_a_closed_cycle(path, pressure):
-    cycle = np.concatenate(
-        [path, path[:1], path, path[:1]]
-    )  # twice, so that the second run starts from where it ends
+    # twice, so that the second run starts from where it ends
+    cycle = np.concatenate([path, path[:1], path, path[:1]])
     fine = np.concatenate([np.linspace(a, b, 50) for a, b in pairwise(cycle)])
     force = FRICTION.force(pressure, fine)
     second = slice(len(fine) // 2, None)

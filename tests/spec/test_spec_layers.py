@@ -123,9 +123,8 @@ def test_mappings_merge_deeply_and_other_values_replace(family):
 def test_relative_paths_start_at_the_file_that_they_are_written_in(family):
     loaded = load(family / "child" / "spec.yaml")
     assert loaded.folder == family / "child"
-    assert loaded.spec.data.files == [
-        "../datasets/mckibben/load_cycle_*.csv"
-    ]  # root.yaml lies in deep/, beside child/
+    # root.yaml lies in deep/, beside child/
+    assert loaded.spec.data.files == ["../datasets/mckibben/load_cycle_*.csv"]
     (family / "base.yaml").write_text(
         "extends: deep/root.yaml\ndata: {files: [x.csv, {path: 'd/*.csv'}, /abs/y.csv], "
         "levels: {at: [1, 2 bar]}}\n"
@@ -313,9 +312,8 @@ def test_null_removes_what_is_inherited(tmp_path):
         "extends: base.yaml\ndata: {columns: {strain: null}, cycles: null, split: null}\n"
         "segment: null\n"
     )
-    with pytest.raises(
-        SpecError, match="there is no quantity `strain` in this study"
-    ):  # of the dictionary
+    # of the dictionary
+    with pytest.raises(SpecError, match="there is no quantity `strain` in this study"):
         load_text(tmp_path, heir)
     spec = load_text(tmp_path, f"{heir}dictionary: [{{terms: [pressure]}}]\nvalidate: null").spec
     assert "strain" not in spec.data.columns

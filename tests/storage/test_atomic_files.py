@@ -119,9 +119,8 @@ def test_places_that_cannot_be_the_folder_of_a_run(tmp_path, monkeypatch):
     ):
         with pytest.raises(WriteError, match=words):
             open_run_folder(tmp_path / name)
-    monkeypatch.setattr(
-        os, "access", lambda _path, _mode: False
-    )  # permissions do not bind the superuser
+    # permissions do not bind the superuser
+    monkeypatch.setattr(os, "access", lambda _path, _mode: False)
     with pytest.raises(WriteError, match="may not write"):
         open_run_folder(tmp_path / "demo")
 

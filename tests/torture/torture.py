@@ -56,9 +56,8 @@ PATIENCE = 60.0  # seconds for a lock that a dying worker holds
 
 def begin(folder, arguments, before=lambda: None):
     """Start a command in a fork, everything imported already; its process."""
-    signal.pthread_sigmask(
-        signal.SIG_BLOCK, {signal.SIGINT}
-    )  # until the fork is where it may be interrupted
+    # until the fork is where it may be interrupted
+    signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     child = os.fork()
     if child:
         signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
@@ -71,9 +70,8 @@ def begin(folder, arguments, before=lambda: None):
         os.dup2(log, 1)
         os.dup2(log, 2)
         sys.argv = ["mapmore", *arguments]
-        signal.signal(
-            signal.SIGINT, signal.default_int_handler
-        )  # a shell that starts this in the background has it ignored
+        # a shell that starts this in the background has it ignored
+        signal.signal(signal.SIGINT, signal.default_int_handler)
         before()
         signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
         mapmore()
@@ -112,9 +110,8 @@ def struck(how, child, delay):
         os.kill(child, signal.SIGKILL)
     elif how == "interrupted":
         time.sleep(delay)
-        with suppress(
-            ProcessLookupError, PermissionError
-        ):  # it has ended, or has no group of its own yet
+        # it has ended, or has no group of its own yet
+        with suppress(ProcessLookupError, PermissionError):
             os.killpg(child, signal.SIGINT)
 
 

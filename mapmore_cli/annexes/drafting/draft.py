@@ -150,9 +150,8 @@ def _yaml_lines(
     value: Mapping[str, Any] | Sequence[Any], loc: Loc, notes: Mapping[Loc, Note]
 ) -> Iterator[str]:
     margin = "  " * len(loc)
-    width = (
-        1 + max(map(len, value)) if isinstance(value, Mapping) and len(loc) > 1 else 0
-    )  # what stands in columns is easier to compare
+    # what stands in columns is easier to compare
+    width = 1 + max(map(len, value)) if isinstance(value, Mapping) and len(loc) > 1 else 0
     for key, child in value.items() if isinstance(value, Mapping) else enumerate(value):
         here = (*loc, key)
         is_block = here in _BLOCKS and child
@@ -162,9 +161,8 @@ def _yaml_lines(
             else f"{margin}{key + ':':<{0 if is_block else width}}"
         )
         line, rest = head if is_block else f"{head} {_flow(child)}", []
-        if (
-            loc == ("dictionary",) and len(line) > WIDEST
-        ):  # a flow that goes on further in; its texts have single blanks
+        # a flow that goes on further in; its texts have single blanks
+        if loc == ("dictionary",) and len(line) > WIDEST:
             line, *rest = textwrap.wrap(
                 line,
                 WIDEST,

@@ -18,9 +18,8 @@ WIDEST, LINES = 2000, 200  # columns, and lines of a table, that `init` looks at
 MOST_HEADER_LINES, MOST_UNIT_LINES = 9, 2
 REMARKS = ("#", "%", "//", "!")  # what a line begins with that is no data
 FEW = 5  # lines
-_LABELLED = re.compile(
-    r"\s*[A-Za-z_]\w*\s*[:=]\s*[-+]?[.\d]\S*"
-)  # as microcontrollers plot: `t:12,p:3.4`
+# as microcontrollers plot: `t:12,p:3.4`
+_LABELLED = re.compile(r"\s*[A-Za-z_]\w*\s*[:=]\s*[-+]?[.\d]\S*")
 Row = Sequence[Any]
 
 
@@ -177,9 +176,8 @@ def _table_in(first_rows: Top, reader: str, least: int) -> _Table | None:
     )
     while first < len(whole) and blank[first]:
         first += 1
-    least = (
-        max(numeric) + 1 if reader == "xlsx" else width
-    )  # beyond the table a sheet may hold notes
+    # beyond the table a sheet may hold notes
+    least = max(numeric) + 1 if reader == "xlsx" else width
     top = next(
         (
             i
@@ -191,9 +189,8 @@ def _table_in(first_rows: Top, reader: str, least: int) -> _Table | None:
     if first == len(whole) or first - top > MOST_HEADER_LINES:
         return None
     counts = [len(_nonempty(row)) for row in whole[top:first]]
-    top += next(
-        (place for place, count in enumerate(counts) if 2 * count > max(counts)), 0
-    )  # names of a rig or a date stand in few cells
+    # names of a rig or a date stand in few cells
+    top += next((place for place, count in enumerate(counts) if 2 * count > max(counts)), 0)
     header = first - top
     above = [[*row, *(None for _ in range(width - len(row)))] for row in whole[top:first]]
     titles = (

@@ -52,9 +52,8 @@ def python_module(model: Model, plain: bool = False) -> tuple[str, str]:
     where a part of the model is no closed expression.
     """
     name, program, dialect = identifier(model.name), program_of(model), SCALAR if plain else NUMPY
-    stem = (
-        f"model_{name}" if name in sys.stdlib_module_names else name
-    )  # NumPy would import it for Python's own
+    # NumPy would import it for Python's own
+    stem = f"model_{name}" if name in sys.stdlib_module_names else name
     functions = [function.name for function in program.functions]
     names = names_of_inputs(model.inputs, functions)
     taken = [*PYTHON, "outside_range", "derivatives", "reset", "math", *functions]

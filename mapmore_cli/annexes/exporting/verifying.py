@@ -193,9 +193,10 @@ def points(model: Model) -> Columns:
     columns = {"time": (code.step or 1.0) * np.arange(float(POINTS))}
     for quantity in model.inputs:
         known = [limit for limit in code.limits if limit.inputs == {quantity.name}]
+        # and not of what follows from it
         known = [
             limit for limit in known if limit.value == Name(f"{INPUT}{quantity.name}")
-        ] or known  # and not of what follows from it
+        ] or known
         low = min((float(limit.low.min()) for limit in known), default=-1.0)
         high = max((float(limit.high.max()) for limit in known), default=1.0)
         if quantity.name != "time" or code.step is None:  # the clock of a recording is even

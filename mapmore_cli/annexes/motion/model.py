@@ -21,9 +21,8 @@ from mapmore_cli.modelling.expressions.syntax import ZERO, Condition
 from mapmore_cli.modelling.literature.model import printed
 from mapmore_cli.modelling.program.writing import Inputs, Side, Writer, limit, renamed_all, total
 
-OfSection = Callable[
-    [str, Sequence[Side]], Expression
-]  # writes, under a stem, that of several values which belongs to the section that holds
+# writes, under a stem, that of several values which belongs to the section that holds
+OfSection = Callable[[str, Sequence[Side]], Expression]
 
 
 def build(

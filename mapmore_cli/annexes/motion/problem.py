@@ -157,9 +157,8 @@ class Problem:
         self.start, self.reach = start, reach
         self.random = np.random.default_rng(seed)
         self.pieces = tuple(piece for piece in pieces if piece.counts.any())
-        self.own = [
-            slice(None) if piece.counts.all() else piece.counts for piece in self.pieces
-        ]  # a slice copies nothing
+        # a slice copies nothing
+        self.own = [slice(None) if piece.counts.all() else piece.counts for piece in self.pieces]
         self.y = np.concatenate([piece.y[piece.counts] for piece in self.pieces])
         self.size = float(np.sqrt(np.mean(self.y**2))) or 1.0
         self.evaluations = 0

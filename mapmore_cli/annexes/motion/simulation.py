@@ -21,11 +21,8 @@ from mapmore_cli.modelling.expressions import evaluate, parse
 from mapmore_cli.modelling.expressions.operators.play import play
 from mapmore_cli.modelling.memory.records import uninterrupted
 
-EDGE = (
-    1.0 - 1e-9
-    # largest reflection coefficient: nearer to the edge, rounding decides whether a section is
-    # stable
-)
+# largest reflection coefficient: nearer to the edge, rounding decides whether a section is stable
+EDGE = 1.0 - 1e-9
 
 
 def stable(p1: float, p2: float, reach: float = 1.0) -> bool:

@@ -309,9 +309,8 @@ class Runs:
                 f"there are {', '.join(tables)}",
             )
         table = tables[ours.table]
-        names = [
-            re.sub(r"[^A-Za-z0-9]+", "_", column.name).strip("_") for column in table.columns
-        ]  # as expressions write them
+        # as expressions write them
+        names = [re.sub(r"[^A-Za-z0-9]+", "_", column.name).strip("_") for column in table.columns]
         if unknown := sorted(set(ours.rows) - set(names)):
             raise SpecError(
                 f"{path.name}: table {ours.table!r} has no column {unknown[0]!r}",

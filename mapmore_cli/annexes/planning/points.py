@@ -22,10 +22,11 @@ from mapmore_cli.domain.results import Candidate, Picture, Until
 from mapmore_cli.modelling.validation.gaussian_process import GaussianProcess, most_likely
 from mapmore_cli.modelling.validation.intervals import NORMAL
 
+# weight of points where less than this part of the largest |target| is expected
 SLACK, LITTLE = (
     0.15,
     0.02,
-)  # weight of points where less than this part of the largest |target| is expected
+)
 # points that the processes are fitted to: spread over the samples, so that a curve of thousands
 # counts by its course
 MOST_MEASURED = 150

@@ -44,9 +44,8 @@ class Antagonists(Settings):
     sample_time: Positive  # s
     frequency: Positive  # Hz
     amplitude: Positive  # of the closed swing, rad
-    pressure: Annotated[
-        Positive, IN_KPA
-    ]  # at which the valves are closed, and at which both muscles are at angle zero, Pa
+    # at which the valves are closed, and at which both muscles are at angle zero, Pa
+    pressure: Annotated[Positive, IN_KPA]
     pressures: Annotated[tuple[Pressure, Pressure], ListToo()]  # between which they are driven, Pa
     taut: Positive  # force of both muscles at angle zero, N
     rest: RestLength

@@ -52,12 +52,10 @@ class LoadCycles(Settings):
     duration: Positive  # of each recording, s
     sample_time: Positive  # s
     dwell: NonNegative  # rest before, between and after the moves, s
-    turns: Annotated[Sequence[Annotated[float, Interval(ge=0, le=1)]], Len(1)] = (
-        1.0,
-    )  # of the stroke, which begins and ends at zero
-    least_stroke: Annotated[
-        float, Interval(gt=0, le=0.2)
-    ]  # strain reached even where the muscle has no force
+    # of the stroke, which begins and ends at zero
+    turns: Annotated[Sequence[Annotated[float, Interval(ge=0, le=1)]], Len(1)] = (1.0,)
+    # strain reached even where the muscle has no force
+    least_stroke: Annotated[float, Interval(gt=0, le=0.2)]
     regulation: Regulation
 
     def __post_init__(self) -> None:
@@ -154,9 +152,8 @@ class ContractionTable(Settings):
     pressures: Pressures
     masses: Annotated[Sequence[NonNegative], Len(1)]  # kg, in the order in which they are hung on
     repeats: Annotated[int, Ge(1)]
-    regulator_error: Annotated[
-        NonNegative, IN_KPA
-    ]  # standard deviation of the pressure from one repeat to the next, Pa
+    # standard deviation of the pressure from one repeat to the next, Pa
+    regulator_error: Annotated[NonNegative, IN_KPA]
 
 
 def contraction_table(
@@ -226,9 +223,8 @@ class Perturbations(Settings):
     type: Literal["perturbation"]
     pressures: Annotated[Sequence[DrivingPressure], Len(1), distinct(pressure_label)]
     between: Pair  # stretched and contracted end, as fractions of the free strain
-    moves: Annotated[
-        Sequence[Positive], Len(1)
-    ]  # duration of each stretch, and of the release after it, s
+    # duration of each stretch, and of the release after it, s
+    moves: Annotated[Sequence[Positive], Len(1)]
     dwell: Positive  # before, between and after the moves, s
     sample_time: Positive  # s
     rig: WaterRig

@@ -131,9 +131,8 @@ class Hysteresis(Settings):
     """
 
     base: NonNegative  # half-width of the full loop at no pressure, N
-    per_pressure: Annotated[
-        NonNegative, After(lambda growth: growth / 1e3)
-    ]  # its growth, N/Pa; in specs N/kPa
+    # its growth, N/Pa; in specs N/kPa
+    per_pressure: Annotated[NonNegative, After(lambda growth: growth / 1e3)]
     stops: Annotated[Sequence[Stop], Len(1)]
 
     def __post_init__(self) -> None:

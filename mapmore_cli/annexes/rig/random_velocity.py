@@ -72,9 +72,8 @@ class RandomVelocity(Settings):
     duration: Positive  # s
     sample_time: Positive  # of the simulation, s
     every: Annotated[int, Ge(1)]  # samples that the file has one of
-    speeds: Annotated[
-        tuple[Positive, Positive], ListToo()
-    ]  # slowest and fastest peak of a move, m/s
+    # slowest and fastest peak of a move, m/s
+    speeds: Annotated[tuple[Positive, Positive], ListToo()]
     rest: RestLength
     taut: Positive  # force with which the rope is drawn taut before the valves close, N
     drawn_out: Annotated[float, Interval(ge=-0.01, le=0.3)]  # strain at the far end of the stroke

@@ -115,9 +115,8 @@ class Sensor(Settings):
     def read(self, truth: Array, rng: np.random.Generator) -> Array:
         """Return readings `(n,)`: whole multiples of `resolution`."""
         noisy = truth + self.noise * rng.standard_normal(len(truth))
-        return np.asarray(
-            np.round(noisy / self.resolution) * self.resolution + 0.0
-        )  # + 0.0 turns -0 into 0
+        # + 0.0 turns -0 into 0
+        return np.asarray(np.round(noisy / self.resolution) * self.resolution + 0.0)
 
 
 def recording_generator(seed: int, recording: str) -> np.random.Generator:

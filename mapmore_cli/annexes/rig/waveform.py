@@ -40,9 +40,8 @@ class Waveform(Settings):
     high: Command
     frequency: Positive  # Hz
     wavelengths: Annotated[int, Ge(1)]
-    rest_at: Command = (
-        0.0  # input before the first wavelength, under which the muscle has come to rest
-    )
+    # input before the first wavelength, under which the muscle has come to rest
+    rest_at: Command = 0.0
     load: NonNegative = 0.0  # that hangs on the muscle beside its own end, kg
 
     def __post_init__(self) -> None:

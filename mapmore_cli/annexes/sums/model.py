@@ -179,9 +179,8 @@ def _value(m: Writer, part: Part, inputs: Inputs) -> Expression:
         *(replace(limit, inputs=_own(part, limit.inputs) & inputs.keys()) for limit in m.limits),
     ]
     own, m.knots = m.knots, knots
-    for name in (
-        own.keys() - renamed.keys()
-    ):  # a renamed input is another expression of the sum's inputs
+    # a renamed input is another expression of the sum's inputs
+    for name in own.keys() - renamed.keys():
         m.knot(name, *own[name])
     return value
 

@@ -14,13 +14,11 @@ from mapmore_cli.checking.rules import Issue, Subject
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.recording import Recording
 
-OF_A_LINE = (
-    1e-4  # of the range of the target, that a straight line leaves of what was computed by one
-)
+# of the range of the target, that a straight line leaves of what was computed by one
+OF_A_LINE = 1e-4
 HARDLY_REPEATED = 0.1  # of the range of the target: a difference that hardly is repeatability
-IN_COMMON = (
-    0.9  # of the samples of the longer recording, that two of the same inputs have in common
-)
+# of the samples of the longer recording, that two of the same inputs have in common
+IN_COMMON = 0.9
 
 
 def computed_from(subject: Subject) -> Iterator[Issue]:

@@ -17,16 +17,18 @@ MUCH = 0.5  # of the samples, lost for a reason that the spec does not ask for
 MOST = 0.95  # of the samples, left out on purpose
 UNSETTLED = 0.2  # of the samples
 AT_REST = 0.5  # of the largest value: nearer to zero nothing is clipped
+# share, number, and times any other number, of samples at one end
 CLIPPED, LONGEST, FAR_MORE = (
     0.01,
     20,
     10,
-)  # share, number, and times any other number, of samples at one end
+)
+# what hardly stops by itself at one number: its sensor does
 FROM_SENSORS = (
     "force",
     "pressure",
     "load",
-)  # what hardly stops by itself at one number: its sensor does
+)
 PARTS_OF_FORCE = ("hysteresis", "damping")  # targets that lie around zero, wherever the force does
 HINGED = "sarosi_hinged"  # the formula that is made for a slack foot
 HELD, MOVED = (
@@ -83,9 +85,8 @@ def same_signal(subject: Subject) -> Iterator[Issue]:
     names = [name for name in subject.spec.data.measured if name != "time" and subject.has(name)]
     for family in evidence.same_signals([subject.pooled(name) for name in names]):
         told = " and ".join(names[place] for place in family)
-        target = subject.spec.target_quantity in (
-            names[place] for place in family
-        )  # two inputs may be so, as the muscles of one joint
+        # two inputs may be so, as the muscles of one joint
+        target = subject.spec.target_quantity in (names[place] for place in family)
         remedy = (
             "keep the one of them that was measured; another sensor has to tell the other quantity"
         )
@@ -238,9 +239,8 @@ def many_dropped(subject: Subject) -> Iterator[Issue]:
             )
     for recording in subject.recordings:
         lost = sum(recording.dropped.values())
-        if recording.rows_kept < (1 - MOST) * (
-            recording.rows_kept + lost
-        ):  # resampling loses nothing
+        # resampling loses nothing
+        if recording.rows_kept < (1 - MOST) * (recording.rows_kept + lost):
             why = "; ".join(f"{count}: {reason}" for reason, count in recording.dropped.items())
             message = f"{recording.rows_kept} of {recording.rows_read} samples are kept ({why})"
             yield Issue(

@@ -17,13 +17,13 @@ from mapmore_cli.storage.tables.cells import shortened
 LARGEST_STRAIN = 1.5  # of any muscle
 LARGEST_PRESSURE = 5000.0  # kPa
 PRESSURE_IN_BAR = (1.0, 12.0)  # largest value: a usual supply in bar
-STRONGEST_PULL = (
-    25.0  # times pressure and bore area; a braid of 20 degrees reaches 14 at zero strain
-)
+# times pressure and bore area; a braid of 20 degrees reaches 14 at zero strain
+STRONGEST_PULL = 25.0
+# s between samples, in a record of a logger, which has so many
 LONGEST_STEP, SAMPLES_OF_A_LOGGER = (
     0.2,
     1000,
-)  # s between samples, in a record of a logger, which has so many
+)
 
 
 def strain_in_per_cent(subject: Subject) -> Iterator[Issue]:

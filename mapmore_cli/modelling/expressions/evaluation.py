@@ -120,9 +120,8 @@ def _needed(terms: Sequence[Expression], columns: Columns, n: int) -> dict[str, 
 
 
 Shared = list[Value | None]  # what was computed so far of the parts that may occur again
-Part = Callable[
-    [Mapping[str, Value], Shared], Value
-]  # a node with everything below it, as a function of columns
+# a node with everything below it, as a function of columns
+Part = Callable[[Mapping[str, Value], Shared], Value]
 Known = dict[Expression, Part]
 
 

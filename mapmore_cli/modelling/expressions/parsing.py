@@ -69,9 +69,8 @@ def parse(text: str, ranged: Callable[[Expression], Expression] | None = None) -
     parser.ranged = ranged
     expression = parser.sum()
     parser.expect("end", "an operator")
-    if (
-        len(text) > MAX_LENGTH // 10 and (length := len(to_text(expression))) > MAX_LENGTH
-    ):  # written out, nothing grows tenfold
+    # written out, nothing grows tenfold
+    if len(text) > MAX_LENGTH // 10 and (length := len(to_text(expression))) > MAX_LENGTH:
         raise ExpressionError(
             f"the expression has {length} characters when it is written out, more than "
             f"{MAX_LENGTH}",

@@ -20,9 +20,8 @@ from mapmore_cli.modelling.expressions.syntax import (
     power,
 )
 
-_SUM, _PRODUCT, _POWER, _ATOM = range(
-    4
-)  # how tightly a text binds; an operand that binds less than its place needs is put in brackets
+# how tightly a text binds; an operand that binds less than its place needs is put in brackets
+_SUM, _PRODUCT, _POWER, _ATOM = range(4)
 
 _Bound = tuple[str, int]
 

@@ -76,9 +76,8 @@ class Expression:
                 return part.names
         return frozenset()
 
-    __array_ufunc__ = (
-        None  # a number of NumPy's leaves arithmetic with an expression to the expression
-    )
+    # a number of NumPy's leaves arithmetic with an expression to the expression
+    __array_ufunc__ = None
 
     __add__, __radd__ = _both_ways(lambda left, right: add(left, right))
     __sub__, __rsub__ = _both_ways(lambda left, right: add(left, negate(right)))
@@ -107,9 +106,8 @@ class Number(Expression):
     def __post_init__(self) -> None:
         if not math.isfinite(self.value):
             raise ExpressionError(f"{self.value} is not a finite number")
-        object.__setattr__(
-            self, "value", self.value + 0.0
-        )  # there is one zero: -0.0 would have a sign that its text cannot keep
+        # there is one zero: -0.0 would have a sign that its text cannot keep
+        object.__setattr__(self, "value", self.value + 0.0)
 
 
 @_node

@@ -103,9 +103,8 @@ def _sum_of_products(blocks: Blocks) -> tuple[Array, int]:
         if not samples:
             total = np.zeros((M + 1, M + 1))
         with np.errstate(over="ignore", invalid="ignore"):  # `safe_scale` looks for the cause
-            total[:M, :M] += (
-                P.T @ P
-            )  # NumPy sees the transpose and calls syrk, for either memory order, without a copy
+            # NumPy sees the transpose and calls syrk, for either memory order, without a copy
+            total[:M, :M] += P.T @ P
             total[M, :M] += P.T @ y
             total[M, M] += y @ y
         samples += len(y)

@@ -172,9 +172,10 @@ def condensed(columns: Columns, y: Array) -> tuple[Columns, Array, Array]:
     """
     if len(y) <= LIMIT:
         return columns, y, np.ones(len(y))
+    # in their ranges, 0 to 1
     places = [
         (column - column.min()) / (float(np.ptp(column)) or 1.0) for column in columns.values()
-    ]  # in their ranges, 0 to 1
+    ]
     bins = FINEST
     while True:
         keys = np.zeros(len(y), dtype=np.int64)

@@ -91,9 +91,8 @@ def _start(records: Sequence[Record], recipe: MemoryRecipe, numbers: Unknown) ->
                 return np.inf  # these numbers make the state grow without bound
 
     best, least = np.empty(0), np.inf
-    before = np.cumsum(
-        [0, *(record.training.sum() for record in records)]
-    )  # the first training samples of all pieces together compete
+    # the first training samples of all pieces together compete
+    before = np.cumsum([0, *(record.training.sum() for record in records)])
     short = [
         one.training & (np.cumsum(one.training) <= SHORT - taken)
         for one, taken in zip(records, before, strict=False)

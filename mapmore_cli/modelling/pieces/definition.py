@@ -81,11 +81,8 @@ def across_levels(
     """
     last = len(levels) - 1
 
-    def counting(
-        i: int,
-    ) -> (
-        range
-    ):  # between levels i and i + 1: with `pchip`, slopes there depend on the curves beside them
+    def counting(i: int) -> range:
+        """Between levels i and i + 1; with `pchip`, slopes there depend on the curves beside."""
         reach = 0 if fusion.levels == "linear" else 1
         return range(max(i - reach, 0), min(i + 1 + reach, last) + 1)
 

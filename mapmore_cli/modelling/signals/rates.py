@@ -58,9 +58,8 @@ def rate(time: Array, values: Array, window: float, order: int) -> Array:
 
     Raises DataError where a window holds fewer than `order + 1` different stamps.
     """
-    slack = 1e-9 * window + 4 * np.finfo(float).eps * float(
-        np.abs(time).max()
-    )  # a stamp on the edge is inside, however it was rounded
+    # a stamp on the edge is inside, however it was rounded
+    slack = 1e-9 * window + 4 * np.finfo(float).eps * float(np.abs(time).max())
     begin = np.clip(time - window / 2, time[0], max(time[0], time[-1] - window))
     start = np.searchsorted(time, begin - slack, side="left")
     stop = np.searchsorted(time, begin + window + slack, side="right")

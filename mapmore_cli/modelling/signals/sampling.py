@@ -90,10 +90,11 @@ def find_gaps(time: Array, longer_than: float) -> Gaps:
     return Gaps(after, lengths, missing)
 
 
+# a longer record is asked for its step in so many parts, evenly spread, of so many samples each
 PARTS, PART = (
     8,
     1 << 17,
-)  # a longer record is asked for its step in so many parts, evenly spread, of so many samples each
+)
 
 
 def typical_step(time: Array) -> float:

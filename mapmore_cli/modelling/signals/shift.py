@@ -99,9 +99,8 @@ def find_shift(
     if not found:
         return None
     best = max(found, key=lambda peak: peak.sigmas)
-    half_width = max(
-        best.half_width, 0.5 * sum(steps)
-    )  # a jump may lie anywhere between two samples
+    # a jump may lie anywhere between two samples
+    half_width = max(best.half_width, 0.5 * sum(steps))
     return replace(best, half_width=half_width, step=max(steps))
 
 
@@ -168,9 +167,8 @@ def correlation_by_lag(u: Array, v: Array) -> tuple[Array, Array, Array]:
     from scipy.signal import correlate  # takes long to load, and few specs need it
 
     n, m = len(u), len(v)
-    sums = partial(
-        correlate, method="fft"
-    )  # `sum_i a[i + lag] b[i]` for the lags -(m - 1) .. n - 1
+    # `sum_i a[i + lag] b[i]` for the lags -(m - 1) .. n - 1
+    sums = partial(correlate, method="fft")
     ones_u, ones_v = np.ones(n), np.ones(m)
     count = np.rint(sums(ones_u, ones_v))
     at_least_one = np.maximum(count, 1.0)

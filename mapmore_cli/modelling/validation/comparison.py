@@ -30,10 +30,11 @@ CHANGED, SAME, UNCLEAR = "changed", "same", "cannot tell"  # answers of a compar
 # relative change of force that is of no interest: repeats of one measurement differ by about as
 # much
 MARGIN = 0.01
+# points along the input that varies within a curve; along each of them where there are several
 GRID, COARSE_GRID = (
     41,
     11,
-)  # points along the input that varies within a curve; along each of them where there are several
+)
 SAME_LEVEL = 0.05  # share of the distance to the next level within which two levels are the same
 
 FEWEST_CURVES, MOST_POINTS = 2, 6
@@ -142,9 +143,8 @@ class Comparison:
         if self.changed:
             return CHANGED
         low, high = self.narrow
-        sure = self.resolution <= max(
-            np.ptp(self.interval) / 2, self.margin
-        )  # else it is that of models between their levels
+        # else it is that of models between their levels
+        sure = self.resolution <= max(np.ptp(self.interval) / 2, self.margin)
         return SAME if sure and 1 - self.margin < low <= high < 1 + self.margin else UNCLEAR
 
     @property

@@ -38,9 +38,8 @@ from mapmore_cli.domain.models import LeftOut, LeftOutKind, Model
 from mapmore_cli.modelling.kinds import outside_range, predict
 
 INTERVAL = 0.95  # the level of the intervals of scores and figures
-SHARES = np.linspace(
-    0.0, 1.0, 101
-)  # of a part's samples: where the quantiles of its residuals are kept
+# of a part's samples: where the quantiles of its residuals are kept
+SHARES = np.linspace(0.0, 1.0, 101)
 
 FEW: Mapping[int, float] = {3: 5.06, 4: 4.03, 5: 3.23}
 """c_K by the number of levels, of all families: `python docs/interval_tables.py`; six levels take
@@ -119,10 +118,11 @@ def few_levels(
     left_out: LeftOut, at: Array, level: float, scales: Mapping[int, float] = FEW
 ) -> Array:
     """Return the half widths at the levels `at`, (n,), by the rule for three to six levels."""
+    # here and below: loading it takes a third of an up-to-date run
     from scipy.special import (
         ndtri,
         stdtrit,
-    )  # here and below: loading it takes a third of an up-to-date run
+    )
 
     places, count = np.array(left_out.places), left_out.curves
     gap = np.clip(np.searchsorted(places, at, side="right") - 1, 0, count - 2)

@@ -171,10 +171,11 @@ def bands(dataset: Dataset, predictions: Mapping[str, tuple[Array, ...]]) -> tup
     return tuple(told)
 
 
+# names of the splits, and whether their samples are held out
 SPLITS = (
     ("train", False),
     ("validate", True),
-)  # names of the splits, and whether their samples are held out
+)
 
 
 def divisor(dataset: Dataset, kind: str) -> Normaliser:

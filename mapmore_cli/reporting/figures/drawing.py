@@ -194,9 +194,8 @@ def compose(
         ncols = _legend_columns(labels, width, style.size)
         figure.legend(list(drawing.legend), labels, loc="outside upper left", ncols=ncols)
     figure.align_ylabels()
-    ConstrainedLayoutEngine().execute(
-        figure
-    )  # once, so that the places are the same in every format
+    # once, so that the places are the same in every format
+    ConstrainedLayoutEngine().execute(figure)
     return figure
 
 

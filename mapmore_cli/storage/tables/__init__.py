@@ -223,9 +223,8 @@ def reading(label: str, kind: str, damage: Faults = Exception) -> Iterator[None]
             error.message = f"{label}: {error.message}"
         raise
     except damage as error:
-        if (
-            isinstance(error, ImportError) or type(error) is NameError
-        ):  # SciPy has an UnboundLocalError for some damaged files
+        # SciPy has an UnboundLocalError for some damaged files
+        if isinstance(error, ImportError) or type(error) is NameError:
             raise
         if isinstance(error, OSError) and error.errno is not None:
             raise DataError(

@@ -112,9 +112,8 @@ def number_of(cell: Any, decimal: str = ".", thousands: str | None = None) -> fl
             cell = cell.replace(".", "x").replace(decimal, ".")
         if not cell:
             return math.nan
-        if (
-            "_" in cell or not cell.isascii()
-        ):  # Python reads 1_5 as 15, and the digits of every script
+        # Python reads 1_5 as 15, and the digits of every script
+        if "_" in cell or not cell.isascii():
             return None
     elif isinstance(cell, bool) or not isinstance(cell, Real | Decimal):
         return math.nan if cell is None or cell != cell else None

@@ -44,9 +44,8 @@ def test_the_constant_is_told_by_its_values(form, value):
 
 @pytest.mark.parametrize("form", FORMS)
 def test_without_a_constant_the_squares_about_zero_count(form):
-    near = np.column_stack(
-        [1 + 1e-3 * X, X, np.zeros(len(X))]
-    )  # a column that hardly varies, and one of zeros, are no constant
+    # a column that hardly varies, and one of zeros, are no constant
+    near = np.column_stack([1 + 1e-3 * X, X, np.zeros(len(X))])
     found = FORMS[form](near, 500 + 2 * X, 3, 1e-4)
     assert (found.chosen.tolist(), found.stop) == ([0], "tolerance")
 

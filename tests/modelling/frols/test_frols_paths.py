@@ -71,9 +71,8 @@ def dictionaries(rng, kind, n, M):
     stop=st.sampled_from(["tolerance", "bic", "aicc", "press"]),
 )
 def test_every_form_makes_the_same_selection(seed, kind, n, M, noise, tolerance, stop):
-    assume(
-        stop == "tolerance" or (noise >= 1e-6 and n > M + 2)
-    )  # else criteria compare residuals that are rounding error
+    # else criteria compare residuals that are rounding error
+    assume(stop == "tolerance" or (noise >= 1e-6 and n > M + 2))
     rng = np.random.default_rng(seed)
     P = dictionaries(rng, kind, n, M)
     largest = np.abs(P).max(axis=0)

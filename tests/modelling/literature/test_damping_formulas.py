@@ -56,10 +56,11 @@ def test_every_damping_formula_is_here_or_fitted_to_load_cycles():
 @pytest.mark.parametrize("name", DAMPED)
 def test_it_is_what_is_published(name):
     columns = motion(1)
+    # which Cao's lower region includes
     columns["pressure"][:4], columns["direction"][:4] = (
         200.0,
         [1.0, 1.0, -1.0, -1.0],
-    )  # which Cao's lower region includes
+    )
     columns["strain_rate"][4:6] = 0.0
     np.testing.assert_allclose(
         get(name).predict(PLANTED[name], columns),

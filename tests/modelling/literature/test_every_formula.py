@@ -57,9 +57,8 @@ def test_row_order_does_not_change_a_digit(name, method):
     columns, y = training(name, 5, 80)
     order = np.random.default_rng(0).permutation(len(y))
     shuffled = {quantity: column[order] for quantity, column in columns.items()}
-    assert str(get(name).fit(shuffled, y[order], method)) == str(
-        get(name).fit(columns, y, method)
-    )  # as text, where NaN equals NaN
+    # as text, where NaN equals NaN
+    assert str(get(name).fit(shuffled, y[order], method)) == str(get(name).fit(columns, y, method))
 
 
 @every

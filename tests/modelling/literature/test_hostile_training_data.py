@@ -66,9 +66,8 @@ def test_any_finite_target_gets_an_answer_no_worse_than_nothing(name, target):
         return
     assert fit.status in ("converged", "at_bound", "rank_deficient", "stopped_by_limit")
     assert np.isfinite(get(name).predict(fit.parameters, columns)).all()
-    assert fit.sse <= (1 + 1e-9) * float(y @ y) + 1e-12 * len(y) * (
-        name == "sarosi_hinged"
-    )  # its foot may not be without width
+    # its foot may not be without width
+    assert fit.sse <= (1 + 1e-9) * float(y @ y) + 1e-12 * len(y) * (name == "sarosi_hinged")
     if fit.status == "at_bound":
         assert any(
             note.startswith(f"{parameter} ") for parameter in fit.parameters for note in fit.notes

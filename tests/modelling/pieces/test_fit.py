@@ -95,9 +95,8 @@ def test_the_dictionary_is_never_there_as_a_whole():
     n = 200_000
     segment, samples, made = long_segment(n)
     peak = peak_memory(lambda: fit_segment(segment, samples, TERMS, made))
-    assert (
-        peak < 0.6 * n * len(TERMS) * 8
-    )  # its columns sorted, and scaled: twelve of the dictionary's 21
+    # its columns sorted, and scaled: twelve of the dictionary's 21
+    assert peak < 0.6 * n * len(TERMS) * 8
 
 
 def test_a_value_that_is_not_finite_is_found_in_any_block():

@@ -67,9 +67,8 @@ def test_a_repeat_is_held_against_the_mean_of_the_others_on_its_own_branch(offse
         others = np.mean([other for j, other in enumerate(offsets) if j != i])
         known = np.isfinite(found[i])
         assert known.mean() > 0.97
-        inner = found[i][
-            known & (UP_AND_DOWN < 590)
-        ]  # the very sample of the turn belongs to either branch
+        # the very sample of the turn belongs to either branch
+        inner = found[i][known & (UP_AND_DOWN < 590)]
         np.testing.assert_allclose(inner, others - offset, atol=1e-6)
 
 

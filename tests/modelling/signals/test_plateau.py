@@ -48,9 +48,8 @@ def test_levels_of_rippling_pressure(ripple, seed, order):
     count=st.integers(2, 30),
 )
 def test_constant_levels_are_found_exactly(levels, count):
-    assume(
-        len(levels) == 1 or np.ptp(levels) > 0.05 * np.abs(levels).max()
-    )  # closer ones are one level with ripple, by the rule
+    # closer ones are one level with ripple, by the rule
+    assume(len(levels) == 1 or np.ptp(levels) > 0.05 * np.abs(levels).max())
     np.testing.assert_array_equal(find_levels(np.repeat(levels, count)), np.sort(levels))
 
 
@@ -66,9 +65,8 @@ def test_holds_between_ramps_are_found_and_ramps_are_not():
 
 def test_what_is_a_level_and_what_is_none():
     assert find_levels(np.linspace(0, 600, 15_000)).size == 0  # a steady sweep
-    np.testing.assert_array_equal(
-        find_levels(held([150.0], 1.5, seed=1)), [150.0]
-    )  # with a small ripple
+    # with a small ripple
+    np.testing.assert_array_equal(find_levels(held([150.0], 1.5, seed=1)), [150.0])
     glitches = held([80.0, 150.0, 250.0], 1.0, seed=2)
     glitches[[7, 900]] = [1e6, -1e6]
     np.testing.assert_allclose(find_levels(glitches), [80, 150, 250], atol=1)
@@ -147,9 +145,8 @@ def test_a_plateau_lies_between_rise_and_fall_in_any_unit(rise, vent, height, se
     )
     strain = 0.1 * step(1.3 * rise, 0.3, vent, 1.0)
     start, end = find_plateau(TIME, pressure, {"strain": strain})
-    assert (
-        0.2 + 2.5 * rise < start < 0.3 + 6 * 1.3 * rise
-    )  # settled to 5 %: three time constants of the slower one
+    # settled to 5 %: three time constants of the slower one
+    assert 0.2 + 2.5 * rise < start < 0.3 + 6 * 1.3 * rise
     assert vent - 0.05 < end < vent + 0.2 * rise
     assert find_plateau(TIME, scale * pressure, {"strain": scale * strain}) == pytest.approx(
         (start, end), abs=0.002

@@ -123,9 +123,8 @@ def test_substitution_is_evaluation_in_two_steps(outer, inner, point):
     assert value_at(substitute(parse(outer), {"x": parse(inner)}), point) == pytest.approx(
         expected, rel=1e-7, abs=1e-7
     )
-    assert (
-        to_text(substitute(parse("x - 2*y"), {"x": Name("y"), "y": Name("x")})) == "y - 2*x"
-    )  # all at once
+    # all at once
+    assert to_text(substitute(parse("x - 2*y"), {"x": Name("y"), "y": Name("x")})) == "y - 2*x"
 
 
 @given(st.floats(-1e3, 1e3), st.floats(-1e3, 1e3), st.floats(-10, 10))

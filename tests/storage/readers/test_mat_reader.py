@@ -229,9 +229,8 @@ def test_files_that_matlab_wrote(name, column, expected):
     if not (BY_MATLAB / name).is_file():
         pytest.skip("this SciPy comes without its test files")
     np.testing.assert_allclose(values(BY_MATLAB / name, column), expected)
-    if name.startswith(
-        "testhdf5"
-    ):  # the other reader takes it as well, with the axes as MATLAB shows them
+    # the other reader takes it as well, with the axes as MATLAB shows them
+    if name.startswith("testhdf5"):
         (table,) = tables_of("hdf5", BY_MATLAB / name, "testdouble[0,:]")
         np.testing.assert_allclose(table.columns["testdouble[0,:]"], expected)
 

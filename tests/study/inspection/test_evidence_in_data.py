@@ -35,9 +35,8 @@ def samples(force, seed=1):
 @given(start=st.floats(100, 150), slope=st.floats(1000, 2500))
 def test_the_threshold_of_a_slack_muscle_is_found(start, slope):
     foot = find_slack_foot(*samples(lambda p, e: 0.8 * np.maximum(p - start - slope * e, 0)))
-    bins = (
-        590 / 24 + 0.05 * 480 / 0.8
-    )  # the width of a bin, and the pressure that makes the force leave the band
+    # the width of a bin, and the pressure that makes the force leave the band
+    bins = 590 / 24 + 0.05 * 480 / 0.8
     at, threshold = foot
     np.testing.assert_allclose(threshold, start + slope * at, atol=1.5 * bins)
 

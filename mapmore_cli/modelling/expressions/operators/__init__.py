@@ -16,9 +16,8 @@ def _all_operators() -> Iterator[Operator]:
         yield from importlib.import_module(f"{__name__}.{module}").OPERATORS
 
 
-OPERATORS: Mapping[str, Operator] = {
-    operator.name: operator for operator in _all_operators()
-}  # every operator by its name
+# every operator by its name
+OPERATORS: Mapping[str, Operator] = {operator.name: operator for operator in _all_operators()}
 
 
 def families() -> Mapping[str, tuple[Operator, ...]]:

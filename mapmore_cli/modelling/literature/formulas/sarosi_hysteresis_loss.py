@@ -64,9 +64,8 @@ class ForceCurve:
         is where the curve turns up again, or `SHORTEST`.
         """
         turns = (self.A > 0.0) & (self.A * self.c * self.B < 0.0)
-        turning = (
-            np.log(-self.B / (self.A * self.c)) / self.c
-        )  # the strain of least force of a curve that is bent upwards
+        # the strain of least force of a curve that is bent upwards
+        turning = np.log(-self.B / (self.A * self.c)) / self.c
         low, high = (
             np.full_like(self.A, start),
             np.where(turns, np.clip(turning, start, SHORTEST), SHORTEST),
