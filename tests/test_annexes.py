@@ -92,8 +92,11 @@ def test_somebody_elses_package_adds_a_command(tmp_path):
     about = tmp_path / "elsewhere-1.0.dist-info"
     about.mkdir()
     (about / "METADATA").write_text("Metadata-Version: 2.1\nName: elsewhere\nVersion: 1.0\n")
+    (tmp_path / "faulty.py").write_text("1/0\n")
     points = ("hello = elsewhere:hello", "broken = elsewhere:absent")
-    (about / "entry_points.txt").write_text("\n".join(["[mapmore.commands]", *points]) + "\n")
+    kinds = ("[mapmore.kinds]", "faulty = faulty:KIND")
+    lines = ["[mapmore.commands]", *points, *kinds]
+    (about / "entry_points.txt").write_text("\n".join(lines) + "\n")
     environment = {**os.environ, "PYTHONPATH": str(tmp_path)}
 
     def mapmore(*args):
@@ -105,3 +108,4 @@ def test_somebody_elses_package_adds_a_command(tmp_path):
     broken = mapmore("broken")
     assert broken.returncode == 2
     assert "elsewhere:absent" in broken.stderr
+    assert mapmore("schema").returncode == 0

@@ -60,11 +60,11 @@ class _Lazily(Mapping[str, Any]):
         return self._built[name]
 
     def __iter__(self) -> Iterator[str]:
-        names = (*MODULES, *sorted(plugins.points("commands")))
-        return iter(sorted(names, key=lambda name: ORDER.index(name) if name in ORDER else 99))
+        names = {*MODULES, *plugins.points("commands")}
+        return iter([*(one for one in ORDER if one in names), *sorted(names - {*ORDER})])
 
     def __len__(self) -> int:
-        return len(MODULES) + len(plugins.points("commands"))
+        return len(list(iter(self)))
 
 
 ANYTHING = {"ignore_unknown_options": True, "allow_extra_args": True}

@@ -2,13 +2,13 @@
 
 The annexes that ship and packages of other people use one way: an entry point `NAME =
 "module:OBJECT"` in the group `mapmore.GROUP` adds OBJECT under NAME. Groups are `commands`,
-`kinds`, `figures`, `exports`, `formulas`, `readers`, `operators` and `families`. Nothing is
-imported before it is asked for. A part that cannot be imported is left out, and named by whoever
-asks for it.
+`kinds`, `figures` and `stages`. Nothing is imported before it is asked for. A part that cannot be
+imported is left out, and named by whoever asks for it.
 """
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterator
 from functools import cache
 from importlib import import_module
@@ -27,8 +27,8 @@ class NotInstalled(UsageError):
 @cache
 def points(group: str) -> dict[str, EntryPoint]:
     """Return the entry points of a group by name; of two with one name, the first by module."""
-    found = sorted(entry_points(group=f"mapmore.{group}"), key=lambda point: point.value)
-    return {point.name: point for point in reversed(found)}
+    by_module = sorted(entry_points(group=f"mapmore.{group}"), key=lambda point: point.value)
+    return {point.name: point for point in reversed(by_module)}
 
 
 @cache
@@ -37,7 +37,7 @@ def load(group: str, name: str) -> Any:
     point = points(group)[name]
     try:
         return point.load()
-    except (ImportError, AttributeError) as fault:
+    except Exception as fault:  # whatever is wrong there, the rest goes on without it
         raise NotInstalled(
             f"`{name}` is not installed: {point.value} cannot be imported ({fault})",
             f"install the package that has {point.module.partition('.')[0]}, with all its parts",
@@ -63,7 +63,7 @@ def _or_none(group: str, name: str) -> Any:
         return None
 
 
-def modules(package: ModuleType) -> Iterator[ModuleType]:
+def modules(package: str) -> Iterator[ModuleType]:
     """Import the modules and folders of a package, in the order of their names."""
-    for one in iter_modules(package.__path__):
-        yield import_module(f"{package.__name__}.{one.name}")
+    for one in iter_modules(sys.modules[package].__path__):
+        yield import_module(f"{package}.{one.name}")

@@ -17,7 +17,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from mapmore_cli import modelling
 from mapmore_cli.domain import plugins
 from mapmore_cli.domain.arrays import Array, BoolArray, Columns
 from mapmore_cli.domain.declared import Settings
@@ -85,7 +84,7 @@ class Kind:
 @cache
 def kinds() -> tuple[Kind, ...]:
     """Return every kind, in the order of their names."""
-    own = [one.KIND for one in plugins.modules(modelling) if hasattr(one, "KIND")]
+    own = [one.KIND for one in plugins.modules("mapmore_cli.modelling") if hasattr(one, "KIND")]
     return tuple(sorted([*own, *plugins.added("kinds").values()], key=lambda kind: kind.name))
 
 

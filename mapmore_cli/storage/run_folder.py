@@ -19,7 +19,7 @@ from tempfile import TemporaryDirectory
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, cast
 
-from mapmore_cli.domain.errors import WriteError
+from mapmore_cli.domain.errors import DataError, WriteError
 from mapmore_cli.domain.results import Search
 from mapmore_cli.storage.atomic import (
     TEMPORARY,
@@ -101,10 +101,13 @@ class RunFiles:
 
     def search(self) -> Search | None:
         """Return what a search tried; None where there was none."""
-        from pydantic import TypeAdapter
+        from pydantic import TypeAdapter, ValidationError
 
         path = self.folder / SEARCH
-        return TypeAdapter(Search).validate_json(path.read_bytes()) if path.is_file() else None
+        try:
+            return TypeAdapter(Search).validate_json(path.read_bytes()) if path.is_file() else None
+        except ValidationError as fault:
+            raise DataError(f"{path}: is damaged", "delete it, and run the study again") from fault
 
     def scores(self) -> ScoreTable:
         """Return the scores alone, without the predictions behind them."""

@@ -6,11 +6,10 @@ nearly the same.
 
 from __future__ import annotations
 
-import pkgutil
 from dataclasses import replace
 from functools import cache
-from importlib import import_module
 
+from mapmore_cli.domain import plugins
 from mapmore_cli.domain.fits import FormulaFit
 from mapmore_cli.domain.models import Formula as Body
 from mapmore_cli.modelling.expressions import to_text
@@ -38,8 +37,7 @@ __all__ = [
 def _published() -> dict[str, Formula]:
     """Return the formulas of all files by name, in alphabetical order."""
     by_name: dict[str, Formula] = {}
-    for file in pkgutil.iter_modules(formulas.__path__):
-        module = import_module(f"{formulas.__name__}.{file.name}")
+    for module in plugins.modules(formulas.__name__):
         for formula in getattr(module, "FORMULAS", None) or (module.FORMULA,):
             by_name[formula.name] = replace(
                 formula, about=(formula.about or module.__doc__ or "").strip()

@@ -101,8 +101,7 @@ def drawings(name: str, inputs: ReportInputs) -> list[Drawing]:
     """
     if name in plugins.missing("figures"):
         return []
-    added = name in plugins.points("figures")
-    module = plugins.load("figures", name) if added else import_module(f"{__package__}.{name}")
+    module = plugins.added("figures").get(name) or import_module(f"{__package__}.{name}")
     figures: list[Drawing] = module.draw(inputs)
     return figures
 

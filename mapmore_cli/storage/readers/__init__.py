@@ -9,17 +9,18 @@ that only one format needs are imported when it is read.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from importlib import import_module
 from pathlib import Path
-from pkgutil import iter_modules
 
+from mapmore_cli.domain import plugins
 from mapmore_cli.storage.tables import RawTable, Reader, TableRequest
 
 __all__ = ["READERS", "RawTable", "Reader", "TableRequest", "reader_of", "suffix_of"]
 
-_found = [import_module(f"{__name__}.{module.name}").READER for module in iter_modules(__path__)]
 READERS: Mapping[str, Reader] = {
-    reader.name: reader for reader in sorted(_found, key=lambda reader: reader.name)
+    reader.name: reader
+    for reader in sorted(
+        (module.READER for module in plugins.modules(__name__)), key=lambda reader: reader.name
+    )
 }
 """Every reader by its name, in the order of the alphabet."""
 

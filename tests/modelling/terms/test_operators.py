@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from mapmore_cli.annexes.rig.muscle import stop as rig_stop
+from mapmore_cli.domain import plugins
 from mapmore_cli.modelling.expressions import Name, operators
 from mapmore_cli.modelling.expressions.operator import FLOATS, Setting, along, run_recursion
 from mapmore_cli.modelling.expressions.operators import OPERATORS, families
@@ -189,7 +190,9 @@ def test_an_operator_of_one_file_is_evaluated_fed_back_and_compiled(tmp_path, mo
 
     (tmp_path / "valve.py").write_text(NEW)
     monkeypatch.setattr(operators, "__path__", [*operators.__path__, str(tmp_path)])
-    found, with_it = OPERATORS, {operator.name: operator for operator in operators._all_operators()}
+    modules = plugins.modules(operators.__name__)
+    found = OPERATORS
+    with_it = {one.name: one for module in modules for one in module.OPERATORS}
     for module in list(sys.modules.values()):
         if vars(module).get("OPERATORS") is found:
             monkeypatch.setattr(module, "OPERATORS", with_it)

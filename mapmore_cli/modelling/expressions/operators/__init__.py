@@ -4,20 +4,15 @@ to one.
 
 from __future__ import annotations
 
-import importlib
-import pkgutil
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 
+from mapmore_cli.domain import plugins
 from mapmore_cli.modelling.expressions.operator import Operator
 
-
-def _all_operators() -> Iterator[Operator]:
-    for module in sorted(found.name for found in pkgutil.iter_modules(__path__)):
-        yield from importlib.import_module(f"{__name__}.{module}").OPERATORS
-
-
-# every operator by its name
-OPERATORS: Mapping[str, Operator] = {operator.name: operator for operator in _all_operators()}
+OPERATORS: Mapping[str, Operator] = {
+    operator.name: operator for module in plugins.modules(__name__) for operator in module.OPERATORS
+}
+"""Every operator by its name."""
 
 
 def families() -> Mapping[str, tuple[Operator, ...]]:
