@@ -145,8 +145,8 @@ def residuals(
     progress: Progress,
     model: Model,
 ) -> LeftOut:
-    """Return how models of the rest, everything fitted anew, miss each part of the training data
-    that the `model` has.
+    """Leave each part of the training data out, fit everything anew, and return the
+    errors that stand for the `model`.
 
     `needed` are the folders of the runs that a sum adds up, which are fitted anew as well. Held-out
     data are never used.

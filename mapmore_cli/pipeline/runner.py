@@ -65,7 +65,7 @@ OnStage = Callable[[str, str | None], None]
 
 @dataclass(frozen=True)
 class RunOutcome:
-    """What was done: `done` or `up-to-date` for every stage, and why for those that ran."""
+    """The outcome of a run: `done` or `up-to-date` for every stage, and why those that ran did."""
 
     name: str
     run_dir: Path

@@ -32,7 +32,7 @@ _one_at_a_time = Lock()
 
 @dataclass(frozen=True)
 class Shared:
-    """What a worker needs besides its job: a file that shows whether it sees the folder of runs,
+    """A worker needs these besides its job: a file that shows whether it sees the folder of runs,
     the version of mapmore, and variables that specs may name.
     """
 

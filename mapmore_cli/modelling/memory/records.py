@@ -27,7 +27,7 @@ class AtSample(DataError):
 
 @contextmanager
 def numbered(rows: IntArray) -> Iterator[None]:
-    """Mistakes at the samples of a part are told by their `rows` in the whole."""
+    """Tell mistakes at the samples of a part by their `rows` in the whole."""
     try:
         yield
     except AtSample as error:
