@@ -8,7 +8,7 @@ import re
 from collections import Counter, defaultdict
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import AbstractContextManager, suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -16,7 +16,7 @@ import numpy as np
 
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.storage.tables import RawTable, Reader, TableRequest, Top
+from mapmore_cli.storage.tables import Noted, RawTable, Reader, TableRequest, Top
 from mapmore_cli.storage.tables.cells import CellReader
 from mapmore_cli.storage.tables.members import EVERY, Member, as_numbers, tables
 
@@ -66,7 +66,7 @@ class Column:
     - `address`, `title`: how a spec names it, and its name; None for a column of a matrix.
     - `group`: the address of what it lies in.
     - `length`, `values`: its length, and its first values.
-    - `step`: seconds between its samples, 0 where the file says nothing.
+    - `noted`: what the file says of it.
     """
 
     address: str
@@ -74,7 +74,7 @@ class Column:
     group: str
     length: int
     values: Array
-    step: float = 0.0
+    noted: Noted = field(default_factory=Noted)
 
 
 def first_rows(top: Member, most: int, separator: str = "/") -> Top:
@@ -97,14 +97,17 @@ def first_rows(top: Member, most: int, separator: str = "/") -> Top:
     )
     for name in () if log else top.names:
         top.member(name)  # tells of an object that only its own program can read
-    step = next((column.step for column in log if column.step), None) or _sample_time(columns)
-    titles = [column.title for column in log]
+    steps = (column.noted.step for column in log)
+    step = next(filter(None, steps), None) or _sample_time(columns)
+    titles = [column.title or column.address for column in log]
+    is_titled = any(column.title for column in log)
     rows = zip(*(column.values.tolist() for column in log), strict=True)
     return Top(
-        [*([] if None in titles else [titles]), *rows],
+        [*([titles] if is_titled else []), *rows],
         lambda cell: isinstance(cell, float),
         {key: value for key, value in (("root", root), ("sample_time", step)) if value is not None},
         tuple(column.address for column in log),
+        units=tuple(column.noted.unit for column in log),
     )
 
 
@@ -122,10 +125,8 @@ def _places(top: Member, separator: str) -> list[Place]:
 
 
 def _readable(here: Member, name: str) -> Member | None:
-    """Return a member; None where there is none, or nothing that can be read, or that an address
-    leads to.
-    """
-    if name not in here.names or re.search(r"[./\[\]]", name) or name != name.strip():
+    """Return a member; None where there is none, or nothing that can be read."""
+    if name not in here.names:
         return None
     try:
         return here.member(name)
@@ -231,11 +232,11 @@ def _columns_of(place: Place, most: int) -> Iterator[Column]:
     except DataError:
         return
     if not matrix:
-        yield Column(address, title, group, length, values.reshape(-1), member.noted.step)
+        yield Column(address, title, group, length, values.reshape(-1), member.noted)
         return
     for number, column in enumerate(values if along else values.T):
         index = f"[{number},:]" if along else f"[:,{number}]"
-        yield Column(f"{address}{index}", None, f"{address}[]", length, column)
+        yield Column(f"{address}{index}", None, group, length, column, member.noted)
 
 
 def _sample_time(columns: Iterable[Column]) -> float | None:
