@@ -347,8 +347,9 @@ def fit(frame: Any, **sections: Any) -> Fitted:
 
 
 def _reader_of(path: Any) -> str:
-    """Return the reader of files that begin or end so; `csv` for others. Raises `SpecError` for what is
-    no path.
+    """Return the reader of files that begin or end so; `csv` for others.
+
+    Raises `SpecError` for what is no path.
     """
     if not isinstance(path, str | Path):
         raise SpecError(

@@ -251,8 +251,8 @@ def relative_name(path: Path, folder: Path) -> str:
 
 
 def unique_ids(sources: Sequence[str]) -> list[str]:
-    """Name recordings after their files, without `.gz` or the like and the format's suffix; with parent folders
-    where names repeat.
+    """Name recordings after their files, without the suffixes of packing and of the format; with
+    parent folders where names repeat.
     """
     parts = [PurePosixPath(_without_suffix(source)).parts for source in sources]
     depth = [1] * len(parts)

@@ -18,7 +18,7 @@ from contextlib import contextmanager, suppress
 from functools import partial
 from io import BufferedReader
 from pathlib import Path
-from typing import IO, TextIO, cast
+from typing import IO, Any, TextIO
 
 from mapmore_cli.domain.errors import DataError, WriteError
 from mapmore_cli.storage.atomic import written
@@ -33,7 +33,11 @@ TEXT_ERRORS = "surrogateescape"
 UNREADABLE = (OSError, EOFError, zlib.error, lzma.LZMAError)
 """What opening, reading and unpacking raise."""
 
-_UNPACKED = {b"\x1f\x8b": gzip.open, b"BZh": bz2.open, b"\xfd7zXZ": lzma.open}
+_UNPACKED: dict[bytes, Callable[[Any], Any]] = {
+    b"\x1f\x8b": gzip.open,
+    b"BZh": bz2.open,
+    b"\xfd7zXZ": lzma.open,
+}
 """How packed files begin, and what unpacks them."""
 
 
@@ -51,7 +55,7 @@ def is_zipped(raw: BufferedReader) -> bool:
 
 def _unzipped(raw: BufferedReader) -> IO[bytes]:
     ways = (way for begin, way in _UNPACKED.items() if raw.peek(5).startswith(begin))
-    return next((cast(IO[bytes], way(raw)) for way in ways), raw)
+    return next((way(raw) for way in ways), raw)
 
 
 @contextmanager

@@ -81,7 +81,7 @@ def test_a_column_that_is_hardly_filled_hides_no_other(tmp_path):
 def test_a_line_of_units_that_has_a_one_and_words_beside_numbers(tmp_path):
     path = tmp_path / "a.csv"
     path.write_text("P;eps\nkPa;1\n" + "".join(f"{k};0,{k}\n" for k in range(10, 30)))
-    assert (preview(path).settings, preview(path).below) == (
+    assert (preview(path).settings, preview(path).units) == (
         {"delimiter": ";", "decimal": ",", "header": 2},
         ("kPa", "1"),
     )
