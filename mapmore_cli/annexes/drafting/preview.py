@@ -17,7 +17,6 @@ from mapmore_cli.storage.readers import reader_of, suffix_of
 from mapmore_cli.storage.tables import Top
 
 WIDEST, LINES = 2000, 200  # columns, and lines of a table, that `init` looks at
-MOST_UNIT_LINES = 2  # that have a number, as `kPa;1`
 REMARKS = ("#", "%", "//", "!")  # what a line begins with that is no data
 FEW = 5  # lines
 LETTERS = "smNVAKgh1%-"  # that are units as everybody writes them
@@ -77,18 +76,6 @@ class Preview:
         return named or tuple(range(self.width))
 
 
-@dataclass(frozen=True)
-class _Table:
-    """A table in a file: its layout, how many rows it has, and how many columns of other texts than
-    words.
-    """
-
-    layout: Preview
-    rows: int
-    doubtful: int
-    sheet: str | None
-
-
 def unread(path: Path) -> str | None:
     """Return why a file that may hold data is passed over, and what to do; None for others."""
     suffix = suffix_of(path)
@@ -105,7 +92,7 @@ def preview(path: Path, least: int = 2) -> Preview:
     reader = reader_of(path)
     if reader is None:
         what = f"{path.name}: no reader takes {suffix_of(path) or 'files without a suffix'}"
-        raise DataError(unread(path) or what, None if unread(path) else "save the table as CSV")
+        raise DataError(unread(path) or f"{what}; save the table as CSV")
     remedy = f"write `columns` by hand, as `pressure: {{column: {reader.column}, unit: kPa}}`"
     if reader.peek is None:
         raise DataError(f"{path.name}: its arrays have to be named", remedy)
@@ -115,13 +102,14 @@ def preview(path: Path, least: int = 2) -> Preview:
         raise DataError(": ".join(filter(None, [fault.message, fault.remedy]))) from fault
     if (width := max((len(row) for top in tops for row in top.rows), default=0)) > WIDEST:
         raise DataError(f"{path.name}: has {width} columns, more than {WIDEST}", remedy)
-    tables = [table for top in tops if (table := _table_in(top, reader.name, least)) is not None]
+    tables = [table for top in tops if (table := _table_in(top, least)) is not None]
     if not tables:
         raise _no_table(path, tops, remedy)
-    best = max(tables, key=lambda table: (-table.doubtful, table.rows))
-    if best.sheet is None:
-        return best.layout
-    return _of_all_sheets(best, tables, [top.sheet for top in tops if top.sheet is not None])
+    best = max(tables, key=lambda table: table.rank)
+    layouts = {table.top.sheet: table.layout(reader.name) for table in tables}
+    if best.top.sheet is None:
+        return best.layout(reader.name)
+    return _of_all_sheets(best.top.sheet, layouts, [top.sheet for top in tops])
 
 
 def _no_table(path: Path, tops: Sequence[Top], remedy: str) -> DataError:
@@ -137,163 +125,150 @@ def _no_table(path: Path, tops: Sequence[Top], remedy: str) -> DataError:
     )
 
 
-def _of_all_sheets(best: _Table, tables: Sequence[_Table], sheets: Sequence[str]) -> Preview:
-    """Return the layout of the sheet with the most rows, for it and all that are like it."""
-
-    def shape(layout: Preview) -> Preview:
-        return replace(layout, settings={**layout.settings, "sheet": ""})
-
-    alike = tuple(str(table.sheet) for table in tables if shape(table.layout) == shape(best.layout))
-    layout = replace(best.layout, left=tuple(sheet for sheet in sheets if sheet not in alike))
+def _of_all_sheets(
+    best: str, layouts: Mapping[str | None, Preview], sheets: Sequence[str | None]
+) -> Preview:
+    """Return the layout of one sheet for it and all that are like it."""
+    shapes = {
+        sheet: replace(layout, settings={**layout.settings, "sheet": ""})
+        for sheet, layout in layouts.items()
+    }
+    alike = tuple(str(sheet) for sheet, shape in shapes.items() if shape == shapes[best])
+    left = tuple(str(sheet) for sheet in sheets if sheet not in alike)
+    layout = replace(layouts[best], left=left)
     if len(alike) == 1:
         return layout
     told = alike if all(re.search(rf"\d\s*{UNIT}", name, re.IGNORECASE) for name in alike) else ()
-    is_every = len(alike) == len(sheets)
-    settings = {**layout.settings, "sheet": "*" if is_every else alike[0]}
-    return replace(layout, settings=settings, sheets=() if is_every else alike, told=told)
+    settings = {**layout.settings, "sheet": alike[0] if left else "*"}
+    return replace(layout, settings=settings, sheets=alike if left else (), told=told)
 
 
 @dataclass(frozen=True)
-class _Numbers:
-    """Where the numbers of a table lie: in the columns `numeric` of rows of `wide` cells, from the
-    row `first` on; behind the column `last` no cell is filled.
+class _Table:
+    """A table in the first rows of a file: numbers in the columns `numeric` of `rows` of `wide`
+    cells, from the row `first` on.
     """
 
+    top: Top
     rows: Sequence[Row]
     wide: int
     numeric: tuple[int, ...]
     first: int
-    last: int
+
+    @property
+    def columns(self) -> list[list[Any]]:
+        """The filled cells below the header, column by column."""
+        return _columns(self.rows[self.first :], self.wide)
+
+    @property
+    def rank(self) -> tuple[int, int]:
+        """The lower, the more columns of texts look like numbers, then the fewer rows there are."""
+        texts = (cells for place, cells in enumerate(self.columns) if place not in self.numeric)
+        doubtful = sum(any(map(str.isdigit, str(cells[0]))) for cells in texts if cells)
+        return -doubtful, len(self.rows) - self.first
+
+    def layout(self, reader: str) -> Preview:
+        """Return which line above the numbers has the titles, and which the units."""
+        lines = self.header_lines()
+        titled = self.line_of_titles(lines)
+        titles = [] if titled is None else lines[titled]
+        below = [lines[line] for line in sorted(lines) if titled is not None and line > titled]
+        units = self.top.units or next((tuple(cells) for cells in below if _are_units(cells)), ())
+        width = 1 + max(*self.numeric, *(place for place, title in enumerate(titles) if title))
+        header, skipped = 0, self.first
+        if titled is not None and len(self.rows[titled]) <= self.wide:
+            header, skipped = max(lines) - titled + 1, titled
+        settings = dict(self.top.settings)
+        if not self.top.addresses:
+            settings |= {} if header == 1 else {"header": header or False}
+            settings |= {"skip_rows": skipped} if skipped else {}
+        return Preview(
+            reader,
+            width,
+            (*titles, *[""] * width)[:width] if titles else None,
+            settings,
+            tuple(map(_bare, units[:width])) if any(units) else (),
+            addresses=self.top.addresses,
+            remark=bool(titles) and not header,
+            numeric=self.numeric,
+        )
+
+    def header_lines(self) -> dict[int, list[str]]:
+        """Return the lines right above the numbers that may be titles or units, by their places:
+        they reach as far as the numbers, and no cell beyond these is filled.
+
+        Blank lines may stand below titles and above a line of units. The mark of a remark is no
+        cell, where it stands alone.
+        """
+        lines: dict[int, list[str]] = {}
+        last = max(place for place, cells in enumerate(self.columns) if cells)
+        for place in reversed(range(self.first)):
+            filled = _filled(self.rows[place])
+            if not filled:
+                if all(map(_are_units, lines.values())):
+                    continue
+                break
+            cells = ["" if cell is None else str(cell).strip() for cell in self.rows[place]]
+            if len(cells) == self.wide + 1 and cells[0] in REMARKS:
+                cells = cells[1:]
+            has_numbers = 2 * sum(map(self.top.is_number, filled)) > len(filled)
+            if has_numbers or len(cells) <= last or any(cells[self.wide :]):
+                break
+            lines[place] = cells
+        return lines
+
+    def line_of_titles(self, lines: Mapping[int, list[str]]) -> int | None:
+        """Return the line with the most texts that names half of the columns of numbers, and is no
+        line of units: the first of equals, and the last of remarks, where all are remarks.
+        """
+
+        def rank(line: int) -> tuple[bool, int, int]:
+            is_remark = str(self.rows[line][0]).strip().startswith(REMARKS)
+            return not is_remark, len(_filled(lines[line])), line if is_remark else -line
+
+        names = {line: _filled([cells[at] for at in self.numeric]) for line, cells in lines.items()}
+        naming = [line for line in sorted(lines) if 2 * len(names[line]) >= len(self.numeric)]
+        titles = [line for line in naming if len(lines) == 1 or not _are_units(lines[line])]
+        return max(titles or naming[:1], key=rank, default=None)
 
 
-def _table_in(top: Top, reader: str, least: int) -> _Table | None:
+def _table_in(top: Top, least: int) -> _Table | None:
     """Return the table that the last rows belong to; None where they are no numbers in enough
     columns.
 
     Cells may be empty, a word may stand for a missing number, and whole columns may hold words. The
-    very last row may be cut off, or be a remark.
+    very last row may be cut off; remarks below the table are left out.
     """
-    rows, wide = _without_closing_lines(top.rows)
-    later = [row for row in rows[len(rows) // 2 :] if len(row) == wide]
-    columns = [_filled(cells) for cells in zip(*later, strict=True)]
+    rows = top.rows[:-1] if len(top.rows) > 1 else top.rows
+    widths = Counter(len(row) for row in rows[len(rows) // 2 :] if _filled(row))
+    wide = widths.most_common(1)[0][0] if widths else 0
+    end = max((i for i, row in enumerate(rows) if len(row) == wide and _filled(row)), default=-1)
+    rows = rows[: end + 1]
     numeric = tuple(
         place
-        for place, cells in enumerate(columns)
+        for place, cells in enumerate(_columns(rows[len(rows) // 2 :], wide))
         if 2 * sum(map(top.is_number, cells)) > len(cells)
     )
-    first = _first_of_numbers(rows, wide, numeric, top)
-    if len(numeric) < least or first == len(rows):
+
+    def has_numbers(row: Row) -> bool:
+        cells = _filled([row[place] for place in numeric]) if len(row) == wide else []
+        count = sum(map(top.is_number, cells))
+        # a line of units may have a number, as `kPa;1`
+        return count > 0 and (count == len(cells) or not _are_units([*map(str, cells)]))
+
+    filled = [place for place, row in enumerate(rows) if _filled(row)]
+    above = max((place for place in filled if not has_numbers(rows[place])), default=-1)
+    first = next((place for place in filled if place > above), None)
+    if len(numeric) < least or first is None:
         return None
-    last = max(place for place, cells in enumerate(columns) if cells)
-    layout = _laid_out(_Numbers(rows, wide, numeric, first, last), top, reader)
-    words = [
-        _filled([row[place] for row in rows[first:] if len(row) == wide])
-        for place in range(wide)
-        if place not in numeric
-    ]
-    doubtful = sum(any(map(str.isdigit, str(cells[0]))) for cells in words if cells)
-    return _Table(layout, len(rows) - first, doubtful, top.sheet)
+    return _Table(top, rows, wide, numeric, first)
 
 
-def _laid_out(numbers: _Numbers, top: Top, reader: str) -> Preview:
-    """Return the layout of a table: which line above the numbers has the titles, and which the
-    units.
-    """
-    lines = _header_lines(numbers, top)
-    titled = _line_of_titles(lines, numbers)
-    below = [lines[line] for line in sorted(lines) if titled is not None and line > titled]
-    units = top.units or tuple(next((cells for cells in below if _mostly_units(cells)), ()))
-    header, skipped, titles = 0, numbers.first, list[str]()
-    if titled is not None:
-        titles = lines[titled]
-        if len(numbers.rows[titled]) <= numbers.wide:
-            header, skipped = max(lines) - titled + 1, titled
-    width = 1 + max(*numbers.numeric, *(place for place, title in enumerate(titles) if title))
-    shape = {"header": header or False, "skip_rows": skipped}
-    usual = {"header": 1, "skip_rows": 0}
-    if top.addresses:
-        shape = {}
-    return Preview(
-        reader,
-        width,
-        tuple([*titles, *[""] * width][:width]) if titles else None,
-        {**top.settings, **{key: value for key, value in shape.items() if value != usual[key]}},
-        tuple(map(_bare, units[:width])) if any(units) else (),
-        addresses=top.addresses,
-        remark=bool(titles) and not header,
-        numeric=numbers.numeric,
-    )
+def _columns(rows: Sequence[Row], wide: int) -> list[list[Any]]:
+    return [*map(_filled, zip(*(row for row in rows if len(row) == wide), strict=True))]
 
 
-def _without_closing_lines(rows: Sequence[Row]) -> tuple[Sequence[Row], int]:
-    """Return the rows without the last one and without closing remarks, and the number of cells
-    that most of the later ones have.
-    """
-    whole = rows[:-1] if len(rows) > 1 else rows
-    widths = Counter(len(row) for row in whole[len(whole) // 2 :] if _filled(row))
-    wide = widths.most_common(1)[0][0] if widths else 0
-    places = range(len(whole), 0, -1)
-    is_whole = (place for place in places if len(row := whole[place - 1]) == wide and _filled(row))
-    return whole[: next(is_whole, 0)], wide
-
-
-def _first_of_numbers(rows: Sequence[Row], wide: int, numeric: Sequence[int], top: Top) -> int:
-    """Return the place of the first row below the last one without numbers, or the number of rows.
-
-    A line of units may have a number, as `kPa;1`.
-    """
-    cells = [_filled([row[place] for place in numeric]) if len(row) == wide else [] for row in rows]
-    numbers = [sum(map(top.is_number, own)) for own in cells]
-    places = range(len(rows), 0, -1)
-    start = next((i for i in places if _filled(rows[i - 1]) and not numbers[i - 1]), 0)
-    near = reversed(range(start, min(start + MOST_UNIT_LINES, len(rows)))) if start else ()
-    first = next((i + 1 for i in near if cells[i] and 2 * numbers[i] <= len(cells[i])), start)
-    return next((i for i in range(first, len(rows)) if _filled(rows[i])), len(rows))
-
-
-def _header_lines(numbers: _Numbers, top: Top) -> dict[int, list[str]]:
-    """Return the lines right above the numbers that may be titles or units, by their places: they
-    reach as far as the numbers, and no cell beyond these is filled.
-
-    Blank lines may stand below titles and above a line of units. The mark of a remark is no cell,
-    where it stands alone.
-    """
-    lines: dict[int, list[str]] = {}
-    for place in reversed(range(numbers.first)):
-        cells = ["" if cell is None else str(cell).strip() for cell in numbers.rows[place]]
-        if not any(cells):
-            if all(map(_mostly_units, lines.values())):
-                continue
-            break
-        if len(cells) == numbers.wide + 1 and cells[0] in REMARKS:
-            cells = cells[1:]
-        filled = _filled(numbers.rows[place])
-        has_numbers = 2 * sum(map(top.is_number, filled)) > len(filled)
-        if has_numbers or len(cells) <= numbers.last or any(cells[numbers.wide :]):
-            break
-        lines[place] = cells
-    return lines
-
-
-def _line_of_titles(lines: Mapping[int, list[str]], numbers: _Numbers) -> int | None:
-    """Return the line with the most texts that names half of the columns of numbers, and is no line
-    of units: the first of equals, and the last of remarks, where all are remarks.
-    """
-
-    def rank(line: int) -> tuple[bool, int, int]:
-        is_remark = str(numbers.rows[line][0]).strip().startswith(REMARKS)
-        return not is_remark, len(_filled(lines[line])), line if is_remark else -line
-
-    naming = []
-    for line, cells in sorted(lines.items()):
-        named = _filled([cells[place] for place in numbers.numeric])
-        if 2 * len(named) >= len(numbers.numeric):
-            naming.append(line)
-    titles = [line for line in naming if len(lines) == 1 or not _mostly_units(lines[line])]
-    return max(titles or naming[:1], key=rank, default=None)
-
-
-def _mostly_units(cells: Sequence[str]) -> bool:
+def _are_units(cells: Sequence[str]) -> bool:
     filled = _filled(cells)
     return 2 * sum(map(_is_unit, filled)) > len(filled)
 
