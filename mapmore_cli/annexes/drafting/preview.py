@@ -144,7 +144,7 @@ def _of_all_sheets(
 
 
 @dataclass(frozen=True)
-class _Table:
+class _FoundTable:
     """A table in the first rows of a file: numbers in the columns `numeric` of `rows` of `wide`
     cells, from the row `first` on.
     """
@@ -158,7 +158,7 @@ class _Table:
     @property
     def columns(self) -> list[list[Any]]:
         """The filled cells below the header, column by column."""
-        return _columns(self.rows[self.first :], self.wide)
+        return _filled_by_column(self.rows[self.first :], self.wide)
 
     @property
     def rank(self) -> tuple[int, int]:
@@ -187,7 +187,7 @@ class _Table:
             width,
             (*titles, *[""] * width)[:width] if titles else None,
             settings,
-            tuple(map(_bare, units[:width])) if any(units) else (),
+            tuple(map(_without_brackets, units[:width])) if any(units) else (),
             addresses=self.top.addresses,
             remark=bool(titles) and not header,
             numeric=self.numeric,
@@ -203,7 +203,7 @@ class _Table:
         lines: dict[int, list[str]] = {}
         last = max(place for place, cells in enumerate(self.columns) if cells)
         for place in reversed(range(self.first)):
-            filled = _filled(self.rows[place])
+            filled = _nonempty(self.rows[place])
             if not filled:
                 if all(map(_are_units, lines.values())):
                     continue
@@ -224,15 +224,17 @@ class _Table:
 
         def rank(line: int) -> tuple[bool, int, int]:
             is_remark = str(self.rows[line][0]).strip().startswith(REMARKS)
-            return not is_remark, len(_filled(lines[line])), line if is_remark else -line
+            return not is_remark, len(_nonempty(lines[line])), line if is_remark else -line
 
-        names = {line: _filled([cells[at] for at in self.numeric]) for line, cells in lines.items()}
+        names = {
+            line: _nonempty([cells[at] for at in self.numeric]) for line, cells in lines.items()
+        }
         naming = [line for line in sorted(lines) if 2 * len(names[line]) >= len(self.numeric)]
         titles = [line for line in naming if len(lines) == 1 or not _are_units(lines[line])]
         return max(titles or naming[:1], key=rank, default=None)
 
 
-def _table_in(top: Top, least: int) -> _Table | None:
+def _table_in(top: Top, least: int) -> _FoundTable | None:
     """Return the table that the last rows belong to; None where they are no numbers in enough
     columns.
 
@@ -240,44 +242,44 @@ def _table_in(top: Top, least: int) -> _Table | None:
     very last row may be cut off; remarks below the table are left out.
     """
     rows = top.rows[:-1] if len(top.rows) > 1 else top.rows
-    widths = Counter(len(row) for row in rows[len(rows) // 2 :] if _filled(row))
+    widths = Counter(len(row) for row in rows[len(rows) // 2 :] if _nonempty(row))
     wide = widths.most_common(1)[0][0] if widths else 0
-    end = max((i for i, row in enumerate(rows) if len(row) == wide and _filled(row)), default=-1)
+    end = max((i for i, row in enumerate(rows) if len(row) == wide and _nonempty(row)), default=-1)
     rows = rows[: end + 1]
     numeric = tuple(
         place
-        for place, cells in enumerate(_columns(rows[len(rows) // 2 :], wide))
+        for place, cells in enumerate(_filled_by_column(rows[len(rows) // 2 :], wide))
         if 2 * sum(map(top.is_number, cells)) > len(cells)
     )
 
     def has_numbers(row: Row) -> bool:
-        cells = _filled([row[place] for place in numeric]) if len(row) == wide else []
+        cells = _nonempty([row[place] for place in numeric]) if len(row) == wide else []
         count = sum(map(top.is_number, cells))
         # a line of units may have a number, as `kPa;1`
         return count > 0 and (count == len(cells) or not _are_units([*map(str, cells)]))
 
-    filled = [place for place, row in enumerate(rows) if _filled(row)]
+    filled = [place for place, row in enumerate(rows) if _nonempty(row)]
     above = max((place for place in filled if not has_numbers(rows[place])), default=-1)
     first = next((place for place in filled if place > above), None)
     if len(numeric) < least or first is None:
         return None
-    return _Table(top, rows, wide, numeric, first)
+    return _FoundTable(top, rows, wide, numeric, first)
 
 
-def _columns(rows: Sequence[Row], wide: int) -> list[list[Any]]:
-    return [*map(_filled, zip(*(row for row in rows if len(row) == wide), strict=True))]
+def _filled_by_column(rows: Sequence[Row], wide: int) -> list[list[Any]]:
+    return [*map(_nonempty, zip(*(row for row in rows if len(row) == wide), strict=True))]
 
 
 def _are_units(cells: Sequence[str]) -> bool:
-    filled = _filled(cells)
-    return 2 * sum(map(_is_unit, filled)) > len(filled)
+    filled = _nonempty(cells)
+    return 2 * sum(map(_reads_as_unit, filled)) > len(filled)
 
 
-def _is_unit(cell: str) -> bool:
+def _reads_as_unit(cell: str) -> bool:
     """Return True for a unit; of single letters, which titles are as well, for those in daily
     use.
     """
-    unit = _bare(cell)
+    unit = _without_brackets(cell)
     if len(unit) == 1:
         return unit in LETTERS
     with suppress(SpecError):
@@ -286,10 +288,10 @@ def _is_unit(cell: str) -> bool:
     return False
 
 
-def _bare(unit: str) -> str:
+def _without_brackets(unit: str) -> str:
     """Return a unit without the mark of a remark before it and the brackets around it."""
     return re.sub(r"^[(\[{<]\s*(.*?)\s*[)\]}>]$", r"\1", unit.lstrip("# "))
 
 
-def _filled(row: Row) -> list[Any]:
+def _nonempty(row: Row) -> list[Any]:
     return [cell for cell in row if cell is not None and str(cell).strip()]

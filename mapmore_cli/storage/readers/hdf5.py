@@ -78,13 +78,13 @@ def _member(node: Any) -> Member:
         if isinstance(value, str) and name != UNSIGNED:
             raise DataError(f"{node.name}: its attribute {name} is no number", "write it as one")
     read = _reader(node)
-    noted = replace(_noted(node), is_scaled="scale_factor" in said or "add_offset" in said)
+    noted = replace(_unit_noted(node), is_scaled="scale_factor" in said or "add_offset" in said)
     return array_of(
         (lambda selection: _meant(read(selection), said)) if said else read, node.shape, noted
     )
 
 
-def _noted(node: Any) -> Noted:
+def _unit_noted(node: Any) -> Noted:
     return Noted(str(next(filter(None, (_attribute(node, name) for name in UNIT)), "")))
 
 
@@ -242,7 +242,7 @@ def _matlab_array(dataset: Any) -> Member:
         whole = (*selection, *(slice(None),) * (len(shape) - len(selection)))[::-1]
         return np.transpose(_own_values(dataset, whole)[whole])
 
-    return array_of(read, shape, _noted(dataset))
+    return array_of(read, shape, _unit_noted(dataset))
 
 
 def _class_of(node: Any) -> str:

@@ -33,7 +33,7 @@ KIND = f"{BEGINS} file"
 
 
 @dataclass(frozen=True)
-class Segment:
+class LvmSegment:
     """Rows of cells below one header: what was `said` there of each channel, by keyword, and the
     titles of all columns.
     """
@@ -97,10 +97,10 @@ def read_lvm(path: Path, request: TableRequest) -> list[RawTable]:
     """
     label = request.label
     with reading(label, KIND):
-        segments = [one for one in _segments(path, label) if one.rows]
+        segments = [one for one in _lvm_segments(path, label) if one.rows]
         if not segments:
             raise DataError(f"{label}: has no samples")
-        recordings: list[tuple[Segment, list[Row]]] = []
+        recordings: list[tuple[LvmSegment, list[Row]]] = []
         for segment in segments:
             rows = segment.timed_rows(segments[0].began)
             before, whole = recordings[-1] if recordings else (segment, rows)
@@ -108,7 +108,7 @@ def read_lvm(path: Path, request: TableRequest) -> list[RawTable]:
                 whole.extend(rows)
             else:
                 recordings.append((segment, rows))
-        tables = [_table(segment, rows, request) for segment, rows in recordings]
+        tables = [_one_recording(segment, rows, request) for segment, rows in recordings]
     if len(tables) > 1:
         tables = [replace(table, element=number) for number, table in enumerate(tables)]
     announced, there = int(segments[-1].number("Samples")), len(segments[-1].rows)
@@ -116,7 +116,7 @@ def read_lvm(path: Path, request: TableRequest) -> list[RawTable]:
     return [replace(tables[0], doubts=(told,) if there < announced else ()), *tables[1:]]
 
 
-def _table(segment: Segment, rows: Sequence[Row], request: TableRequest) -> RawTable:
+def _one_recording(segment: LvmSegment, rows: Sequence[Row], request: TableRequest) -> RawTable:
     names, request = segment.titles, replace(request, decimal=segment.decimal)
     places = locate_columns(request, names, len(names))
     noted = {column: segment.noted(place) for column, place in places.items()}
@@ -127,17 +127,19 @@ def _table(segment: Segment, rows: Sequence[Row], request: TableRequest) -> RawT
 def peek_lvm(path: Path, most: int) -> Iterable[Top]:
     """Return the titles and the first rows of the first segment."""
     with reading(path.name, KIND):
-        for segment in _segments(path, path.name, most)[:1]:
+        for segment in _lvm_segments(path, path.name, most)[:1]:
             units = tuple(segment.noted(place).unit for place in range(len(segment.titles)))
             rows = [segment.titles, *(cells for _, cells in segment.timed_rows(segment.began))]
             return [Top(rows, partial(holds_number, decimal=segment.decimal), units=units)]
     return []
 
 
-def _segments(path: Path, label: str, most: int | None = None) -> list[Segment]:
-    """Return the segments in the first lines of a file, all where `most` is None."""
+def _lvm_segments(path: Path, label: str, most: int | None = None) -> list[LvmSegment]:
+    """Return the segments in the first lines of a file, all where `most` is None; a last line that
+    has no end was cut off.
+    """
     with open_lines(path, guess_encoding(path), label, errors="replace") as (whole, _):
-        lines = [line.rstrip("\r\n") for line in islice(whole, most)]
+        lines = [line.rstrip("\r\n") for line in islice(whole, most) if line[-1:] in "\r\n"]
     if not lines or not lines[0].startswith(BEGINS):
         raise ValueError(f"it does not begin with '{BEGINS}'")
     marks = (line[len("Separator")] for line in lines if re.match(r"Separator\W", line))
@@ -153,7 +155,7 @@ def _segments(path: Path, label: str, most: int | None = None) -> list[Segment]:
         below = rows[begin + len(head) + 1 : end]
         if below:
             titles = [title.strip() for title in below[0][1]]
-            segments.append(Segment(said, titles, below[1:]))
+            segments.append(LvmSegment(said, titles, below[1:]))
     return segments
 
 

@@ -26,10 +26,10 @@ def opened_npz(path: Path, label: str, _request: TableRequest | None) -> Iterato
     """
     with reading(label, "NumPy archive (.npz)"), zipfile.ZipFile(path) as archive:
         parts = {one.filename.removesuffix(".npy"): one for one in archive.infolist()}
-        yield group_of("the file", list(parts), lambda name: _array(archive, parts[name], name))
+        yield group_of("the file", list(parts), lambda name: _npz_array(archive, parts[name], name))
 
 
-def _array(archive: zipfile.ZipFile, part: zipfile.ZipInfo, name: str) -> Member:
+def _npz_array(archive: zipfile.ZipFile, part: zipfile.ZipInfo, name: str) -> Member:
     refuse_bombs(f"'{name}'", part.file_size, part.compress_size)
     with archive.open(part) as stream:
         header = (

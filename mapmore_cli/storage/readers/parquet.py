@@ -32,10 +32,10 @@ def opened_parquet(path: Path, label: str, _request: TableRequest | None) -> Ite
         refuse_bombs(f"{label}: each column", 8 * file.metadata.num_rows, path.stat().st_size)
         fields = {field.name: field for field in file.schema_arrow}
         kind = f"a table of {len(fields)} columns"
-        yield Member(kind, list(fields), lambda name: _column(file, fields[name]))
+        yield Member(kind, list(fields), lambda name: _parquet_column(file, fields[name]))
 
 
-def _column(file: Any, field: Any) -> Member:
+def _parquet_column(file: Any, field: Any) -> Member:
     """Return a column; DataError for one of texts, lists or structs."""
     types = optional_library("pyarrow.types", "pyarrow", field.name)
     kind = field.type.value_type if types.is_dictionary(field.type) else field.type

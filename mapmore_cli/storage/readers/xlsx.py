@@ -40,7 +40,7 @@ from mapmore_cli.storage.tables.rows import Row, table_of_rows
 
 
 @dataclass(frozen=True)
-class Sheet:
+class SheetCells:
     """A sheet: its rows, all as wide as the widest, and its merged cells as ((top, left), (bottom,
     right)), from 0.
     """
@@ -72,8 +72,8 @@ def read_xlsx(path: Path, request: TableRequest) -> list[RawTable]:
         python-calamine not installed.
     """
     with reading(request.label, "workbook"):
-        sheets, by_glob, doubts = _chosen(_sheets_in(path, request.label), request)
-        tables = [_table(path, sheet, request) for sheet in sheets]
+        sheets, by_glob, doubts = _chosen_sheets(_sheets_in(path, request.label), request)
+        tables = [_table_of_sheet(path, sheet, request) for sheet in sheets]
     if by_glob:
         tables = [
             replace(table, element=sheet.title) for table, sheet in zip(tables, sheets, strict=True)
@@ -86,7 +86,7 @@ def peek_xlsx(path: Path, most: int) -> Iterable[Top]:
     sheet has to be named.
     """
     with reading(path.name, "workbook"):
-        sheets = _visible(_sheets_in(path, path.name, most))
+        sheets = _visible_sheets(_sheets_in(path, path.name, most))
     return [
         Top(sheet.rows, _is_no_text, {"sheet": sheet.title} if number else {}, sheet=sheet.title)
         for number, sheet in enumerate(sheets)
@@ -102,7 +102,7 @@ def _is_no_text(cell: Any) -> bool:
     return not isinstance(cell, str) and holds_number(cell)
 
 
-def _sheets_in(path: Path, label: str, most: int = 0) -> list[Sheet]:
+def _sheets_in(path: Path, label: str, most: int = 0) -> list[SheetCells]:
     """Return the sheets of a workbook, of each so many rows (all where 0); ValueError for a damaged
     one.
 
@@ -120,22 +120,22 @@ def _sheets_in(path: Path, label: str, most: int = 0) -> list[Sheet]:
     if done.returncode:
         told = done.stderr.decode(errors="replace").splitlines() if done.returncode > 0 else ()
         raise ValueError(told[-1] if told else "it asks for more memory than its size explains")
-    return [Sheet(*parts) for parts in pickle.loads(done.stdout)]
+    return [SheetCells(*parts) for parts in pickle.loads(done.stdout)]
 
 
-def _visible(sheets: list[Sheet]) -> list[Sheet]:
+def _visible_sheets(sheets: list[SheetCells]) -> list[SheetCells]:
     """Return the sheets that are not hidden; all where every one is."""
     return [sheet for sheet in sheets if sheet.is_visible] or sheets
 
 
-def _chosen(
-    sheets: list[Sheet], request: TableRequest
-) -> tuple[list[Sheet], bool, tuple[str, ...]]:
+def _chosen_sheets(
+    sheets: list[SheetCells], request: TableRequest
+) -> tuple[list[SheetCells], bool, tuple[str, ...]]:
     """Return the sheets to read, whether a glob chose them, and doubts about the choice.
 
     Hidden sheets are read where they are named. Of several, those that are empty are left out.
     """
-    visible, label = _visible(sheets), request.label
+    visible, label = _visible_sheets(sheets), request.label
     if not visible:
         raise DataError(f"{label}: has no sheet with cells", "save the table into a sheet")
     if named := [sheet for sheet in sheets if sheet.title == request.sheet]:
@@ -157,7 +157,7 @@ def _chosen(
     )
 
 
-def _table(path: Path, sheet: Sheet, request: TableRequest) -> RawTable:
+def _table_of_sheet(path: Path, sheet: SheetCells, request: TableRequest) -> RawTable:
     rows, label = sheet.filled_rows(request.skip_rows), f"{request.label}:{sheet.title}"
     if not rows:
         raise DataError(f"{label}: the sheet is empty")
@@ -169,7 +169,7 @@ def _table(path: Path, sheet: Sheet, request: TableRequest) -> RawTable:
     table = table_of_rows(body, places, names, request, label)
     if not body or any(np.isnan(column).any() for column in table.columns.values()):
         _refuse_merged(sheet, table, places)
-        wanted = {_letters(place): column for column, place in places.items()}
+        wanted = {_column_letters(place): column for column, place in places.items()}
         for number, letters, cell in _unread_cells(path, sheet.title):
             if number >= below and letters in wanted:
                 where = f"{label}:row {number}, column {wanted[letters]}"
@@ -179,22 +179,22 @@ def _table(path: Path, sheet: Sheet, request: TableRequest) -> RawTable:
     return table
 
 
-def _refuse_merged(sheet: Sheet, table: RawTable, places: Mapping[SourceColumn, int]) -> None:
+def _refuse_merged(sheet: SheetCells, table: RawTable, places: Mapping[SourceColumn, int]) -> None:
     """Raise DataError where a value is missing since it stands in the first of merged cells."""
     for (top, left), (bottom, right) in sheet.merged:
         inside = (table.rows > top) & (table.rows <= bottom + 1)
         for column in (name for name, place in places.items() if left <= place <= right):
             for row in table.rows[inside & np.isnan(table.columns[column])].tolist():
-                cells = f"{_letters(left)}{top + 1}:{_letters(right)}{bottom + 1}"
+                cells = f"{_column_letters(left)}{top + 1}:{_column_letters(right)}{bottom + 1}"
                 raise DataError(
                     f"{table.label}:row {row}, column {column}: is one of the merged cells {cells}",
                     "unmerge them, and write the value into each row",
                 )
 
 
-def _letters(place: int) -> str:
+def _column_letters(place: int) -> str:
     """Return the letters by which a workbook names a column: B of 1, AA of 26."""
-    return (_letters(place // 26 - 1) if place > 25 else "") + chr(ord("A") + place % 26)
+    return (_column_letters(place // 26 - 1) if place > 25 else "") + chr(ord("A") + place % 26)
 
 
 def _unread_cells(path: Path, title: str) -> Iterator[tuple[int, str, str | None]]:

@@ -119,13 +119,13 @@ def _places(top: Member, separator: str) -> list[Place]:
                 return places
             if (member := _readable(here, name)) is not None:
                 part = f"[{name}]" if isinstance(name, int) else f"{separator}{name}"
-                title = _called(here, str(name), address.partition(separator)[0])
+                title = _title_of(here, str(name), address.partition(separator)[0])
                 inner = f"{address}{part}".removeprefix(separator)
                 places.append(Place(inner, title, address, member))
     return places
 
 
-def _called(here: Member, name: str, variable: str) -> str:
+def _title_of(here: Member, name: str, variable: str) -> str:
     """Return the name of a member; values that Simulink logs are called by their label, else by the
     block or the variable that they lie in.
     """
