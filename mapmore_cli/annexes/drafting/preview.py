@@ -172,8 +172,8 @@ class _FoundTable:
         lines = self.header_lines()
         titled = self.line_of_titles(lines)
         titles = [] if titled is None else lines[titled]
-        below = [lines[line] for line in sorted(lines) if titled is not None and line > titled]
-        units = self.top.units or next((tuple(cells) for cells in below if _are_units(cells)), ())
+        others = [tuple(lines[line]) for line in sorted(lines) if line != titled]
+        units = self.top.units or next(filter(_are_units, others), ())
         width = 1 + max(*self.numeric, *(place for place, title in enumerate(titles) if title))
         header, skipped = 0, self.first
         if titled is not None and len(self.rows[titled]) <= self.wide:

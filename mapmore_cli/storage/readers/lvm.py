@@ -128,9 +128,14 @@ def peek_lvm(path: Path, most: int) -> Iterable[Top]:
     """Return the titles and the first rows of the first segment."""
     with reading(path.name, KIND):
         for segment in _lvm_segments(path, path.name, most)[:1]:
-            units = tuple(segment.noted(place).unit for place in range(len(segment.titles)))
-            rows = [segment.titles, *(cells for _, cells in segment.timed_rows(segment.began))]
-            return [Top(rows, partial(holds_number, decimal=segment.decimal), units=units)]
+            rows, width = segment.timed_rows(segment.began), len(segment.titles)
+            return [
+                Top(
+                    [segment.titles, *([*cells, *[""] * width][:width] for _, cells in rows)],
+                    partial(holds_number, decimal=segment.decimal),
+                    units=tuple(segment.noted(place).unit for place in range(width)),
+                )
+            ]
     return []
 
 
