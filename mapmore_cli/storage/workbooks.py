@@ -50,4 +50,4 @@ if __name__ == "__main__":
     try:
         pickle.dump(sheets_of(sys.argv[1], int(sys.argv[2])), sys.stdout.buffer)
     except BaseException as fault:  # machine code that gives up raises no Exception
-        sys.exit(str(fault))
+        sys.exit(str(fault) or type(fault).__name__)

@@ -72,13 +72,9 @@ def read_xlsx(path: Path, request: TableRequest) -> list[RawTable]:
         python-calamine not installed.
     """
     with reading(request.label, "workbook"):
-        sheets, by_glob, doubts = _chosen_sheets(_sheets_in(path, request.label), request)
-        tables = [_table_of_sheet(path, sheet, request) for sheet in sheets]
-    if by_glob:
-        tables = [
-            replace(table, element=sheet.title) for table, sheet in zip(tables, sheets, strict=True)
-        ]
-    return [replace(tables[0], doubts=doubts), *tables[1:]]
+        sheets, doubts = _chosen_sheets(_sheets_in(path, request.label), request)
+        first, *others = [_table_of_sheet(path, sheet, request) for sheet in sheets]
+    return [replace(first, doubts=doubts), *others]
 
 
 def peek_xlsx(path: Path, most: int) -> Iterable[Top]:
@@ -130,8 +126,8 @@ def _visible_sheets(sheets: list[SheetCells]) -> list[SheetCells]:
 
 def _chosen_sheets(
     sheets: list[SheetCells], request: TableRequest
-) -> tuple[list[SheetCells], bool, tuple[str, ...]]:
-    """Return the sheets to read, whether a glob chose them, and doubts about the choice.
+) -> tuple[list[SheetCells], tuple[str, ...]]:
+    """Return the sheets to read, and doubts about the choice.
 
     Hidden sheets are read where they are named. Of several, those that are empty are left out.
     """
@@ -139,7 +135,7 @@ def _chosen_sheets(
     if not visible:
         raise DataError(f"{label}: has no sheet with cells", "save the table into a sheet")
     if named := [sheet for sheet in sheets if sheet.title == request.sheet]:
-        return named, False, ()
+        return named, ()
     filled = [sheet for sheet in visible if sheet.filled_rows(request.skip_rows)]
     if request.sheet is None:
         others = [sheet.title for sheet in filled if sheet is not visible[0]]
@@ -147,10 +143,10 @@ def _chosen_sheets(
             f"{label}: the sheet '{visible[0].title}' is read, and not "
             f"{', '.join(others[:4])}; say which by `sheet`"
         )
-        return visible[:1], False, (told,) if others else ()
+        return visible[:1], (told,) if others else ()
     for among in (filled, visible):
         if named := [sheet for sheet in among if fnmatchcase(sheet.title, request.sheet)]:
-            return named, True, ()
+            return named, ()
     raise DataError(
         f"{label}: there is no sheet '{request.sheet}'",
         known_names(request.sheet, [sheet.title for sheet in sheets], "The workbook has"),
@@ -176,18 +172,21 @@ def _table_of_sheet(path: Path, sheet: SheetCells, request: TableRequest) -> Raw
                 _refuse_unread(where, cell, request.cells(wanted[letters]))
     if not body:
         raise DataError(f"{label}: the sheet has a header but no data")
-    return table
+    is_named = request.sheet in (None, sheet.title)
+    return table if is_named else replace(table, element=sheet.title)
 
 
 def _refuse_merged(sheet: SheetCells, table: RawTable, places: Mapping[SourceColumn, int]) -> None:
     """Raise DataError where a value is missing since it stands in the first of merged cells."""
     for (top, left), (bottom, right) in sheet.merged:
-        inside = (table.rows > top) & (table.rows <= bottom + 1)
-        for column in (name for name, place in places.items() if left <= place <= right):
-            for row in table.rows[inside & np.isnan(table.columns[column])].tolist():
+        for column, place in places.items():
+            inside = (table.rows > top) & (table.rows <= bottom + 1)
+            empty = table.rows[inside & np.isnan(table.columns[column])]
+            if left <= place <= right and empty.size:
                 cells = f"{_column_letters(left)}{top + 1}:{_column_letters(right)}{bottom + 1}"
+                where = f"{table.label}:row {empty[0]}, column {column}"
                 raise DataError(
-                    f"{table.label}:row {row}, column {column}: is one of the merged cells {cells}",
+                    f"{where}: is one of the merged cells {cells}",
                     "unmerge them, and write the value into each row",
                 )
 

@@ -9,67 +9,61 @@ from reading import refusal, table_of
 pa = pytest.importorskip("pyarrow")
 parquet = pytest.importorskip("pyarrow.parquet")
 T = np.arange(5.0)
+READ = """
+npz      t            0 1 2 3 4
+npz      P_[kPa]      0 1 2 3 4
+npz      rig/y[:,1]   0 2 4 6 8
+npz      pairs.F      0 2 4 6 8
+parquet  t            0 1 nan 3 4
+parquet  rig.P_[kPa]  0 1 2 3 4
+parquet  code         0 1 2 3 4
+parquet  exact        0 1 2 3 4
+"""
+REFUSED = """
+npz      o            'o' is an array of Python objects, which are not read
+npz      z            'z' holds complex numbers
+npz      cube         'cube' is an array of 2 x 2 x 2
+npz      s            's' holds text
+npz      pairs        'pairs' is a table of 5, not an array of numbers
+npz      T            there is no 'T'
+parquet  note         column 'note' holds values of type string, not numbers
+parquet  list         column 'list' holds values of type list<element: double>, not numbers
+parquet  inner        column 'inner' holds values of type struct<x: double>, not numbers
+parquet  flag         'flag' holds TRUE and FALSE
+parquet  stamp        'stamp': a date stands here, not a number
+parquet  p            there is no 'p'
+"""
 
 
 @pytest.fixture
-def npz(tmp_path):
-    pairs = np.array([*zip(T, 2 * T, strict=True)], dtype=[("P", "f8"), ("F", ">f4")])
-    arrays = {"t": T.astype("i2"), "P [kPa]": T[:, None], "rig/y": np.column_stack([T, 2 * T])}
-    objects = {"o": np.array([1, None]), "z": T + 1j, "cube": np.zeros((2, 2, 2)), "s": ["a", "b"]}
-    np.savez(tmp_path / "a.npz", **arrays, **objects, pairs=pairs)
-    return tmp_path / "a.npz"
-
-
-@pytest.fixture
-def table(tmp_path):
-    columns = {
-        "t": pa.array([0, 1, None, 3, 4]),
-        "rig.P [kPa]": T,
-        "code": pa.array(T).dictionary_encode(),
-        "exact": pa.array(T).cast(pa.decimal128(9, 2)),
-        "flag": T > 1,
-        "note": [*"abcde"],
-        "list": [[1.0]] * 5,
-        "inner": [{"x": 1.0}] * 5,
-        "stamp": np.datetime64("1970-01-02") + T.astype("timedelta64[s]"),
-    }
+def folder(tmp_path):
+    """A folder with `a.npz` and `a.parquet`."""
+    pairs = np.array([*zip(T, 2 * T, strict=True)], dtype="f8,>f4")
+    pairs.dtype.names = ("P", "F")
+    arrays = {"t": T.astype("i2"), "P_[kPa]": T[:, None], "rig/y": np.column_stack([T, 2 * T])}
+    others = {"o": np.array([1, None]), "z": T + 1j, "cube": np.zeros((2, 2, 2)), "s": ["a", "b"]}
+    np.savez(tmp_path / "a.npz", **arrays, **others, pairs=pairs)
+    columns = {"rig.P_[kPa]": T, "exact": T, "flag": T > 1, "note": [*"abcde"]}
+    columns |= {"list": [[1.0]] * 5, "inner": [{"x": 1.0}] * 5, "t": [0, 1, None, 3, 4]}
+    columns |= {"stamp": T.astype("M8[s]"), "code": pa.array(T).dictionary_encode()}
+    columns["exact"] = pa.array(T).cast(pa.decimal128(9, 2))
     parquet.write_table(pa.table(columns), tmp_path / "a.parquet")
-    return tmp_path / "a.parquet"
+    return tmp_path
 
 
-def test_columns_by_name(npz, table):
-    for path, column, expected in (
-        (npz, "t", T),
-        (npz, "P [kPa]", T),
-        (npz, "rig/y[:,1]", 2 * T),
-        (npz, "pairs.F", 2 * T),
-        (table, "t", [0, 1, np.nan, 3, 4]),
-        (table, "rig.P [kPa]", T),
-        (table, "code", T),
-        (table, "exact", T),
-    ):
-        read = table_of(path.suffix[1:], path, column)
-        np.testing.assert_array_equal(read.columns[column], expected)
-    stamps = table_of("parquet", table, "stamp", clocks=frozenset({"stamp"}))
-    np.testing.assert_array_equal(stamps.columns["stamp"], 86400 + T)
+def test_columns_by_name(folder):
+    for line in READ.strip().splitlines():
+        kind, column, *cells = line.split()
+        table = table_of(kind, folder / f"a.{kind}", column)
+        np.testing.assert_array_equal(table.columns[column], [*map(float, cells)])
+    table = table_of("parquet", folder / "a.parquet", "stamp", clocks={"stamp"})
+    np.testing.assert_array_equal(table.columns["stamp"], T)
 
 
-def test_what_is_no_column_of_numbers(npz, table):
-    for path, column, *told in (
-        (npz, "o", "'o' is an array of Python objects", "`values.astype(float)`"),
-        (npz, "z", "'z' holds complex numbers"),
-        (npz, "cube", "'cube' is an array of 2 x 2 x 2"),
-        (npz, "s", "'s' holds text"),
-        (npz, "pairs", "a table of 5", "P, F"),
-        (npz, "T", "there is no 'T'", "Did you mean 't'?"),
-        (table, "note", "column 'note' holds values of type string", "a column of numbers"),
-        (table, "list", "column 'list' holds values of type list"),
-        (table, "inner", "column 'inner' holds values of type struct"),
-        (table, "flag", "holds TRUE and FALSE"),
-        (table, "stamp", "a date stands here"),
-        (table, "p", "there is no 'p'", "t, rig.P [kPa]"),
-    ):
-        refusal([f"a.{path.suffix[1:]}: ", *told], path.suffix[1:], path, column)
+def test_what_is_no_column_of_numbers(folder):
+    for line in REFUSED.strip().splitlines():
+        kind, column, told = line.split(maxsplit=2)
+        refusal([f"a.{kind}: ", told, "\n"], kind, folder / f"a.{kind}", column)
 
 
 def test_what_unpacks_to_far_more_than_it_has_is_not_unpacked(tmp_path, monkeypatch):
@@ -86,8 +80,8 @@ def test_what_unpacks_to_far_more_than_it_has_is_not_unpacked(tmp_path, monkeypa
 
 
 @pytest.mark.parametrize("kind", ["npz", "parquet"])
-def test_every_cut_is_noticed(request, tmp_path, kind):
-    whole = request.getfixturevalue({"parquet": "table"}.get(kind, kind)).read_bytes()
+def test_every_cut_is_noticed(folder, kind):
+    whole = (folder / f"a.{kind}").read_bytes()
     for end in range(0, len(whole), 97):
-        (tmp_path / "cut").write_bytes(whole[:end])
-        refusal([f"a.{kind}: the file is damaged"], kind, tmp_path / "cut", "t")
+        (folder / "cut").write_bytes(whole[:end])
+        refusal([f"a.{kind}: the file is damaged"], kind, folder / "cut", "t")
