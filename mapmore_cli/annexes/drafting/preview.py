@@ -174,7 +174,7 @@ class _FoundTable:
         titles = [] if titled is None else lines[titled]
         others = [tuple(lines[line]) for line in sorted(lines) if line != titled]
         units = self.top.units or next(filter(_are_units, others), ())
-        width = 1 + max(*self.numeric, *(place for place, title in enumerate(titles) if title))
+        width = 1 + max([*self.numeric, *(place for place, title in enumerate(titles) if title)])
         header, skipped = 0, self.first
         if titled is not None and len(self.rows[titled]) <= self.wide:
             header, skipped = max(lines) - titled + 1, titled
@@ -211,8 +211,8 @@ class _FoundTable:
             cells = ["" if cell is None else str(cell).strip() for cell in self.rows[place]]
             if len(cells) == self.wide + 1 and cells[0] in REMARKS:
                 cells = cells[1:]
-            has_numbers = 2 * sum(map(self.top.is_number, filled)) > len(filled)
-            if has_numbers or len(cells) <= last or any(cells[self.wide :]):
+            has_number = any(map(self.top.is_number, filled)) and not _are_units(cells)
+            if has_number or len(cells) <= last or any(cells[self.wide :]):
                 break
             lines[place] = cells
         return lines

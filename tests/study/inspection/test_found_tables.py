@@ -90,6 +90,7 @@ ABOVE = {  # what stands above three columns of numbers: their names in the spec
     ",Motor position,Tip z\n": ("0 Motor_position Tip_z", ""),
     ",P,F\nNo,kPa,N\n": ("0 P F", "No kPa N"),
     "t,P,P\n": ("t 1 2", ""),
+    "Operator,me,\nSpeed,5,mm/s\nt,P,F\n": ("t P F", ""),
     "s,bar,N\ntime,P,F\n": ("time P F", "s bar N"),
     "#t,P,F\n": ("#t P F", ""),
     "# of me, and you, on 1 May\n# t,P,F\n# s,kPa,N\n": ("#_t P F", "s kPa N"),
