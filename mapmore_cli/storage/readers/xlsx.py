@@ -36,6 +36,7 @@ from mapmore_cli.storage.tables import (
     refuse_bombs,
 )
 from mapmore_cli.storage.tables.cells import CellReader, NotANumber, holds_number
+from mapmore_cli.storage.tables.lines import head_of
 from mapmore_cli.storage.tables.rows import Row, table_of_rows
 
 
@@ -105,7 +106,11 @@ def _sheets_in(path: Path, label: str, most: int = 0) -> list[SheetCells]:
     A process of its own reads them: see `storage/workbooks.py`.
     """
     optional_library("python_calamine", "python-calamine", label)
-    size = path.stat().st_size
+    size, head = path.stat().st_size, head_of(path)
+    if head and b"\0" not in head:
+        raise DataError(
+            f"{label}: is a text under the name of a workbook", "give its name the suffix .txt"
+        )
     if zipfile.is_zipfile(path):
         with zipfile.ZipFile(path) as archive:
             for member in archive.infolist():
