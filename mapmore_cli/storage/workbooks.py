@@ -1,14 +1,16 @@
 """The process that reads a workbook for `readers/xlsx.py`, run as `workbooks.py PATH ROWS BYTES`.
 
-It writes a pickled list of sheets to its output: title, whether it is visible, the first ROWS rows
-of cells (all where 0), and the merged cells as ((top, left), (bottom, right)), from 0. A damaged
-workbook can end the machine code that reads it or ask for all memory. It then ends this process,
-which may have so many BYTES, and not the program.
+It writes a list of sheets as JSON to its output: title, whether it is visible, the first ROWS rows
+of cells (all where 0; a date or a time is `{"stamp": TEXT}`), and the merged cells as [[top, left],
+[bottom, right]], from 0.
+
+A damaged workbook can end the machine code that reads it, or ask for all memory. Then it ends this
+process, which may have so many BYTES, and not the program.
 """
 
 from __future__ import annotations
 
-import pickle
+import json
 import sys
 from contextlib import suppress
 from datetime import date, datetime, time
@@ -48,6 +50,7 @@ if __name__ == "__main__":
 
         resource.setrlimit(resource.RLIMIT_AS, (int(sys.argv[3]),) * 2)
     try:
-        pickle.dump(sheets_of(sys.argv[1], int(sys.argv[2])), sys.stdout.buffer)
+        sheets = sheets_of(sys.argv[1], int(sys.argv[2]))
+        json.dump(sheets, sys.stdout, default=lambda cell: {"stamp": str(cell)})
     except BaseException as fault:  # machine code that gives up raises no Exception
         sys.exit(str(fault) or type(fault).__name__)

@@ -4,7 +4,7 @@ computed.
 
 from __future__ import annotations
 
-import pickle
+import json
 import posixpath
 import re
 import subprocess
@@ -41,15 +41,25 @@ from mapmore_cli.storage.tables.rows import Row, table_of_rows
 
 
 @dataclass(frozen=True)
+class Stamp:
+    """A cell with a date or a time, which is no text."""
+
+    stamp: str
+
+    def __str__(self) -> str:
+        return self.stamp
+
+
+@dataclass(frozen=True)
 class SheetCells:
-    """A sheet: its rows, all as wide as the widest, and its merged cells as ((top, left), (bottom,
-    right)), from 0.
+    """A sheet: its rows, all as wide as the widest, and its merged cells as [[top, left], [bottom,
+    right]], from 0.
     """
 
     title: str
     is_visible: bool
     rows: list[list[Any]]
-    merged: list[tuple[tuple[int, int], tuple[int, int]]]
+    merged: list[list[tuple[int, int]]]
 
     def filled_rows(self, skip_rows: int) -> list[Row]:
         """Return the rows below `skip_rows` that have a cell, with their numbers from 1."""
@@ -121,7 +131,8 @@ def _sheets_in(path: Path, label: str, most: int = 0) -> list[SheetCells]:
     if done.returncode:
         told = done.stderr.decode(errors="replace").splitlines() if done.returncode > 0 else ()
         raise ValueError(told[-1] if told else "it asks for more memory than its size explains")
-    return [SheetCells(*parts) for parts in pickle.loads(done.stdout)]
+    sheets = json.loads(done.stdout, object_hook=lambda cell: Stamp(**cell))
+    return [SheetCells(*parts) for parts in sheets]
 
 
 def _visible_sheets(sheets: list[SheetCells]) -> list[SheetCells]:
