@@ -228,14 +228,16 @@ def _unread_cells(path: Path, title: str) -> Iterator[tuple[int, str, str | None
         part = next(str(link.get("Target")) for link in links if link.get("Id") == key)
         with archive.open(posixpath.join("xl", part).lstrip("/")) as stream:
             for _, node in ElementTree.iterparse(stream):
-                kind, value = node.get("t"), node.findtext("{*}v")
-                # the value of a formula may be an empty text
-                is_open = node.find("{*}f") is not None and not value
-                if kind == "e" or (is_open and (kind != "str" or value is None)):
-                    _, letters, number = re.split(r"([A-Z]+)", node.get("r", ""))
-                    yield int(number), letters, value or None
-                elif node.tag.endswith("}row"):
+                space, _, tag = node.tag.rpartition("}")
+                if tag == "row":
                     node.clear()
+                elif tag == "c":
+                    kind, value = node.get("t"), node.findtext(f"{space}}}v")
+                    # the value of a formula may be an empty text
+                    is_open = not value and node.find(f"{space}}}f") is not None
+                    if kind == "e" or (is_open and (kind != "str" or value is None)):
+                        _, letters, number = re.split(r"([A-Z]+)", node.get("r", ""))
+                        yield int(number), letters, value or None
 
 
 def _refuse_unread(where: str, cell: str | None, read: CellReader) -> None:
