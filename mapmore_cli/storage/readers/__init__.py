@@ -36,7 +36,7 @@ def reader_of(path: Path) -> Reader | None:
     """Return the reader for files that begin like this one, or that have such a name; None where no
     reader claims it.
     """
-    begin = head_of(path)
+    begin = head_of(path) if path.is_file() else b""  # what a pipe gives is not given twice
     begun = (one for one in READERS.values() if one.begins and begin.startswith(one.begins))
     named = (one for one in READERS.values() if suffix_of(path) in one.suffixes)
     return next(chain(begun, named), None)

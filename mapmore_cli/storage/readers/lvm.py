@@ -8,7 +8,7 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from itertools import islice, pairwise, takewhile
+from itertools import islice, pairwise
 from pathlib import Path
 
 import numpy as np
@@ -151,16 +151,15 @@ def _lvm_segments(path: Path, label: str, most: int | None = None) -> list[LvmSe
     mark = next(marks, "\t")
     numbered = enumerate((line.split(mark) for line in lines), start=1)
     rows = [(number, cells) for number, cells in numbered if any(map(str.strip, cells))]
-    starts = [place for place, (_, cells) in enumerate(rows) if cells[0] == "Channels"]
-    general = {cells[0]: cells[1:] for _, cells in rows[: min(starts, default=None)]}
+    starts = [place for place, (_, cells) in enumerate(rows) if cells[0] == "Channels"] or [0]
+    general = {cells[0]: cells[1:] for _, cells in rows[: starts[0]]}
     segments = []
     for begin, end in pairwise([*starts, len(rows)]):
-        head = list(takewhile(lambda row: row[1][0] != "***End_of_Header***", rows[begin:end]))
-        said = general | {cells[0]: cells[1:] for _, cells in head}
-        below = rows[begin + len(head) + 1 : end]
-        if below:
-            titles = [title.strip() for title in below[0][1]]
-            segments.append(LvmSegment(said, titles, below[1:]))
+        ends = [at for at in range(begin, end) if rows[at][1][0] == "***End_of_Header***"]
+        if ends and ends[-1] + 1 < end:
+            said = general | {cells[0]: cells[1:] for _, cells in rows[begin : ends[-1]]}
+            titles = [title.strip() for title in rows[ends[-1] + 1][1]]
+            segments.append(LvmSegment(said, titles, rows[ends[-1] + 2 : end]))
     return segments
 
 

@@ -43,7 +43,7 @@ X_Value	P	X_Value	F	Comment
 
 
 def written(path, text):
-    path.write_text(text, encoding="cp1252")
+    path.write_text(text, encoding="cp1252", newline="")
     return path
 
 
@@ -54,6 +54,7 @@ def written(path, text):
         (HEAD + FIRST).replace(".", ","),
         (HEAD + FIRST).replace("Tab", "Comma").replace("\t", ","),
         HEAD.replace("One", "No") + NO_COLUMN,
+        (HEAD + FIRST).replace("Channels\t2\n", "").replace("\n", "\r\n"),
         HEAD.replace("One", "Multi") + EVERY,
     ],
 )
