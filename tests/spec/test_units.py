@@ -71,6 +71,32 @@ def test_a_temperature_has_an_offset():
     assert convert(20.0, "°C", "K") == pytest.approx(293.15)
 
 
+def test_an_absolute_pressure_is_an_atmosphere_more():
+    for unit in ("psia", "psi(a)", "PSI abs"):
+        assert convert(14.6959487755, unit, "kPa") == pytest.approx(0, abs=1e-6)
+    assert convert(
+        convert(np.array([-20.0, 700.0]), "kPa", "bar(a)"), "bara", "kPa"
+    ) == pytest.approx([-20, 700])
+    assert convert(1.0, "psia/s", "kPa/s") == pytest.approx(PSI / 1000)
+
+
+@pytest.mark.parametrize(
+    ("text", "like", "unit"),
+    [
+        *((text, None, "psi") for text in ("psig", "(PSI)", "P [psi(g)]", "psi gauge")),
+        *((text, None, "bara") for text in ("bar(a)", "P (bara)", "Bar abs", "[bar absolute]")),
+        *((text, None, "degC") for text in ("°C", "degC", "deg C", "T [°C]")),
+        *((text, None, "N*m") for text in ("Nm", "N·m", "torque (N m)")),
+        ("µm", None, "um"), ("strain [-]", None, "1"), ("Pct", None, "%"), ("w (µm/s)", None,
+            "um/s"), ("inHg", None, "inHg"), ("mmH2O", "kPa", "mmH2O"), ("kPag", "kPa", "kPa"),
+        ("lbs", None, "lbf"), ("kg", None, "kg"), ("kg", "N", "kgf"), ("g", "kPa", None),
+        ("mm", "kPa", None), ("P_kPa_A", None, None), ("force", None, None), ("", None, None),
+    ],
+)  # fmt: skip
+def test_the_unit_that_a_text_names(text, like, unit):
+    assert units.unit_of(text, like) == unit
+
+
 def test_everyday_units_need_no_pint():
     code = (
         "import sys; from mapmore_cli.spec.units import convert; convert(1.0, 'kPa', 'kPa'); "
@@ -105,7 +131,7 @@ def test_a_torque_as_people_write_it(unit, factor):
         ("pa", "kPa", ["'pa'", "'kPa' (a pressure)", "did you mean `Pa`?"]),  # pico-years
         ("kPA", "kPa", ["did you mean `kPa`?"]),
         ("mm", "kPa", ["'mm' (a length)", "'kPa' (a pressure)", "same dimension as 'kPa'"]),
-        ("g", "N", ["'g' (a mass)", "'N' (a force)"]),
+        ("g", "N", ["'g' (a mass)", "'N' (a force)", "did you mean `gf`"]),
         ("N", "1", ["'N' (a force)", "'1' (a plain number)"]),
         ("furlongs of joy", "m", ["is unknown", "write units as"]),
         ("kPa", "bra", ["'bra' is unknown", "did you mean `bar`?"]),
