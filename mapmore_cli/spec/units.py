@@ -74,14 +74,14 @@ _WEIGHTS = {"kg": "kgf", "g": "gf", "lb": "lbf"}
 _COMMON = [
     *_EVERYDAY,
     *_PRESSURES,
-    *("in", *_WEIGHTS.values(), "N*m", "degC", "K", "deg", "kPa/ms"),
+    *("in", *_WEIGHTS.values(), "N*m", "degC", "K", "kPa/ms"),
     *(f"{unit}/s" for unit in ("1", "%", "mm", "m", "N", "V", "Pa", "kPa", "bar", "psi")),
 ]
 """Units that a misspelt one may be."""
 _KNOWN = {
     *_COMMON,
     *(f"{unit}a" for unit in _PRESSURES),
-    *("N*mm", "degF", "rad", "rpm", "Hz", "A", "mA", "ohm", "W"),
+    *("N*mm", "degF", "deg", "rad", "rpm", "Hz", "A", "mA", "ohm", "W"),
 }
 _SPELLINGS = {
     spelling: unit
