@@ -140,7 +140,7 @@ def test_gains_of_sessions_divide_the_held_out_error(tmp_path, mapmore):
     assert (second / first, first * second) == pytest.approx((0.6, 1.0), rel=0.02)
     of_sessions(tmp_path, "  split: {validate: {specimen: [2]}}", groups)
     mapmore("run", spec, "--runs", runs, "--set", "report.formats=[html]", "-q", code=0)
-    assert "2, held out whole, counts as 1" in (runs / "specimens" / "report.html").read_text()
+    assert "2, held out whole, counts as 1" in (runs / "specimens/report/index.html").read_text()
     of_sessions(tmp_path, "  split: {leave_one_group_out: true}", groups)
     mapmore("validate", spec, "--runs", runs, "-q", code=3, says="gain of a group that is left out")
 
