@@ -93,7 +93,7 @@ def group_effects(curves: Sequence[Curve], groups: Groups, target: str) -> Group
     if groups.offset:
         _require_apart(common, coded[member], groups.of, names)
     table = np.column_stack([common, np.ones(len(y)), y])
-    problem = _Problem([table[group == value] for value in values], coded, groups.offset)
+    problem = _GroupFit([table[group == value] for value in values], coded, groups.offset)
     gains = np.exp(problem.log_gains()) if groups.gain else np.ones(len(values))
     offsets = coded @ problem.solved(gains)[0][common.shape[1] :] if groups.offset else np.zeros(0)
     every = np.unique(np.concatenate([curve.columns[groups.of] for curve in curves]))
@@ -116,7 +116,7 @@ def _require_apart(common: Array, coded: Array, of: str, names: Sequence[str]) -
         )
 
 
-class _Problem:
+class _GroupFit:
     """The least squares of groups; each counts by the triangle of its `tables`, (n_g, k + 2), which
     hold polynomials, a one, and the target.
     """

@@ -18,8 +18,8 @@ def strain_in_per_cent(subject: Subject) -> Iterator[Issue]:
     largest = convert(subject.span("strain")[1], subject.units["strain"], "1")
     if largest > 1:
         message = (
-            f"strain reaches {largest:.3g}, a contraction by {100 * largest:.4g} % of the length: "
-            "it looks like per cent read as a fraction"
+            f"strain reaches {largest:.3g}, which is {100 * largest:.4g} % of the length: it looks "
+            "like per cent read as a fraction"
         )
         remedy = 'say `unit: "%"`; an elongation needs another name, or `scale: -1`'
         yield Issue("error", "strain-in-per-cent", subject.source("strain"), message, remedy)
