@@ -383,8 +383,6 @@ def test_a_rule_speaks_of_what_it_is_made_for(tmp_path, id_, severity, spoil, sp
             staircase,
             {**BY_STRAIN, "data": {**BY_STRAIN["data"], **SETTLED}},
         ),
-        ("spike", lambda _, c: {**c, "F": np.where(c["eps"] > 0.1, 100.0, 800.0)}, {}),  # a step
-        ("spike", lambda _, c: {**c, "F": 800.0 * (np.arange(60) % 5 == 0)}, {}),  # two values
         (
             "spike",
             lambda _, c: {name: values[:20] for name, values in with_spike(10)(_, c).items()},
