@@ -81,7 +81,7 @@ _COMMON = [
 _KNOWN = {
     *_COMMON,
     *(f"{unit}a" for unit in _PRESSURES),
-    *("N*mm", "degF", "deg", "rad", "rpm", "Hz", "A", "mA", "ohm", "W"),
+    *("lb", "N*mm", "degF", "deg", "rad", "rpm", "Hz", "A", "mA", "ohm", "W"),
 }
 _SPELLINGS = {
     spelling: unit
@@ -114,11 +114,11 @@ _GAUGE = re.compile(
 """A pressure of which is said whether it is that of a gauge: `psig`, `bar(a)`, `kPa abs`."""
 _ANY_CASE = {unit.casefold(): unit for unit in _KNOWN}
 _BRACKETS = re.compile(r"[\[(]([^][()]+)[])]$")
-_POWER = re.compile(r"(\^|\*\*)?-?\d$")
+_POWER = re.compile(r"(\w+?)(?:\^?([23])|([²³]))$")
 
 # one way to match
 _QUANTITY = re.compile(r"([+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?)(.*)", re.ASCII | re.DOTALL)
-_FACTOR = r"\(*(?:1|%|[^\W\d]\w*|°[CF])(?:(?:\^|\*\*)-?\d)?\)*"
+_FACTOR = r"\(*(?:1|%|[^\W\d]\w*)(?:(?:\^|\*\*)-?\d)?\)*"
 _UNIT = re.compile(rf"{_FACTOR}(?:(?:\s*[*/·]\s*|\s+){_FACTOR})*")
 # as everybody writes it; pint has a measure of yarn by this name
 _TORQUE = re.compile(r"\b([mk]?N)(m|mm|cm)\b")
@@ -208,6 +208,10 @@ def spell_pressures(text: str) -> str:
 
 
 def _ours(unit: str) -> str | None:
+    """Return our spelling of a factor of a unit, where it is another: `mm2` is `mm^2`."""
+    power = _POWER.fullmatch(unit)
+    if power is not None and power[1] in _KNOWN:
+        return f"{power[1]}^{power[2] or '²³'.index(power[3]) + 2}"
     return _SPELLINGS.get(unit) or _SPELLINGS.get(unit.casefold())
 
 
@@ -293,8 +297,8 @@ def unit_of(text: str, like: str | None = None) -> str | None:
     word = _spelt(bracket[1]) if bracket else whole
     # `s` and `S` are different units where nothing says what is looked for
     unit = _ANY_CASE.get(word.casefold(), word) if like is not None or len(word) > 1 else word
-    factors = [_POWER.sub("", factor) for factor in re.split(r"[*/]", unit)]
-    if unit not in _KNOWN and not _KNOWN.issuperset(factors):
+    factors = [factor.partition("^")[0] for factor in re.split(r"[*/]", unit)]
+    if (unit not in _KNOWN and not _KNOWN.issuperset(factors)) or unit.casefold() == "n/a":
         return None
     meant = (one for one in (unit, _WEIGHTS.get(unit)) if one is not None)
     return unit if like is None else next((one for one in meant if can_convert(one, like)), None)
