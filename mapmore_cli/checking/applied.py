@@ -36,7 +36,10 @@ OF_CURVES: tuple[Rule, ...] = (curves.few_samples, curves.short_segments, curves
 """Rules that need the curves."""
 
 OF_CHECK: tuple[Rule, ...] = (
-    *(samples.unsettled, samples.offset, curves.single_valued, curves.beyond_training),
+    samples.unsettled,
+    samples.offset,
+    curves.single_valued,
+    curves.beyond_training,
 )
 """Rules that `check` alone applies: hints, and what a run tells by itself as it scores."""
 
@@ -76,6 +79,7 @@ def issues_without_curves(loaded: LoadedSpec) -> list[Issue]:
         "keep": [],
         "cycles": None,
         "levels": None,
+        "groups": None,
         "split": Split(),
     }
     bare |= {"missing": "drop", "repeated_time": "average"}

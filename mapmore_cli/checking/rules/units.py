@@ -99,7 +99,7 @@ def _contradicted(subject: Subject, name: str, told: str | None) -> str:
     if told is None or column.scale != 1.0:
         return ""
     # a name that says bar may mean absolute ones; what cannot be converted means something else
-    agrees = any(is_same(unit, declared) for unit in (told, f"{told}a"))
+    agrees = any(is_same(unit, declared) for unit in (told, f"{told} abs"))
     return "" if agrees or not can_convert(told, declared) else declared
 
 
