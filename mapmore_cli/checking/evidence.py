@@ -5,7 +5,7 @@ inputs, and spikes.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -165,42 +165,59 @@ def unequal(recordings: Sequence[Recording], inputs: Sequence[str], target: str)
     1 % of its largest value was held.
     """
     usable = [one for one in recordings if one.rows_kept >= FEWEST]
-    pooled = {
-        name: np.concatenate([one.columns[name] for one in usable])
-        for name in ((*inputs, target) if usable else ())
+    if not usable:
+        return None
+    ends = {
+        name: (
+            min(float(one.columns[name].min()) for one in usable),
+            max(float(one.columns[name].max()) for one in usable),
+        )
+        for name in (*inputs, target)
     }
-    ranges = {name: float(np.ptp(values)) for name, values in pooled.items()}
-    moving = [x for x in inputs if x in pooled and ranges[x] > LITTLE * np.abs(pooled[x]).max()]
+    ranges = {name: high - low for name, (low, high) in ends.items()}
+    moving = {
+        name: ranges[name] for name in inputs if ranges[name] > LITTLE * max(map(abs, ends[name]))
+    }
     if not moving or not ranges[target]:
         return None
-    begins = np.array([[one.columns[x][:FEWEST] / ranges[x] for x in moving] for one in usable])
     pairs = []
-    for place, one in enumerate(usable):
+    for one, other, rows in _with_equal_inputs(usable, moving):
+        outputs = (each.columns[target][:rows] / ranges[target] for each in (one, other))
+        pairs.append(Unequal(one, other, tuple(moving), target, *_left(*outputs)))
+    told = (pair for pair in pairs if pair.is_large or (pair.effects and pair.apart > LITTLE))
+    return max(told, key=lambda pair: pair.apart, default=None)
+
+
+def _with_equal_inputs(
+    recordings: Sequence[Recording], ranges: Mapping[str, float]
+) -> Iterator[tuple[Recording, Recording, int]]:
+    """Yield all pairs of recordings with equal inputs, and how many samples they have in common."""
+    begins = np.array(
+        [[one.columns[x][:FEWEST] / size for x, size in ranges.items()] for one in recordings]
+    )
+    for place, one in enumerate(recordings):
         off = np.sqrt(np.mean((begins[place + 1 :] - begins[place]) ** 2, axis=-1)).max(axis=-1)
-        for other in (usable[place + 1 + near] for near in np.flatnonzero(off < LITTLE)):
+        for near in np.flatnonzero(off < LITTLE).tolist():
+            other = recordings[place + 1 + near]
             few, many = sorted((one.rows_kept, other.rows_kept))
             if few >= MUCH * many and all(
-                _rms(one.columns[x][:few] - other.columns[x][:few]) < LITTLE * ranges[x]
-                for x in moving
+                _rms(one.columns[x][:few] - other.columns[x][:few]) < LITTLE * size
+                for x, size in ranges.items()
             ):
-                outputs = (each.columns[target][:few] / ranges[target] for each in (one, other))
-                pairs.append(Unequal(one, other, tuple(moving), target, *_left(*outputs)))
-    told = [pair for pair in pairs if pair.is_large or (pair.effects and pair.apart > LITTLE)]
-    return max(told, key=lambda pair: pair.apart, default=None)
+                yield one, other, few
 
 
 def _left(one: Array, other: Array) -> tuple[float, float, float, float]:
     """Return how far outputs are apart, and what a gain, an offset and both leave of it."""
     less, more = sorted((one, other), key=_rms)
-    slope = float(more @ less / (more @ more))
-    off, centred = more - more.mean(), less - less.mean()
-    steep = float(off @ centred / (off @ off)) if off.any() else 0.0
-    return (
-        _rms(less - more),
-        _rms(less - slope * more),
-        _rms(centred - off),
-        _rms(centred - steep * off),
-    )
+    ones = np.ones_like(more)
+
+    def left(values: Array, *terms: Array) -> float:
+        basis = np.column_stack(terms)
+        return _rms(values - basis @ np.linalg.lstsq(basis, values, rcond=None)[0])
+
+    apart = less - more
+    return _rms(apart), left(less, more), left(apart, ones), left(less, more, ones)
 
 
 def _rms(values: Array) -> float:
