@@ -27,7 +27,13 @@ from mapmore_cli.domain.declared import Contradiction, InUnit
 from mapmore_cli.domain.errors import SpecError
 from mapmore_cli.modelling.literature.own import is_definition
 from mapmore_cli.spec.tree import Node, Written, written
-from mapmore_cli.spec.units import CANONICAL, default_unit, parse_quantity, split_quantity
+from mapmore_cli.spec.units import (
+    CANONICAL,
+    default_unit,
+    of_difference,
+    parse_quantity,
+    split_quantity,
+)
 from mapmore_cli.spec.yaml_loader import VARIABLES, expand, variable_in
 
 TargetKind = Literal["static", "hysteresis", "damping", "dynamic"]
@@ -200,7 +206,7 @@ def _mapping(value: Any, *keys: str) -> dict[str, Any]:
 
 def _column_unit(place: Place) -> str | None:
     unit = place.siblings.get("unit")
-    return str(unit) if isinstance(unit, str) else place.unit_of(place.quantity)
+    return of_difference(unit) if isinstance(unit, str) else place.unit_of(place.quantity)
 
 
 OF_TARGET = ("rmse", "normaliser", "max_abs_error")

@@ -266,6 +266,12 @@ def parse_quantity(text: str, unit: str) -> float:
     return number if source_unit is None else float(f"{convert(number, source_unit, unit):.15g}")
 
 
+def of_difference(unit: str) -> str:
+    """Return the unit of what is added to a quantity: psi where this is an absolute pressure in psia."""
+    gauge = _spelt(unit).removesuffix("a")
+    return gauge if gauge in _PRESSURES else unit
+
+
 def check_unit(unit: str) -> None:
     """Raise SpecError for a unit that nobody knows."""
     if _spelt(unit) not in _KNOWN:
