@@ -267,7 +267,7 @@ def parse_quantity(text: str, unit: str) -> float:
 
 
 def of_difference(unit: str) -> str:
-    """Return the unit of what is added to a quantity: psi where this is an absolute pressure in psia."""
+    """Return the unit of what is added to a quantity: psi to an absolute pressure in psia."""
     gauge = _spelt(unit).removesuffix("a")
     return gauge if gauge in _PRESSURES else unit
 
