@@ -69,6 +69,8 @@ _EVERYDAY: Mapping[str, tuple[str, Fraction]] = {
 }
 """Dimension, and factor to its first unit."""
 _PRESSURES = ("Pa", "hPa", "kPa", "MPa", "mbar", "bar", "psi", "mmHg", "inHg", "mmH2O", "inH2O")
+_ABSOLUTE = {unit: f"{unit}_abs" if unit.endswith("Pa") else f"{unit}a" for unit in _PRESSURES}
+"""Names of absolute pressures; kPaa is a slip rather than one."""
 _AIR = 101325  # Pa, of the standard atmosphere
 _WEIGHTS = {"kg": "kgf", "g": "gf", "lb": "lbf"}
 _COMMON = [
@@ -80,7 +82,7 @@ _COMMON = [
 """Units that a misspelt one may be."""
 _KNOWN = {
     *_COMMON,
-    *(f"{unit}a" for unit in _PRESSURES),
+    *_ABSOLUTE.values(),
     *("lb", "N*mm", "degF", "deg", "rad", "rpm", "Hz", "A", "mA", "ohm", "W"),
 }
 _SPELLINGS = {
@@ -108,7 +110,7 @@ _SPELLINGS = {
 """How else people write units; what is in small letters here may have any capitals."""
 _GAUGE = re.compile(
     rf"(?<![^\W\d_])({'|'.join(_PRESSURES)})"
-    r"([ag]|[ _]?\([ag]\)|[ _]?\(?(?:abs|absolute|gauge)\)?)(?![^\W\d_])",
+    r"((?<!pa)a|g|[ _]?\([ag]\)|[ _]?\(?(?:abs|absolute|gauge)\)?)(?![^\W\d_])",
     re.IGNORECASE,
 )
 """A pressure of which is said whether it is that of a gauge: `psig`, `bar(a)`, `kPa abs`."""
@@ -191,7 +193,7 @@ def convert(values: float | Array, source_unit: str, target_unit: str) -> float 
 
 
 def _spelt(unit: str) -> str:
-    """Return a unit as we spell it: `psig` is `psi`, `kPa abs` is `kPaa`, `°C/s` is `degC/s`."""
+    """Return a unit as we spell it: `psig` is `psi`, `psi abs` is `psia`, `°C/s` is `degC/s`."""
     text = _TORQUE.sub(r"\1*\2", spell_pressures(unit.strip())).replace("·", "*")
     factors = [text] if _ours(text) else re.split(r"([*/])", text)
     return "".join(_ours(factor) or factor for factor in factors)
@@ -201,8 +203,9 @@ def spell_pressures(text: str) -> str:
     """Return a text with its pressures as we spell them: `P (bar(a))` is `P (bara)`."""
 
     def ours(pressure: re.Match[str]) -> str:
+        unit = _ANY_CASE[pressure[1].casefold()]
         is_absolute = pressure[2].strip(" _(").casefold().startswith("a")
-        return _ANY_CASE[pressure[1].casefold()] + "a" * is_absolute
+        return _ABSOLUTE[unit] if is_absolute else unit
 
     return _GAUGE.sub(ours, text)
 
@@ -268,8 +271,8 @@ def parse_quantity(text: str, unit: str) -> float:
 
 def of_difference(unit: str) -> str:
     """Return the unit of what is added to a quantity: psi to an absolute pressure in psia."""
-    gauge = _spelt(unit).removesuffix("a")
-    return gauge if gauge in _PRESSURES else unit
+    gauges = {absolute: gauge for gauge, absolute in _ABSOLUTE.items()}
+    return gauges.get(_spelt(unit), unit)
 
 
 def check_unit(unit: str) -> None:
@@ -366,9 +369,9 @@ def _registry() -> Any:
     import pint
 
     registry: Any = pint.UnitRegistry()
-    for unit in _PRESSURES:
+    for unit, absolute in _ABSOLUTE.items():
         pascals = registry.Quantity(1.0, unit).to("Pa").magnitude
-        registry.define(f"{unit}a = {pascals!r} Pa; offset: {-_AIR}")
+        registry.define(f"{absolute} = {pascals!r} Pa; offset: {-_AIR}")
     return registry
 
 
