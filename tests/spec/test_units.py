@@ -93,7 +93,8 @@ def test_units_with_an_offset():
         ("mm", "kPa", None), ("P_kPa_A", None, None),
         ("kgf/cm2", "kPa", "kgf/cm^2"), ("lb", "N", "lbf"), ("a (m/s²)", None, "m/s^2"),
         ("kPa(a)", None, "kPa_abs"),
-        ("kPaa", None, None), ("N/A", None, None), ("xy2", None, None), ("force", None, None), ("", None, None),
+        ("kPaa", None, None), ("N/A", None, None),
+        ("xy2", None, None), ("force", None, None), ("", None, None),
     ],
 )  # fmt: skip
 def test_the_unit_that_a_text_names(text, like, unit):
