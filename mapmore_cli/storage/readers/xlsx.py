@@ -41,7 +41,7 @@ from mapmore_cli.storage.tables.rows import Row, table_of_rows
 
 
 @dataclass(frozen=True)
-class Stamp:
+class DateCell:
     """A cell with a date or a time, which is no text."""
 
     stamp: str
@@ -131,7 +131,7 @@ def _sheets_in(path: Path, label: str, most: int = 0) -> list[SheetCells]:
     if done.returncode:
         told = done.stderr.decode(errors="replace").splitlines() if done.returncode > 0 else ()
         raise ValueError(told[-1] if told else "it asks for more memory than its size explains")
-    sheets = json.loads(done.stdout, object_hook=lambda cell: Stamp(**cell))
+    sheets = json.loads(done.stdout, object_hook=lambda cell: DateCell(**cell))
     return [SheetCells(*parts) for parts in sheets]
 
 

@@ -83,7 +83,7 @@ def lines_of(
     """
     label = str(path)
     with (
-        reading(label, "gzip file", UNREADABLE),
+        reading(label, "text file", UNREADABLE),
         open_lines(path, "utf-8", label, TEXT_ERRORS) as (lines, raw),
     ):
         size = os.fstat(raw.fileno()).st_size if raw.seekable() else 0  # a pipe has none
