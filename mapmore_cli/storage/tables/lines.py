@@ -62,7 +62,7 @@ def _unzipped(raw: BufferedReader) -> IO[bytes]:
 def open_lines(
     path: Path, encoding: str, label: str, errors: str = "strict"
 ) -> Iterator[tuple[Iterator[str], BufferedReader]]:
-    """Open the lines of a file, plain or packed, which end in LF, CR LF or CR; and the file
+    """Open the lines of a file, plain or gzipped, which end in LF, CR LF or CR; and the file
     itself.
     """
     # utf-8-sig swallows a byte order mark; newline="" leaves CR, LF and CRLF to the parser
