@@ -1,7 +1,5 @@
 """What tests of several packages build and measure."""
 
-from __future__ import annotations
-
 import tracemalloc
 
 import numpy as np

@@ -2,8 +2,6 @@
 checked.
 """
 
-from __future__ import annotations
-
 import importlib
 import json
 import os

@@ -1,7 +1,5 @@
 """Models of every kind, made by hand."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from itertools import product
 

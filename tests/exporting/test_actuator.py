@@ -2,8 +2,6 @@
 in C and as a unit.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

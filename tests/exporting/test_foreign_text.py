@@ -2,8 +2,6 @@
 parser, an XML parser.
 """
 
-from __future__ import annotations
-
 import ast
 import io
 import shutil

@@ -2,8 +2,6 @@
 compiler, Python without NumPy.
 """
 
-from __future__ import annotations
-
 import ctypes
 import subprocess
 import sys

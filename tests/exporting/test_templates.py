@@ -2,8 +2,6 @@
 harmless one, in every language.
 """
 
-from __future__ import annotations
-
 import ast
 import dataclasses
 import io

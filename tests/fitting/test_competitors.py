@@ -1,7 +1,5 @@
 """Competitors, fitted to the training samples of a study and asked for every sample."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 
@@ -111,7 +109,7 @@ def test_a_run_of_other_units_is_refused(tmp_path):
 
 
 def test_in_a_fold_another_run_is_made_anew(tmp_path):
-    asked: list[tuple[Path, Dataset]] = []
+    asked = []
 
     def refit(folder, dataset):
         asked.append((folder, dataset))

@@ -1,7 +1,5 @@
 """Texts that a stranger may put where a text is free, and what TeX makes of a source."""
 
-from __future__ import annotations
-
 import re
 
 ESCAPES = (

@@ -5,8 +5,6 @@ What a cell says is found here again: by a parser of RFC 4180 and a regular expr
 in ASCII digits.
 """
 
-from __future__ import annotations
-
 import io
 import math
 import re

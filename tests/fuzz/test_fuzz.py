@@ -1,7 +1,5 @@
 """A few inputs of every kind; `make fuzz` tries as many as one likes."""
 
-from __future__ import annotations
-
 import os
 import re
 import signal

@@ -1,7 +1,5 @@
 """What a campaign says over all its runs, in tables and in its figure."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

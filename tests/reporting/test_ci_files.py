@@ -1,7 +1,5 @@
 """What machines that run tests read of runs."""
 
-from __future__ import annotations
-
 import math
 import xml.etree.ElementTree as ET
 

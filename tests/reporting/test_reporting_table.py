@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 import csv
 import io
 import math
@@ -151,8 +149,8 @@ def test_long_paths_may_break_and_short_ones_may_not():
 class Cells(HTMLParser):
     def __init__(self):
         super().__init__()
-        self.scopes: list[str | None] = []
-        self.rows: list[list[str]] = []
+        self.scopes = []
+        self.rows = []
 
     def handle_starttag(self, tag, attrs):
         if tag == "tr":

@@ -2,8 +2,6 @@
 is published.
 """
 
-from __future__ import annotations
-
 import csv
 from functools import cache
 

@@ -1,7 +1,5 @@
 """Sensors, and the muscle in a loop."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from closed_loop import Lift, Loop, closed_loop, wanted_force

@@ -1,7 +1,5 @@
 """`simulate`: the committed recordings regenerate, files are whole, bad specs are refused."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

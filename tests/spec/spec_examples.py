@@ -1,7 +1,5 @@
 """Documents for the tests of the spec, and a short way to load them."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

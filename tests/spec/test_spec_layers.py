@@ -2,8 +2,6 @@
 line.
 """
 
-from __future__ import annotations
-
 import pytest
 from spec_examples import FORMULA, STATIC, load_text, refusal
 

@@ -1,7 +1,5 @@
 """Default units, conversion, quantities in text."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 

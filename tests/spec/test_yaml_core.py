@@ -1,7 +1,5 @@
 """YAML 1.2 core scalars, positions, duplicate keys, and input that means harm."""
 
-from __future__ import annotations
-
 import math
 import time
 from dataclasses import replace
@@ -16,14 +14,13 @@ from spec_examples import STATIC, refusal
 
 from mapmore_cli.domain.errors import SpecError
 from mapmore_cli.spec.campaign import load_campaign
-from mapmore_cli.spec.diagnostics import Mistake
 from mapmore_cli.spec.loader import load
 from mapmore_cli.spec.tree import SourceText, nearest, written
 from mapmore_cli.spec.yaml_loader import dump, parse
 
 
 def tree(text):
-    problems: list[object] = []
+    problems = []
     root = parse(SourceText("t.yaml", Path(), text), problems)
     assert not problems
     return root
@@ -232,7 +229,7 @@ def test_a_long_list_is_no_bomb_and_aliases_still_are(tmp_path):
 
 def test_specs_with_a_thousand_variations_are_read_by_their_tree_once(tmp_path):
     source = SourceText("s.yaml", tmp_path, "a: [1, 2]\na: 3\n")
-    problems: list[Mistake] = []
+    problems = []
     assert parse(source, problems) is parse(replace(source), problems)
     assert [problem.message for problem in problems] == [
         problems[0].message
