@@ -1,5 +1,6 @@
 """What tests of several packages build and measure."""
 
+import re
 import tracemalloc
 
 import numpy as np
@@ -38,3 +39,16 @@ def peak_memory(work):
         return tracemalloc.get_traced_memory()[1]
     finally:
         tracemalloc.stop()
+
+
+def parts(cell):
+    """The words that a message has to have, with bars between."""
+    return cell.split(" | ")
+
+
+def rows_of(text, last=str):
+    """The rows of a table in a text, whose cells stand two blanks or more apart; `last` reads the
+    last cell of a row.
+    """
+    rows = [re.split(r"\s{2,}", line.strip()) for line in text.strip().splitlines()]
+    return [(*cells, last(cell)) for *cells, cell in rows]

@@ -27,7 +27,7 @@ BASES = {
 def slips():
     """The slips of `slips.txt`: base, what it says, what it says instead, words of the message."""
     base = None
-    for block in Path(__file__).with_name("slips.txt").read_text().split("\n\n"):
+    for block in Path(__file__).with_name("slips.txt").read_text("utf-8").split("\n\n"):
         said = {"@": [], "-": [], "+": [], "!": [], "#": []}
         for row in block.splitlines():
             said[row[0]].append(row[2:])

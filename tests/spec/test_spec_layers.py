@@ -3,6 +3,7 @@ line.
 """
 
 import pytest
+from common import parts, rows_of
 from spec_examples import FORMULA, STATIC, load_text, refusal
 
 from mapmore_cli.domain.errors import SpecError, UsageError
@@ -253,36 +254,25 @@ def test_the_last_override_of_a_key_counts_and_null_restores_a_default(tmp_path)
 
 @pytest.mark.parametrize(
     ("override", "words"),
-    [
-        (
-            "fit.max_term=2",
-            ["--set fit.max_term=2: unknown key `max_term` in `fit`", "did you mean `max_terms`?"],
-        ),
-        (
-            "fit.max_terms=two",
-            ["--set fit.max_terms=two: `fit.max_terms` should be a whole number"],
-        ),
-        (
-            "fit.max_terms.deep=2",
-            ["--set fit.max_terms.deep=2: `deep` leads into a value that has no keys"],
-        ),
-        (
-            "data.levels.at.4=2",
-            ["--set data.levels.at.4=2: there is no item `4` in a list of 4", "from 0"],
-        ),
-        ("data.levels.at.-1=2", ["there is no item `-1`"]),
-        ("muscle.length=3 kPa", ["--set muscle.length=3 kPa: unit 'kPa' (a pressure)"]),
-        (
-            "data.levels.of=presure",
-            ["--set data.levels.of=presure: there is no quantity `presure`"],
-        ),
-        ("fit.max_terms=[1", ["--set fit.max_terms=[1: not valid YAML"]),
-        ("extends=other.yaml", ["--set extends=other.yaml: unknown key `extends`"]),
-        (
-            "data.files.0=${MAPMORE_NO}",
-            ["--set data.files.0=${MAPMORE_NO}: environment variable MAPMORE_NO is not set"],
-        ),
-    ],
+    rows_of(
+        """
+fit.max_term=2  \
+    --set fit.max_term=2: unknown key `max_term` in `fit` | did you mean `max_terms`?
+fit.max_terms=two           --set fit.max_terms=two: `fit.max_terms` should be a whole number
+fit.max_terms.deep=2  \
+    --set fit.max_terms.deep=2: `deep` leads into a value that has no keys
+data.levels.at.4=2  \
+    --set data.levels.at.4=2: there is no item `4` in a list of 4 | from 0
+data.levels.at.-1=2         there is no item `-1`
+muscle.length=3 kPa         --set muscle.length=3 kPa: unit 'kPa' (a pressure)
+data.levels.of=presure      --set data.levels.of=presure: there is no quantity `presure`
+fit.max_terms=[1            --set fit.max_terms=[1: not valid YAML
+extends=other.yaml          --set extends=other.yaml: unknown key `extends`
+data.files.0=${MAPMORE_NO}  \
+    --set data.files.0=${MAPMORE_NO}: environment variable MAPMORE_NO is not set
+""",
+        parts,
+    ),
 )
 def test_a_wrong_override_is_placed_at_itself(tmp_path, override, words):
     message = refusal(tmp_path, STATIC, [override])

@@ -5,6 +5,7 @@ import sys
 
 import numpy as np
 import pytest
+from common import parts, rows_of
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -110,23 +111,29 @@ def test_everyday_units_need_no_pint():
 
 @pytest.mark.parametrize(
     ("source", "target", "words"),
-    [
-        ("kpa", "kPa", ["'kpa' is unknown", "did you mean `kPa`?"]),
-        ("PSI", "kPa", ["did you mean `psi`?"]),
-        ("pa", "kPa", ["'pa'", "'kPa' (a pressure)", "did you mean `Pa`?"]),  # pico-years
-        ("kPA", "kPa", ["did you mean `kPa`?"]),
-        ("mm", "kPa", ["'mm' (a length)", "'kPa' (a pressure)", "same dimension as 'kPa'"]),
-        ("g", "N", ["'g' (a mass)", "'N' (a force)", "did you mean `gf`"]),
-        ("N", "1", ["'N' (a force)", "'1' (a plain number)"]),
-        ("furlongs of joy", "m", ["is unknown", "write units as"]),
-        ("kPa", "bra", ["'bra' is unknown", "did you mean `bar`?"]),
-        ("", "m", ["'' is unknown"]),
-        ("__import__('os')", "m", ["is unknown"]),
-        ("m**9**9**9**9", "m", ["is unknown"]),
-        ("(" * 30 + "m" + ")" * 29, "m", ["is unknown"]),
-        ("m" * 10_000, "m", ["is unknown"]),
-        ("3 m", "m", ["is unknown"]),
-    ],
+    [*rows_of("""
+kpa                                                         kPa  \
+    'kpa' is unknown | did you mean `kPa`?
+PSI                                                         kPa  did you mean `psi`?
+pa                                                          kPa  \
+    'pa' | 'kPa' (a pressure) | did you mean `Pa`?
+kPA                                                         kPa  did you mean `kPa`?
+mm                                                          kPa  \
+    'mm' (a length) | 'kPa' (a pressure) | same dimension as 'kPa'
+g                                                           N  \
+    'g' (a mass) | 'N' (a force) | did you mean `gf`
+N                                                           1  \
+    'N' (a force) | '1' (a plain number)
+furlongs of joy                                             m    is unknown | write units as
+kPa                                                         bra  \
+    'bra' is unknown | did you mean `bar`?
+__import__('os')                                            m    is unknown
+m**9**9**9**9                                               m    is unknown
+((((((((((((((((((((((((((((((m)))))))))))))))))))))))))))))  m    is unknown
+3 m                                                         m    is unknown
+""", parts),
+("", "m", ["'' is unknown"]),
+("m" * 10_000, "m", ["is unknown"])],
 )  # fmt: skip
 def test_wrong_units_are_named_with_a_remedy(source, target, words):
     with pytest.raises(SpecError) as caught:
@@ -138,12 +145,19 @@ def test_wrong_units_are_named_with_a_remedy(source, target, words):
 
 @pytest.mark.parametrize(
     ("text", "unit", "value"),
-    [
-        ("250 kPa", "kPa", 250), ("1.1 bar", "kPa", 110), ("88 mm", "m", 0.088), ("-40.2 s", "s",
-            -40.2), ("50%", "1", 0.5), ("3", "N", 3),
-        (".5e1 m", "mm", 5000), ("+2 kPa/s", "Pa/s", 2000), (" 7  ms ", "s", 0.007), ("1e-3bar",
-            "Pa", 100), ("17.45 cm", "m", 0.1745),
-    ],
+    [*rows_of("""
+250 kPa   kPa   250
+1.1 bar   kPa   110
+88 mm     m     0.088
+-40.2 s   s     -40.2
+50%       1     0.5
+3         N     3
+.5e1 m    mm    5000
++2 kPa/s  Pa/s  2000
+1e-3bar   Pa    100
+17.45 cm  m     0.1745
+""", float),
+(" 7  ms ", "s", 0.007)],
 )  # fmt: skip
 def test_parse_quantity_gives_the_exact_decimal(text, unit, value):
     assert parse_quantity(text, unit) == value
