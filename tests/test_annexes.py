@@ -37,7 +37,7 @@ def example(tmp_path_factory):
 def without(annex, folder):
     """Return how `mapmore` runs where a copy of the package lacks an annex."""
     copy = folder / "lacking" / "mapmore_cli"
-    shutil.copytree(PROJECT / "mapmore_cli", copy, ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copytree(PROJECT / "mapmore_cli", copy)  # with what Python has compiled
     shutil.rmtree(copy / "annexes" / annex)
     environment = {**os.environ, "PYTHONPATH": str(copy.parent)}
 

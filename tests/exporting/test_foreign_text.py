@@ -40,7 +40,7 @@ needs_compiler = pytest.mark.skipif(
 
 
 @needs_compiler
-@settings(max_examples=4, deadline=None)
+@settings(max_examples=4)
 @given(st.lists(st.lists(TEXTS, min_size=1, max_size=3), min_size=40, max_size=60))
 def test_comments_for_the_c_preprocessor(lists):
     source = "\n".join(

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from mapmore_cli.modelling.pieces.recipe import Cuts, Fuse
@@ -65,7 +65,6 @@ def test_every_ingredient_counts():
     assert len(marks) == 1 + len(changes)
 
 
-@settings(deadline=None)
 @given(SLICES)
 def test_order_of_keys_is_of_no_account(part):
     turned = dict(reversed(part.items()))
@@ -73,7 +72,6 @@ def test_order_of_keys_is_of_no_account(part):
     assert slice_differences("fit", part, turned) == []
 
 
-@settings(deadline=None)
 @given(SLICES, SLICES)
 def test_differences_are_told_exactly_when_there_are_some(old, new):
     told = slice_differences("fit", old, new)

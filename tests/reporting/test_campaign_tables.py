@@ -4,7 +4,7 @@ import math
 from dataclasses import replace
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from report_builder import Page
 
@@ -130,7 +130,6 @@ def test_a_formula_is_not_below_itself():
     assert closing == ("below the best formula", "1 of 2", "1 of 2", "1 of 2")
 
 
-@settings(deadline=None)
 @given(st.lists(st.lists(st.floats(0.1, 100), min_size=3, max_size=3), min_size=1, max_size=6))
 def test_of_the_formulas_one_is_best_in_every_run(errors):
     names = ["f", "g", "h"]

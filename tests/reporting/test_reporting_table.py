@@ -4,7 +4,7 @@ import math
 from html.parser import HTMLParser
 
 import pytest
-from hypothesis import example, given, settings
+from hypothesis import example, given
 from hypothesis import strategies as st
 from markdown_it import MarkdownIt
 
@@ -178,7 +178,6 @@ texts = st.text(
 numbers = st.floats(allow_nan=False, allow_infinity=False)
 
 
-@settings(deadline=None)
 @given(st.lists(st.tuples(texts, numbers, st.integers(), st.none()), min_size=1, max_size=5))
 def test_csv_parses_back(rows):
     table = Table(

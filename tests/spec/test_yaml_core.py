@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 import yaml
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from spec_examples import STATIC, refusal
 
@@ -105,7 +105,6 @@ LOOKALIKES = [
 ]
 
 
-@settings(deadline=None)
 @given(
     st.dictionaries(
         TEXT.filter(lambda key: "${" not in key),
@@ -215,14 +214,14 @@ def test_hostile_input_is_refused_in_good_time(tmp_path, text, words):
 
 
 def test_a_long_list_is_no_bomb_and_aliases_still_are(tmp_path):
-    """What is counted is what aliases repeat: thirty thousand runs are thirty thousand lines."""
+    """What is counted is what aliases repeat: twenty thousand runs are twenty thousand lines."""
     path = tmp_path / "c.yaml"
     path.write_text(
         "campaign: c\nbase: s.yaml\nruns:\n"
-        + "".join(f"  - {{name: r{i}}}\n" for i in range(30_000))
+        + "".join(f"  - {{name: r{i}}}\n" for i in range(20_000))
     )
     campaign, entries = load_campaign(path)
-    assert (len(campaign.runs), entries[-1].overrides) == (30_000, ('name="r29999"',))
+    assert (len(campaign.runs), entries[-1].overrides) == (20_000, ('name="r19999"',))
     one = "a: &a [" + ",".join(["1"] * 1000) + "]\n"
     assert "multiply" in refusal(tmp_path, one + "b: [" + ",".join(["*a"] * 60) + "]\n")
 
