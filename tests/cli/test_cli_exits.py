@@ -172,8 +172,6 @@ def test_broken_pipe(model_file):
     with subprocess.Popen(
         [*COMMAND, "predict", model_file, "--grid", grid], stdout=PIPE, stderr=PIPE
     ) as process:
-        assert process.stdout is not None
-        assert process.stderr is not None
         assert process.stdout.readline() == b"pressure,strain,force_predicted,outside_range\n"
         process.stdout.close()
         assert process.stderr.read() == b""
@@ -194,8 +192,6 @@ def test_interrupted_by_the_keyboard(model_file):
     with subprocess.Popen(
         [*COMMAND, "predict", model_file, "-"], stdin=PIPE, stdout=PIPE, stderr=PIPE
     ) as process:
-        assert process.stdin is not None
-        assert process.stdout is not None
         process.stdin.write(b"pressure,strain\n" + b"150,0.05\n" * 25_000)
         process.stdin.flush()
         process.stdout.readline()  # it is at work now

@@ -41,5 +41,4 @@ def test_what_is_found_for_the_muscles_of_the_demo_is_as_good_as_the_page_says(s
         r"`make demo`, without their settings: (\d\.\d+) .DMSP. and (\d\.\d+) .Peano. times",
         PAGE.read_text(encoding="utf-8"),
     )
-    assert said is not None
     assert ratio == pytest.approx(float(said[1 + (study == "peano-static")]), abs=0.03)

@@ -99,15 +99,6 @@ def test_identifiers_differ_even_without_regard_to_case(names):
     assert foreign.identifiers(["pressure", "p1", "P2"]) == ["pressure", "p1", "P2"]
 
 
-def test_cells_that_a_spreadsheet_computes():
-    assert [foreign.csv_cell(text) for text in ("=1", "-1+cmd", "a-1", "")] == [
-        "'=1",
-        "'-1+cmd",
-        "a-1",
-        "",
-    ]
-
-
 def hostile(model, mark, names):
     """The model with commands in each free text, and its inputs called otherwise."""
     commands = [

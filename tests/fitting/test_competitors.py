@@ -84,7 +84,6 @@ def test_a_competitor_has_the_name_that_it_is_given():
 
 
 def of_run(tmp_path, model):
-    assert isinstance(model.body, Formula)
     write_model(tmp_path / "model.h5", model)
     write_fit(tmp_path / "fit.h5", FitResult(model.body.fit))
     return contest(needed={"other.yaml": tmp_path})

@@ -103,7 +103,6 @@ def parsed(text, delimiter):
         else:
             end = re.compile(rf"[^{re.escape(delimiter)}\r\n]*").match(text, place)
             field = None if end is not None and '"' in end[0] else end and end[0]
-        assert end is not None
         record.append(None if text[place] == '"' and end[0].strip() else field)
         place = end.end()
         if text[place : place + 1] == delimiter:

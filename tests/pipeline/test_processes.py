@@ -63,7 +63,6 @@ def test_run_is_locked_while_another_process_writes_it(tmp_path):
         stdout=subprocess.PIPE,
         text=True,
     ) as other:
-        assert other.stdout is not None
         assert other.stdout.readline() == "start of ingest\n"
         before = sorted((tmp_path / "runs" / "demo").iterdir())
         with pytest.raises(WriteError, match="demo: another process") as caught:

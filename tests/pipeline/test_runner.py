@@ -154,7 +154,6 @@ def test_long_reasons_are_cut(folder):
     for number in range(20):
         (folder / "data" / f"x{number:02d}.csv").write_text("")
     why = reasons(study(folder))[0][1]
-    assert why is not None
     assert why.endswith("; and 14 more")
 
 
@@ -310,17 +309,6 @@ def test_unreadable_source_is_a_data_error(folder):
     (folder / "data" / "c.csv").symlink_to(folder / "nowhere")
     with pytest.raises(DataError, match=r"data/c\.csv: cannot be read"):
         run(study(folder))
-
-
-def test_run_path_is_a_file(folder):
-    (folder / "runs").mkdir()
-    (folder / "runs" / "demo").write_text("mine")
-    ran = []
-    with pytest.raises(WriteError, match="is a file"):
-        run(study(folder), fake_stages(runs=ran))
-    assert ran == []
-    assert (folder / "runs" / "demo").read_text() == "mine"
-    assert reasons(study(folder))[0] == ("ingest", "never ran")
 
 
 def test_stage_must_write_what_it_declares(folder):

@@ -24,7 +24,6 @@ def test_the_static_study(tmp_path):
     spec = loaded.spec
     assert (spec.muscle.length, spec.muscle.diameter) == (0.088, 0.02)
     assert spec.data.levels == Levels(of="pressure", at=[80.0, 150.0, 250.0, 350.0])
-    assert spec.data.split.hold_out is not None
     assert spec.data.split.hold_out.quantities == {"pressure": [250.0]}
     assert spec.data.quantities == ("time", "pressure", "strain", "force")
     assert spec.segment == {"strain": Cuts(method="even", count=4)}
@@ -80,7 +79,6 @@ def test_numbers_with_units_are_in_the_units_of_the_model(tmp_path):
     assert data.keep[1].between == (40.0, 900.0)
     assert data.keep[2].below == 0.005  # a rate by another name: m/s
     assert data.levels == Levels(of="strain", at=[0.0, 0.04, 0.08], within=0.01)
-    assert data.split.hold_out is not None
     assert data.split.hold_out.quantities == {
         "strain": [0.04],
         "pressure": Between(between=[(2.0, 2.6), (4.0, 4.6)]),
@@ -96,7 +94,6 @@ def test_numbers_with_units_are_in_the_units_of_the_model(tmp_path):
         Competitor(model="sarosi", method="levenberg_marquardt", as_="sarosi_lm"),
     ]
     assert spec.validation.require == {"rmse": 0.005, "nrmse": 0.05, "r2": 0.9}
-    assert spec.report.published is not None
     assert spec.report.published.nrmse == {"sarosi": 0.025}
 
 
@@ -189,7 +186,6 @@ def test_numbers_of_motion_carry_units(tmp_path):
     assert spec.segment["direction"] == CutByDirection(of="pressure_rate", dead_band=5.0)
     assert spec.data.plateau == (0.9, 2.0)
     assert spec.fit.train_level == 350
-    assert spec.data.levels is not None
     assert spec.data.levels.at == [80, 150, 250, 350]
 
 
