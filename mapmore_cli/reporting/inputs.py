@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from types import ModuleType
 from typing import Any
 
@@ -265,7 +266,7 @@ class ReportInputs:
         """
         return self.model.output if self.turned else self.along
 
-    @property
+    @cached_property
     def along(self) -> Quantity:
         """The quantity of the model that varies within a curve; of a model without inputs, any
         measured quantity.

@@ -46,6 +46,9 @@ MOST_NUMBERS = 20_000
 --data`).
 """
 
+MOST_ROWS = 400
+"""Rows of a table on the page."""
+
 
 def render_page(
     inputs: ReportInputs, tables: Sequence[Table], figures: Mapping[str, Sequence[RenderedFigure]]
@@ -59,7 +62,7 @@ def render_page(
         verdict=verdict_sentence(
             inputs.validation.scores, inputs.own, inputs.target, inputs.failed
         ),
-        tables={table.name: table for table in tables},
+        tables={table.name: table.head(MOST_ROWS) for table in tables},
         figures=figures,
     )
 

@@ -109,19 +109,51 @@ def _branches(
 
 
 def _means_of_others(branches: Sequence[_Branch], x: Array) -> Array:
-    """Return the mean of the branches of one kind but another log, at the samples of each, (n,)."""
+    """Return the mean of the branches of one kind but another log, at the samples of each, (n,).
+
+    It is the sum of all branches less that of the log's own, so that many logs cost no more each.
+    """
     means = np.full(len(x), np.nan)
+    kinds: dict[tuple[bool | float, ...], dict[str, list[_Branch]]] = {}
     for one in branches:
-        others = [
-            np.interp(x[one.rows], *other.means, left=np.nan, right=np.nan)
-            for other in branches
-            if other.kind == one.kind and other.log != one.log
-        ]
-        known = np.isfinite(others)
-        count = known.sum(axis=0)
-        total = np.where(known, others, 0.0).sum(axis=0)
-        means[one.rows] = np.where(count > 0, total / np.maximum(count, 1), np.nan)
+        kinds.setdefault(one.kind, {}).setdefault(one.log, []).append(one)
+    for logs in kinds.values():
+        rows = [np.concatenate([one.rows for one in own]) for own in logs.values()]
+        every = [one for own in logs.values() for one in own]
+        whole, count = _sum_of(every, x[np.concatenate(rows)])
+        ends = np.cumsum([len(places) for places in rows])[:-1]
+        parts = zip(logs.values(), rows, np.split(whole, ends), np.split(count, ends), strict=True)
+        for own, places, of_all, known in parts:
+            of_own, own_known = _sum_of(own, x[places])
+            others = known - own_known
+            mean = (of_all - of_own) / np.maximum(others, 1)
+            means[places] = np.where(others > 0, mean, np.nan)
     return means
+
+
+def _sum_of(branches: Sequence[_Branch], at: Array) -> tuple[Array, Array]:
+    """Return the sum of the branches, each interpolated between its means, at the places `at`, and
+    how many reach there; (n,) each.
+
+    A branch is a chain of lines: one begins at each mean, and ends before the next. So the sum at
+    a place is a running sum over all beginnings and ends up to it. Extended precision keeps what
+    steep lines would else leave behind.
+    """
+    lines = [
+        (x, np.append(x[1:], np.nextafter(x[-1], np.inf)), y, np.append(np.diff(y) / np.diff(x), 0))
+        for x, y in (one.means for one in branches)
+    ]
+    begin, end, y, slope = map(np.concatenate, zip(*lines, strict=True))
+    edges = np.concatenate([begin, end])
+    order = np.argsort(edges, kind="stable")
+    upto = np.searchsorted(edges[order], at, side="right")
+
+    def running(values: Array) -> Array:
+        sums = np.cumsum(np.concatenate([values, -values])[order], dtype=np.longdouble)
+        return np.append(np.longdouble(0), sums)[upto]
+
+    offset = running(y - slope.astype(np.longdouble) * begin)
+    return offset + running(slope) * at, running(np.ones(len(y)))
 
 
 # root mean square difference of two cycles' courses, as a part of the range, up to which one
