@@ -208,4 +208,4 @@ def _in_units(model: Model, units: Mapping[str, str]) -> dict[str, tuple[Equatio
     return {", ".join(words): model_equations(model, factors)} if factors else {}
 
 
-STAGE = Stage(name="report", revision=7, outputs=("report",), reads=report_slice, run=write_pages)
+STAGE = Stage(name="report", revision=8, outputs=("report",), reads=report_slice, run=write_pages)
