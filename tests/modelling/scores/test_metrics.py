@@ -8,6 +8,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from common import dataset_of
+from error_parts import error_parts
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -15,7 +16,6 @@ from mapmore_cli.domain.recording import Curve
 from mapmore_cli.domain.results import Forecast
 from mapmore_cli.modelling.validation import metrics
 from mapmore_cli.modelling.validation.metrics import bands, normaliser, uncentred_correlation
-from mapmore_cli.modelling.validation.repeatability import error_parts
 from mapmore_cli.modelling.validation.residuals import (
     PARTS,
     autocorrelation,
