@@ -88,7 +88,7 @@ def collected(part: ReportSlice, run_dir: Path, spec_text: str = "") -> ReportIn
     return ReportInputs(
         name=part.name,
         muscle={key: word for key, word in muscle.items() if word is not None},
-        dataset=dataset,
+        whole=dataset,
         segmentation=files.segmentation(),
         fit=files.fit(),
         model=model,

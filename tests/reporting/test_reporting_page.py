@@ -231,7 +231,7 @@ def test_without_levels_and_without_figures(inputs, tmp_path):
     dataset = replace(inputs.dataset, level=None, curves=curves)
     plain = replace(
         inputs,
-        dataset=dataset,
+        whole=dataset,
         segmentation=(),
         fit=replace(inputs.fit, body=None),
         model=of_pieces(inputs.model, level=None, curves=()),

@@ -8,6 +8,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mapmore_cli.domain.arrays import Array, BoolArray, IntArray
 from mapmore_cli.domain.recording import Curve
@@ -139,12 +140,13 @@ def _sum_of(branches: Sequence[_Branch], at: Array) -> tuple[Array, Array]:
     order = np.argsort(edges, kind="stable")
     upto = np.searchsorted(edges[order], at, side="right")
 
-    def running(values: Array) -> Array:
+    def running(values: NDArray[np.floating]) -> NDArray[np.longdouble]:
         sums = np.cumsum(np.concatenate([values, -values])[order], dtype=np.longdouble)
         return np.append(np.longdouble(0), sums)[upto]
 
     offset = running(y - slope.astype(np.longdouble) * begin)
-    return offset + running(slope) * at, running(np.ones(len(y)))
+    whole = offset + running(slope) * at
+    return whole.astype(np.float64), running(np.ones(len(y))).astype(np.float64)
 
 
 # root mean square difference of two cycles' courses, as a part of the range, up to which one
