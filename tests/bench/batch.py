@@ -55,13 +55,13 @@ def run(campaign, runs, jobs):
     subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
 
 
-def campaign_of(configs):
-    """Two muscles with one to four terms and three widths of the transition."""
+def campaign_of(configs, widths=3):
+    """Two muscles with one to four terms and so many widths of the transition."""
     runs = [
         f"  - {{base: {configs}/{study}.yaml, name: {study}-{terms}-{width}, set: "
-        f"{{fit.max_terms: {terms}, fuse.z_s: {width / 10}}}}}"
+        f"{{fit.max_terms: {terms}, fuse.z_s: {width / (3 * widths)}}}}}"
         for study in ("dmsp-20-88-static", "peano-static")
         for terms in (1, 2, 3, 4)
-        for width in (1, 2, 3)
+        for width in range(1, widths + 1)
     ]
-    return "\n".join(["schema_version: 1", "campaign: batch", "title: 24 runs", "runs:", *runs, ""])
+    return "\n".join(["schema_version: 1", "campaign: batch", "title: runs", "runs:", *runs, ""])

@@ -22,20 +22,21 @@ RUNS = 7
 
 def regression(say):
     """Seconds of every contestant by shape, None for one that did not run, with
-    `extra_memory_ratio`; and notes on those that did not.
+    `extra_memory_ratio`; and `notes` on those that did not.
     """
-    table, notes = {}, {}
+    table = {}
     for shape in SHAPES:
         name = "x".join(map(str, shape))
         say(f"regression {name}")
         row, chosen = own(shape)
+        row["notes"] = {}
         for peer in PEERS:
             say(f"regression {name}: {peer}")
             row[peer], note = timed_peer(peer, shape, chosen)
             if note:
-                notes[f"{peer} {name}"] = note
+                row["notes"][peer] = note
         table[name] = row
-    return table, notes
+    return table
 
 
 def own(shape):
