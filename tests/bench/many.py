@@ -9,7 +9,6 @@ import sys
 from pathlib import Path
 
 import numpy as np
-from batch import campaign_of
 from ingest import peers_reading, usage_of
 from program import STUDY
 
@@ -70,6 +69,18 @@ def many_runs(folder, count):
     seconds = mapmore("batch", campaign, "--runs", runs, "--jobs", 1, "--no-pages")
     alone = mapmore("run", STUDY, "--runs", Path(folder) / "alone")
     return {"runs": 8 * widths, "each": seconds / (8 * widths), "one_by_itself_with_page": alone}
+
+
+def campaign_of(configs, widths=3):
+    """Two muscles with one to four terms and so many widths of the transition."""
+    runs = [
+        f"  - {{base: {configs}/{study}.yaml, name: {study}-{terms}-{width}, set: "
+        f"{{fit.max_terms: {terms}, fuse.z_s: {width / (3 * widths)}}}}}"
+        for study in ("dmsp-20-88-static", "peano-static")
+        for terms in (1, 2, 3, 4)
+        for width in range(1, widths + 1)
+    ]
+    return "\n".join(["schema_version: 1", "campaign: batch", "title: runs", "runs:", *runs, ""])
 
 
 def figures(folder):

@@ -20,7 +20,6 @@ HERE = Path(__file__).parent
 
 
 def main():
-    from batch import batch
     from exported import exported
     from ingest import ingest
     from many import figures, many_files, many_runs
@@ -30,9 +29,7 @@ def main():
     from table import exported_lines, other_lines, regression_lines
 
     options = arguments()
-    bench = {
-        "machine": {"processor": processor(), "python": platform.python_version(), "threads": 1}
-    }
+    bench = {"machine": {"processor": platform.processor(), "python": platform.python_version()}}
     with tempfile.TemporaryDirectory() as folder:
         measures = {
             "streaming": lambda: streamed(options.samples, folder),
@@ -41,7 +38,6 @@ def main():
             "evaluation": lambda: evaluation(folder),
             "small_table": lambda: small_table(folder),
             "exported": lambda: exported(folder),
-            "batch": lambda: batch(folder),
             "many_files": lambda: many_files(folder, options.files),
             "many_runs": lambda: many_runs(folder, options.runs),
             "figures": lambda: figures(folder),
@@ -76,17 +72,6 @@ def arguments():
 def streamed(samples, folder):
     command = [sys.executable, HERE / "streaming.py", str(samples), folder]
     return json.loads(subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True).stdout)
-
-
-def processor():
-    try:
-        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
-    except OSError:
-        return platform.processor()
-    return next(
-        (line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")),
-        platform.processor(),
-    )
 
 
 def say(what):
