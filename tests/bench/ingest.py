@@ -9,10 +9,17 @@ import sys
 from pathlib import Path
 
 import numpy as np
-from reading import READERS
-from regression import HERE, PEERS_PYTHON
+from regression import PEERS_PYTHON
 
 LINES = 100_000
+READ = """
+import sys, pathlib, time, importlib
+read_csv = importlib.import_module(sys.argv[1]).read_csv
+begun = time.process_time()
+for path in sorted(pathlib.Path(sys.argv[2]).glob("*.csv")):
+    read_csv(path).to_numpy()
+print(time.process_time() - begun)
+"""
 STUDY = """
 schema_version: 1
 name: long-log
@@ -52,9 +59,9 @@ def peers_reading(folder):
     of those that are not installed.
     """
     took = {}
-    for name in READERS if PEERS_PYTHON.exists() else ():
+    for name in ("pandas", "polars") if PEERS_PYTHON.exists() else ():
         done = subprocess.run(
-            [PEERS_PYTHON, HERE / "reading.py", name, folder],
+            [PEERS_PYTHON, "-c", READ, name, folder],
             capture_output=True,
             text=True,
             check=False,

@@ -14,7 +14,7 @@ from report_builder import build, legend_of, of_pieces, surface
 
 from mapmore_cli.domain.scores import FIGURES, REPEATABILITY
 from mapmore_cli.modelling.kinds import predict
-from mapmore_cli.modelling.validation.shown import MOST
+from mapmore_cli.modelling.signals.sampling import MANY
 from mapmore_cli.reporting.figures.drawing import POINTS, compose, drawings
 from mapmore_cli.reporting.figures.segments import level_figures
 from mapmore_cli.reporting.figures.style import figure_style, model_styles
@@ -201,14 +201,14 @@ def test_long_curves_are_drawn_of_samples_with_the_extremes_among_them():
     shown, whole = inputs.validation.shown, inputs.whole
     kept = inputs.validation.predictions["mapmore"]
     for few, every, predicted in zip(shown.curves, whole.curves, kept, strict=True):
-        assert 1000 < few.size <= MOST < every.size
+        assert 1000 < few.size <= MANY < every.size
         assert few.columns["force"].max() == every.columns["force"].max()
         error = predicted - few.columns["force"]
         of_all = predict(inputs.model, every.columns) - every.columns["force"]
         assert (error.min(), error.max()) == (of_all.min(), of_all.max())
     assert sum(band.samples for band in inputs.validation.bands) == 30_000
     assert {panel.key for panel in drawing(inputs, "fit").panels} == {"pressure=250"}
-    assert len(drawing(inputs, "segments").panels[0].data["segment"]) < MOST
+    assert len(drawing(inputs, "segments").panels[0].data["segment"]) < MANY
     tables = {table.name: table for table in all_tables(inputs)}
     assert [row[2] + row[3] for row in tables["levels"].rows] == [30_000] * 3
 
