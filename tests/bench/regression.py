@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 from peer import PEERS, SHAPES, problem
 from scipy.linalg.blas import dsyrk
-from timing import medians_in_turn
+from timing import in_turn
 
 from mapmore_cli.modelling.frols import frols, frols_streamed
 from mapmore_cli.modelling.frols.moments import blocks_of_rows
@@ -42,7 +42,7 @@ def regression(say):
 def own(shape):
     P, y = problem(*shape)
     k = shape[-1]
-    row = medians_in_turn(
+    row = in_turn(
         {
             "ours": lambda: frols(P, y, k),
             "dsyrk": lambda: dsyrk(1.0, P, trans=1),
