@@ -3,19 +3,18 @@ errors whose cause is known.
 """
 
 import math
-from itertools import pairwise
 
 import numpy as np
 import pytest
 from common import dataset_of
-from hypothesis import given, settings
+from error_parts import error_parts
+from hypothesis import given
 from hypothesis import strategies as st
 
 from mapmore_cli.domain.recording import Curve
 from mapmore_cli.domain.results import Forecast
 from mapmore_cli.modelling.validation import metrics
 from mapmore_cli.modelling.validation.metrics import bands, normaliser, uncentred_correlation
-from mapmore_cli.modelling.validation.repeatability import error_parts
 from mapmore_cli.modelling.validation.residuals import (
     PARTS,
     autocorrelation,
@@ -120,23 +119,6 @@ def test_a_planted_part_is_found(name, error):
         assert max(others) < 0.35 * one.rms[name]
 
 
-@settings(max_examples=25)
-@given(st.integers(0, 2**32 - 1), st.integers(1, 3))
-def test_squares_add_up_over_gaps_and_empty_predictions(seed, pieces):
-    rng = np.random.default_rng(seed)
-    error = rng.normal(0, 1, len(X)) + rng.normal(0, 3) * CYCLE
-    error[rng.integers(0, len(X), 20)] = np.nan
-    edges = [0, *sorted(rng.integers(1, len(X), pieces - 1).tolist()), len(X)]
-    found = of(error, parts=[slice(a, b) for a, b in pairwise(edges)])
-    assert [one.split for one in found] == ["train", "validate"]
-    for one, rows in zip(found, (CYCLE < 4, CYCLE >= 4), strict=True):
-        known = error[rows & np.isfinite(error)]
-        assert sum(value**2 for value in one.rms.values()) == pytest.approx(
-            np.mean(known**2), rel=0.05
-        )
-        assert one.samples <= len(known)
-
-
 def test_without_two_training_cycles_one_tells_nothing():
     assert [one.split for one in of(np.ones(len(X)), held=CYCLE != 0)] == ["validate"]
     assert of(np.where(CYCLE > 1, np.nan, 1.0), held=CYCLE > 0) == ()
@@ -186,12 +168,12 @@ def test_one_piece_is_the_textbook_formula(seed, n):
     e, u = random.normal(2, 1, n), random.normal(-3, 2, n)
     found = autocorrelation([e])
     c, d = e - e.mean(), u - u.mean()
-    for lag, value in zip(found.lags, found.values, strict=True):
+    for lag, value in zip(found.x, found.values, strict=True):
         np.testing.assert_allclose(
             value, sum(c[t] * c[t + int(lag)] for t in range(n - int(lag))) / sum(c**2), atol=1e-12
         )
-    crossed = cross_correlation([e], [u])
-    for lag, value in zip(crossed.lags.astype(int), crossed.values, strict=True):
+    crossed = cross_correlation("u", [e], [u])
+    for lag, value in zip(crossed.x.astype(int), crossed.values, strict=True):
         pairs = [(t, t + lag) for t in range(n) if 0 <= t + lag < n]
         np.testing.assert_allclose(
             value, sum(d[a] * c[b] for a, b in pairs) / np.sqrt(sum(c**2) * sum(d**2)), atol=1e-12
@@ -202,9 +184,10 @@ def test_noise_stays_within_the_bounds_nineteen_times_in_twenty():
     random = np.random.default_rng(11)
     own = [autocorrelation([random.normal(size=150), random.normal(size=250)]) for _ in range(60)]
     crossed = [
-        cross_correlation([random.normal(size=400)], [random.normal(size=400)]) for _ in range(60)
+        cross_correlation("u", [random.normal(size=400)], [random.normal(size=400)])
+        for _ in range(60)
     ]
-    parts = [means_over(random.normal(size=400), random.uniform(size=400)) for _ in range(60)]
+    parts = [means_over("u", random.normal(size=400), random.uniform(size=400)) for _ in range(60)]
     for tests in (own, crossed, parts):
         assert 0.02 < sum(test.beyond for test in tests) / sum(test.tested for test in tests) < 0.08
 
@@ -225,8 +208,8 @@ def test_parts_are_values_where_there_are_few_else_as_many_samples_each():
     random = np.random.default_rng(6)
     level = random.choice([80.0, 150.0, 250.0], 300)
     errors = np.where(level == 150, 1.0, 0.0) + random.normal(0, 0.5, 300)
-    found = means_over(errors - errors.mean(), level)
-    assert found.places.tolist() == [80.0, 150.0, 250.0]
+    found = means_over("level", errors - errors.mean(), level)
+    assert found.x.tolist() == [80.0, 150.0, 250.0]
     assert found.beyond == 3
     assert found.values[1] == np.mean((errors - errors.mean())[level == 150])
-    assert len(means_over(errors, random.uniform(size=300)).places) == PARTS
+    assert len(means_over("u", errors, random.uniform(size=300)).x) == PARTS
