@@ -44,21 +44,43 @@ PSI = 0.45359237 * 9.80665 / 0.0254**2
 
 @pytest.mark.parametrize(
     ("source", "target", "factor"),
-    [
-        ("bar", "kPa", 100), ("psi", "kPa", PSI / 1000), ("MPa", "kPa", 1000), ("Pa", "kPa", 1e-3),
-            ("mbar", "kPa", 0.1),
-        ("mm", "m", 1e-3), ("cm", "m", 1e-2), ("um", "m", 1e-6), ("µm", "m", 1e-6), ("in", "m",
-            0.0254),
-        ("ms", "s", 1e-3), ("min", "s", 60), ("h", "s", 3600), ("us", "s", 1e-6),
-        ("kN", "N", 1000), ("lbf", "N", 0.45359237 * 9.80665), ("kgf", "N", 9.80665), ("mV", "V",
-            1e-3),
-        ("%", "1", 0.01), ("1", "%", 100), ("%/s", "1/s", 0.01), ("mm/m", "1", 1e-3), ("kPa/ms",
-            "kPa/s", 1000), ("(kPa)/s", "Pa/ms", 1),
-        *((unit, "N*m", 1) for unit in ("N m", "N·m", "Nm")), ("mNm", "Nm", 1e-3), ("Nmm", "Nm",
-            1e-3), ("N cm", "Nm", 0.01), ("kNm", "Nm", 1e3),
-        ("(1)/s", "%/s", 100), ("N/mm^2", "kPa", 1000), ("N/mm**2", "kPa", 1000), (" bar ", "kPa",
-            100),
-    ],
+    [*rows_of("""
+bar      kPa    100
+psi      kPa    6.894757293168361
+MPa      kPa    1000
+Pa       kPa    0.001
+mbar     kPa    0.1
+mm       m      0.001
+cm       m      0.01
+um       m      1e-06
+µm       m      1e-06
+in       m      0.0254
+ms       s      0.001
+min      s      60
+h        s      3600
+us       s      1e-06
+kN       N      1000
+lbf      N      4.4482216152605
+kgf      N      9.80665
+mV       V      0.001
+%        1      0.01
+1        %      100
+%/s      1/s    0.01
+mm/m     1      0.001
+kPa/ms   kPa/s  1000
+(kPa)/s  Pa/ms  1
+N m      N*m    1
+N·m      N*m    1
+Nm       N*m    1
+mNm      Nm     0.001
+Nmm      Nm     0.001
+N cm     Nm     0.01
+kNm      Nm     1000.0
+(1)/s    %/s    100
+N/mm^2   kPa    1000
+N/mm**2  kPa    1000
+""", float),
+(' bar ', 'kPa', 100)],
 )  # fmt: skip
 def test_conversions_of_numbers_and_arrays(source, target, factor):
     assert convert(3.0, source, target) == pytest.approx(3 * factor, rel=1e-12)
