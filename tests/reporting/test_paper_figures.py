@@ -2,8 +2,6 @@
 name that a reader's program obeys.
 """
 
-from __future__ import annotations
-
 import csv
 import os
 import re

@@ -4,7 +4,7 @@ line.
 
 import pytest
 from common import parts, rows_of
-from spec_examples import FORMULA, STATIC, load_text, refusal
+from spec_examples import FORMULA, STATIC, assert_says, load_text, refusal
 
 from mapmore_cli.domain.errors import SpecError, UsageError
 from mapmore_cli.spec.experiment import Competitor
@@ -106,16 +106,17 @@ def family(tmp_path):
 
 
 def test_mappings_merge_deeply_and_other_values_replace(family):
-    spec = load(family / "child" / "spec.yaml").spec
-    assert (spec.name, spec.muscle.kind, spec.muscle.length) == ("heir", "peano", 0.088)
-    assert (spec.fit.max_terms, spec.fit.scaling, spec.fuse.z_s, spec.fuse.transition) == (
-        3,
-        "unit_square",
-        0.1,
-        "linear",
+    assert_says(
+        load(family / "child" / "spec.yaml").spec,
+        """
+name: heir
+muscle: {kind: peano, length: 0.088}
+fit: {max_terms: 3, scaling: unit_square}
+fuse: {z_s: 0.1, transition: linear}
+data: {levels: {of: pressure, at: [1, 200]}}
+dictionary: [{terms: [strain]}]
+""",
     )
-    assert (spec.data.levels.of, spec.data.levels.at) == ("pressure", [1.0, 200.0])
-    assert len(spec.dictionary) == 1
 
 
 def test_relative_paths_start_at_the_file_that_they_are_written_in(family):
@@ -214,29 +215,28 @@ def test_a_circle_of_files_is_refused(family):
 
 
 def test_overrides_set_scalars_lists_items_and_new_sections(tmp_path):
-    overrides = [
-        "fit.max_terms=2",
-        "data.levels.at=[80, 1.5 bar, 250]",
-        "data.levels.at.2=300 kPa",
-        "data.split.validate.pressure.0=300",
-    ]
-    overrides += [
-        "model.backbone=sarosi",
-        "muscle.length=9 cm",
-        "name=other",
-        "dictionary.0.polynomial.order=0x3",
-        "validate.require={rmse: 1}",
-    ]
-    spec = load_text(tmp_path, STATIC, overrides).spec
-    assert (spec.fit.max_terms, spec.model.backbone, spec.muscle.length, spec.name) == (
-        2,
-        "sarosi",
-        0.09,
-        "other",
+    overrides = """
+fit.max_terms=2
+data.levels.at=[80, 1.5 bar, 250]
+data.levels.at.2=300 kPa
+data.split.validate.pressure.0=300
+model.backbone=sarosi
+muscle.length=9 cm
+name=other
+dictionary.0.polynomial.order=0x3
+validate.require={rmse: 1}
+"""
+    assert_says(
+        load_text(tmp_path, STATIC, overrides.split("\n")[1:-1]).spec,
+        """
+name: other
+muscle: {length: 0.09}
+data: {levels: {at: [80, 150, 300]}, split: {validate: {pressure: [300]}}}
+model: {backbone: sarosi}
+fit: {max_terms: 2}
+validate: {require: {rmse: 1}}
+""",
     )
-    assert spec.data.levels.at == [80.0, 150.0, 300.0]
-    assert spec.dictionary[0].polynomial.order == 3
-    assert spec.validation.require == {"rmse": 1.0}
 
 
 def test_the_last_override_of_a_key_counts_and_null_restores_a_default(tmp_path):
