@@ -245,4 +245,5 @@ def differences(found, wanted, place=""):
 
 def assert_says(spec, text):
     """A spec says all that some YAML does."""
-    assert [*differences(plain(spec), yaml.safe_load(text))] == []
+    wrong = [*differences(plain(spec), yaml.safe_load(text))]
+    assert not wrong, wrong

@@ -110,7 +110,7 @@ data:
   join:
     - {shift: -40.2, max_gap: 0.1, root: "train[*]", header: true,
         columns: {pressure: {offset: 14.503773773}}}
-    - {on: row, sheet: Run1}
+    - {"on": row, sheet: Run1}
   gaps: {longer_than: 0.01, action: split}
   resample: 0.0005
 """,
