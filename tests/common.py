@@ -1,6 +1,9 @@
 """What tests of several packages build and measure."""
 
+import os
 import re
+import subprocess
+import sys
 import tracemalloc
 
 import numpy as np
@@ -52,3 +55,24 @@ def rows_of(text, last=str):
     """
     rows = [re.split(r"\s{2,}", line.strip()) for line in text.strip().splitlines()]
     return [(*cells, last(cell)) for *cells, cell in rows]
+
+
+def process(*command, env=None, **options):
+    """What a process of its own did and told; `env` is added to the variables."""
+    return subprocess.run(
+        [*map(str, command)],
+        capture_output=True,
+        text=True,
+        env={**os.environ, **(env or {})},
+        **options,
+    )
+
+
+def mapmore(*arguments, **options):
+    """The same of the command."""
+    return process(sys.executable, "-m", "mapmore_cli", *arguments, **options)
+
+
+def python(code, *arguments, **options):
+    """The same of Python code."""
+    return process(sys.executable, "-c", code, *arguments, **options)

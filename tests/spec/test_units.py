@@ -1,11 +1,8 @@
 """Default units, conversion, quantities in text."""
 
-import subprocess
-import sys
-
 import numpy as np
 import pytest
-from common import parts, rows_of
+from common import parts, python, rows_of
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -128,7 +125,7 @@ def test_everyday_units_need_no_pint():
         "convert(88.0, 'mm', 'm'); "
         "assert 'pint' not in sys.modules"
     )
-    subprocess.run([sys.executable, "-c", code], check=True)
+    python(code, check=True)
 
 
 @pytest.mark.parametrize(
