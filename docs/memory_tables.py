@@ -12,10 +12,10 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from statistics import median
 
+from error_parts import PARTS, error_parts
 from pages import CONFIGS, of_campaign, own, run, scores, write_page
 
 from mapmore_cli.domain.fits import MemoryFit
-from mapmore_cli.modelling.validation.repeatability import PARTS, error_parts
 from mapmore_cli.reporting.campaign import CampaignScores, nrmse_table
 from mapmore_cli.reporting.table import Cell, Table
 from mapmore_cli.spec.campaign import Variant, load_campaign

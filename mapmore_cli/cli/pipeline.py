@@ -54,7 +54,36 @@ segment = _stage_command("segment", "Cut the training curves into segments.")
 fit = _stage_command("fit", "Select the terms of every segment.")
 fuse = _stage_command("fuse", "Join the segments into one model that stands alone.")
 validate = _stage_command("validate", "Score the model and its competitors.")
-report = _stage_command("report", "Write the page, its figures and tables.")
+_report = _stage_command("report", "")
+
+
+def report(
+    config: console.Config,
+    figures: Annotated[
+        str | None,
+        typer.Option(
+            "--figures",
+            metavar="NAMES",
+            help="Draw these alone, as fit,error; or all, or none. Default: `report.figures`.",
+        ),
+    ] = None,
+    runs: console.Runs = console.RUNS,
+    overrides: console.Overrides = console.NONE,
+    force: console.Force = False,
+    rehash: console.Rehash = False,
+    no_check: console.NoCheck = False,
+    explain: console.Explain = False,
+    as_json: console.AsJson = False,
+    quiet: console.Quiet = False,
+    verbose: console.Verbose = False,
+) -> None:
+    """Write the page, its figures and tables. Brings the stages before it up to date first."""
+    from mapmore_cli.domain.scores import FIGURES
+
+    if figures is not None:
+        names = {"all": ", ".join(FIGURES), "none": ""}.get(figures, figures)
+        overrides = [*overrides, f"report.figures=[{names}]"]
+    _report(config, runs, overrides, force, rehash, no_check, explain, as_json, quiet, verbose)
 
 
 def run(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Annotated
 
 import numpy as np
@@ -70,6 +70,10 @@ class Recording:
         """Samples that remain, n."""
         return len(next(iter(self.columns.values()))) if self.columns else 0
 
+    def at(self, rows: IntArray) -> Recording:
+        """Return the recording with these samples alone."""
+        return replace(self, columns={name: x[rows] for name, x in self.columns.items()})
+
 
 @dataclass(frozen=True)
 class Curve:
@@ -110,6 +114,21 @@ class Curve:
     def training(self) -> BoolArray:
         """`(n,)`; True where a sample trains."""
         return ~self.held_out if self.at_rest is None else ~(self.held_out | self.at_rest)
+
+    def at(self, rows: IntArray | BoolArray) -> Curve:
+        """Return some rows of the curve; of its recordings, those that still have any."""
+        origin, recordings = None, self.recordings
+        if self.origin is not None:
+            left, origin = np.unique(self.origin[rows], return_inverse=True)
+            recordings = tuple(self.recordings[number] for number in left)
+        return replace(
+            self,
+            columns={name: values[rows] for name, values in self.columns.items()},
+            held_out=self.held_out[rows],
+            recordings=recordings,
+            at_rest=None if self.at_rest is None else self.at_rest[rows],
+            origin=origin,
+        )
 
     def limits(self, name: str) -> tuple[float, float]:
         """Range of a quantity over the training samples, and over what was measured for them."""

@@ -12,7 +12,7 @@ import numpy as np
 from mapmore_cli.domain.arrays import Array, BoolArray, Columns
 from mapmore_cli.domain.declared import Label
 from mapmore_cli.domain.fits import FormulaFit, MemoryFit, SegmentFit
-from mapmore_cli.domain.recording import Quantity
+from mapmore_cli.domain.recording import Dataset, Quantity
 from mapmore_cli.domain.scores import Score, ScoreTable
 
 
@@ -72,16 +72,57 @@ class FitResult:
 
 
 @dataclass(frozen=True)
+class ErrorBand:
+    """Samples whose absolute value lies between `low` and `high`; the RMSE is by model, NaN where
+    it has no prediction there.
+    """
+
+    low: Annotated[float, "least absolute value", "[target]"]
+    high: Annotated[float, "greatest absolute value", "[target]"]
+    samples: Annotated[int, "samples in the band"]
+    rmse: Annotated[Mapping[Label, float], "root mean square error of each model", "[target]"]
+
+
+AUTOCORRELATION = "autocorrelation"
+
+
+@dataclass(frozen=True)
+class ResidualTest:
+    """Is anything left in the errors: their correlations at some lags, with themselves or with an
+    input, or their means in parts of an input's range?
+
+    The correlation of a residual with itself, which is one, is not tested.
+    """
+
+    name: Annotated[Label, "`autocorrelation`, or the input"]
+    x: Annotated[Array, "(m) lags in samples, or places along the input", "-"]
+    values: Annotated[Array, "(m) correlations, or mean residuals", "-"]
+    bounds: Annotated[Array, "(m) of noise, 95 % lie within so much of zero", "-"]
+
+    @property
+    def tested(self) -> int:
+        """How many values could lie outside of their bounds."""
+        return len(self.x) - (self.name == AUTOCORRELATION)
+
+    @property
+    def beyond(self) -> int:
+        """How many do."""
+        outside = np.abs(self.values) > self.bounds
+        return int(outside[len(self.x) - self.tested :].sum())
+
+
+@dataclass(frozen=True)
 class Validation:
     """Predictions of the run's own model (`mapmore`) and of its competitors, and their scores.
 
-    `predictions[model][c]` is `(n_c,)`, row for row of the dataset's curve number c. `formulas` and
-    `fits` are the fits behind competitors.
+    `predictions[model][c]` is `(n_c,)`, row for row of curve number c of `shown`, or of the whole
+    dataset where that is short. `formulas` and `fits` are the fits behind competitors. Scores,
+    `bands` and `residual_tests` are of all samples.
     """
 
     predictions: Annotated[
         Mapping[Label, tuple[Array, ...]],
-        "by model, then by curve of the dataset, row for row",
+        "by model, then by curve, row for row",
         "[target]",
     ]
     formulas: Annotated[Mapping[Label, FormulaFit], "literature models that were fitted"]
@@ -93,6 +134,12 @@ class Validation:
     warnings: Annotated[
         tuple[str, ...], "what must be known of the run's own model before its scores are read"
     ] = ()
+    along: Annotated[str, "the quantity that varies within a curve"] = ""
+    bands: Annotated[tuple[ErrorBand, ...], "errors by the size of what was measured"] = ()
+    residual_tests: Annotated[tuple[ResidualTest, ...], "tests of the own model's residuals"] = ()
+    shown: Annotated[
+        Dataset | None, "samples that figures show; absent where they show the whole dataset"
+    ] = None
 
     @property
     def table(self) -> ScoreTable:

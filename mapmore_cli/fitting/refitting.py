@@ -28,23 +28,7 @@ one or two folds says nothing.
 def training_only(dataset: Dataset) -> Dataset:
     """Return the dataset without its held-out samples; curves that have no others are left out."""
     curves = [curve for curve in dataset.curves if curve.training.any()]
-    return replace(dataset, curves=tuple(with_rows(curve, ~curve.held_out) for curve in curves))
-
-
-def with_rows(curve: Curve, rows: BoolArray) -> Curve:
-    """Return some rows of a curve; of its recordings, those that still have any."""
-    origin, recordings = None, curve.recordings
-    if curve.origin is not None:
-        left, origin = np.unique(curve.origin[rows], return_inverse=True)
-        recordings = tuple(curve.recordings[number] for number in left)
-    return replace(
-        curve,
-        columns={name: values[rows] for name, values in curve.columns.items()},
-        held_out=curve.held_out[rows],
-        recordings=recordings,
-        at_rest=None if curve.at_rest is None else curve.at_rest[rows],
-        origin=origin,
-    )
+    return replace(dataset, curves=tuple(curve.at(~curve.held_out) for curve in curves))
 
 
 @dataclass(frozen=True)

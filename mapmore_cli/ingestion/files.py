@@ -7,6 +7,7 @@ from __future__ import annotations
 import difflib
 import glob
 import os
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path, PurePath, PurePosixPath
@@ -101,11 +102,10 @@ def find_sources(entries: Entries, folder: Path, joins: Sequence[Join] = ()) -> 
         entry.id or automatic
         for (_, entry), automatic in zip(found, _automatic([log for log, _ in found]), strict=True)
     ]
-    for name in ids:
-        if ids.count(name) > 1:
+    for name, count in Counter(ids).items():
+        if count > 1:
             raise SpecError(
-                f"files: {ids.count(name)} recordings have the id '{name}'",
-                "Give each an `id` of its own.",
+                f"files: {count} recordings have the id '{name}'", "Give each an `id` of its own."
             )
     logs = [_logs_to_join(join, len(found), folder) for join in joins]
     return tuple(
@@ -151,11 +151,10 @@ def _automatic(logs: Sequence[Log]) -> list[str]:
     """Ids after the files; where one is read sheet by sheet, with the sheet behind it, as
     `book[Run1]`.
     """
-    names = list(dict.fromkeys(log.name for log in logs))
-    ids = dict(zip(names, unique_ids(names), strict=True))
-    several = {name for name in names if sum(log.name == name for log in logs) > 1}
+    sheets = Counter(log.name for log in logs)
+    ids = dict(zip(sheets, unique_ids([*sheets]), strict=True))
     return [
-        f"{ids[log.name]}[{log.sheet}]" if log.name in several and log.sheet else ids[log.name]
+        f"{ids[log.name]}[{log.sheet}]" if sheets[log.name] > 1 and log.sheet else ids[log.name]
         for log in logs
     ]
 
@@ -257,8 +256,9 @@ def unique_ids(sources: Sequence[str]) -> list[str]:
     depth = [1] * len(parts)
     while True:
         ids = ["-".join(part[-n:]) for part, n in zip(parts, depth, strict=True)]
+        times = Counter(ids)
         longer = [
-            min(n + 1, len(part)) if ids.count(name) > 1 else n
+            min(n + 1, len(part)) if times[name] > 1 else n
             for name, part, n in zip(ids, parts, depth, strict=True)
         ]
         if longer == depth:

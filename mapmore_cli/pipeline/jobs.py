@@ -24,12 +24,15 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Job:
-    """One run to do: its spec with settings on top, the folder of runs, and how."""
+    """One run to do: its spec with settings on top, the folder of runs, how, and up to which
+    stage.
+    """
 
     config: Path
     runs: Path
     overrides: tuple[str, ...] = ()
     options: Options = AS_USUAL
+    until: str = "report"
 
     def elsewhere(self) -> Job:
         """Return the same run on another machine: paths from the root, and patience with what an
@@ -89,7 +92,9 @@ def run_one(job: Job) -> Finished:
     """Bring one run up to date and read its scores; raises what that raises."""
     started, warnings = time.perf_counter(), list[str]()
     loaded = load(job.config, job.overrides)
-    outcome = bring_up_to_date(loaded, job.runs, options=job.options, warn=warnings.append)
+    outcome = bring_up_to_date(
+        loaded, job.runs, job.until, options=job.options, warn=warnings.append
+    )
     return Finished.of(loaded, outcome, warnings, started)
 
 

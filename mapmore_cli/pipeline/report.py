@@ -88,7 +88,7 @@ def collected(part: ReportSlice, run_dir: Path, spec_text: str = "") -> ReportIn
     return ReportInputs(
         name=part.name,
         muscle={key: word for key, word in muscle.items() if word is not None},
-        dataset=dataset,
+        whole=dataset,
         segmentation=files.segmentation(),
         fit=files.fit(),
         model=model,
@@ -208,4 +208,4 @@ def _in_units(model: Model, units: Mapping[str, str]) -> dict[str, tuple[Equatio
     return {", ".join(words): model_equations(model, factors)} if factors else {}
 
 
-STAGE = Stage(name="report", revision=7, outputs=("report",), reads=report_slice, run=write_pages)
+STAGE = Stage(name="report", revision=8, outputs=("report",), reads=report_slice, run=write_pages)

@@ -80,6 +80,7 @@ def score(part: ScoresSlice, workspace: Workspace) -> None:
     from mapmore_cli.modelling.forecast import forecast
     from mapmore_cli.modelling.validation.metrics import divisor, on_common_rows, score_rows
     from mapmore_cli.modelling.validation.residuals import alarms
+    from mapmore_cli.modelling.validation.shown import for_report
     from mapmore_cli.reporting.tables import rival_minima
     from mapmore_cli.storage.artefacts import write_validation
     from mapmore_cli.storage.run_record import write_scores
@@ -123,7 +124,7 @@ def score(part: ScoresSlice, workspace: Workspace) -> None:
     units = {part.target: dataset.unit(dataset.target)}
     loud = alarms(model, dataset, predictions[OWN], scores)
     validation = Validation(predictions, formulas, tuple(scores), units, fits, loud)
-    write_validation(workspace.out / VALIDATION, validation)
+    write_validation(workspace.out / VALIDATION, for_report(validation, model, dataset))
     write_scores(workspace.out, validation.table, model.name)
 
 
@@ -269,7 +270,7 @@ def frozen_models(spec: ExperimentSpec, folder: Path) -> list[Path]:
 
 STAGE = Stage(
     name="validate",
-    revision=9,
+    revision=10,
     outputs=(VALIDATION, "scores.csv", "scores.json"),
     reads=scores_slice,
     run=score,

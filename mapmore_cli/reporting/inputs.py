@@ -8,9 +8,7 @@ from dataclasses import dataclass, field, replace
 from types import ModuleType
 from typing import Any
 
-import numpy as np
-
-from mapmore_cli.domain.arrays import Array, Ranges
+from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import UsageError
 from mapmore_cli.domain.fits import SegmentedCurve
 from mapmore_cli.domain.models import Equation, LeftOut, Model
@@ -19,6 +17,7 @@ from mapmore_cli.domain.results import FitResult, Search, Validation
 from mapmore_cli.domain.scores import REPEATABILITY, SIMPLE, Published, deciding
 from mapmore_cli.modelling.kinds import outside_range, page_of, runs_over_time
 from mapmore_cli.modelling.validation.intervals import INTERVAL, ends, half_widths_of
+from mapmore_cli.modelling.validation.shown import in_time, is_turned
 
 MOST_LINES = 7
 """Lines that can be told apart in one panel."""
@@ -73,6 +72,7 @@ class ReportInputs:
 
     - `muscle`: labels of the muscle as the spec gives them (`name`, `kind`, `length`, ...), ready
       to print.
+    - `whole`: the dataset, of which tables need counts alone.
     - `spec_text`: the resolved spec.
     - `provenance`: versions, hashes and the like, in the order in which to print them.
     - `other_equations`: the equations in other units, by the words that name these.
@@ -86,7 +86,7 @@ class ReportInputs:
 
     name: str
     muscle: Mapping[str, str]
-    dataset: Dataset
+    whole: Dataset
     segmentation: tuple[SegmentedCurve, ...]
     fit: FitResult
     model: Model
@@ -102,6 +102,11 @@ class ReportInputs:
     doubts: tuple[str, ...] = ()
     asked: frozenset[str] = frozenset()
     search: Search | None = None
+
+    @property
+    def dataset(self) -> Dataset:
+        """The samples that are shown: those that `validate` chose of long curves."""
+        return self.validation.shown or self.whole
 
     @property
     def target(self) -> Quantity:
@@ -207,7 +212,7 @@ class ReportInputs:
     @property
     def timed(self) -> bool:
         """True where curves are drawn over time."""
-        return self.has_memory or self.over_time
+        return in_time(self.model, self.dataset)
 
     @property
     def holds_out(self) -> bool:
@@ -249,9 +254,8 @@ class ReportInputs:
 
     @property
     def turned(self) -> bool:
-        """True where the model is inverted to be scored: the target is one of its inputs."""
-        names = {quantity.name for quantity in self.model.inputs}
-        return self.target.name in names and self.model.output.name != self.target.name
+        """True where the model is inverted to be scored."""
+        return is_turned(self.model, self.dataset)
 
     @property
     def fitted(self) -> str:
@@ -270,16 +274,7 @@ class ReportInputs:
         """The quantity of the model that varies within a curve; of a model without inputs, any
         measured quantity.
         """
-        curves = [curve.columns for curve in self.dataset.curves if curve.size]
-        ranges = [
-            {name: (float(x.min()), float(x.max())) for name, x in columns.items()}
-            for columns in curves
-        ]
-        measured = (name for name in self.dataset.quantities if name != "time")
-        name = varying_input(self.model, ranges) or min(
-            measured, key=lambda name: name == self.dataset.target
-        )
-        return self.dataset.quantities[name]
+        return self.dataset.quantities[self.validation.along]
 
     @property
     def all_notes(self) -> tuple[str, ...]:
@@ -309,24 +304,3 @@ class ReportInputs:
             return curve.id
         unit = self.dataset.unit(level)
         return f"{level} {curve.level:.4g}" if unit == "1" else f"{curve.level:.4g} {unit}"
-
-
-def varying_input(model: Model, ranges: Sequence[Ranges]) -> str:
-    """Return the first segmented variable, else the input of which a curve covers most; empty of a
-    model without inputs.
-
-    `ranges` are those of each curve. What is held, if not quite, covers little of its range over
-    all curves.
-    """
-    pieces = model.pieces
-    if pieces is not None and pieces.variables:
-        return pieces.variables[0]
-
-    def covered(name: str) -> float:
-        ends = np.array([one[name] for one in ranges if name in one])
-        whole = float(np.ptp(ends)) if len(ends) else 0.0
-        return round(float(np.mean(np.ptp(ends, axis=1))) / whole, 2) if whole > 0 else 0.0
-
-    names = [quantity.name for quantity in model.inputs]
-    free = [name for name in names if name != model.level] or names
-    return max(free, key=covered, default="")

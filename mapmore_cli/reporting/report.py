@@ -4,12 +4,9 @@ network.
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -41,10 +38,8 @@ from mapmore_cli.reporting.tables import all_tables
 TABLE_FILES: Mapping[str, Callable[[Table], str]] = {"csv": to_csv, "tex": to_latex}
 """What is written of a table, by format."""
 
-MOST_NUMBERS = 20_000
-"""Rows of a figure's numbers beside the page; longer ones are written on demand (`mapmore figure
---data`).
-"""
+MOST_ROWS = 400
+"""Rows of a table on the page."""
 
 
 def render_page(
@@ -59,7 +54,7 @@ def render_page(
         verdict=verdict_sentence(
             inputs.validation.scores, inputs.own, inputs.target, inputs.failed
         ),
-        tables={table.name: table for table in tables},
+        tables={table.name: table.head(MOST_ROWS) for table in tables},
         figures=figures,
     )
 
@@ -83,10 +78,8 @@ def write_report(
 
     - `figures`: names out of `domain.scores.FIGURES`.
     - `formats`: `html`: index.html, with the figures in it; `svg`: a file for each figure; `csv`,
-      `tex`: tables/*, and with a page `csv`
-      of what each figure was drawn from, numbers/*; `pdf`, `png`, `pgf`:
-      panels/*, every panel of every figure in these formats (and as SVG where that is asked for
-      too), and as CSV.
+      `tex`: tables/*; `pdf`, `png`, `pgf`: panels/*, every panel of every figure in these formats
+      (and as SVG where that is asked for too), and as CSV.
     """
     tables = all_tables(inputs)
     out.mkdir(parents=True, exist_ok=True)
@@ -102,8 +95,6 @@ def write_report(
     sections: dict[str, list[RenderedFigure]] = {}
     for name, drawing in drawn if {"html", "svg"} & set(formats) else ():
         figure = render_figure(drawing, inputs.style)
-        if "csv" in formats:
-            figure = _with_numbers(figure, drawing, out)
         if "svg" in formats:
             _write_file(out / f"{figure.name}.svg", SVG_PROLOGUE + figure.svg)
         sections.setdefault(FIGURES[name], []).append(figure)
@@ -113,24 +104,6 @@ def write_report(
         suffixes = sorted(set(formats) & {"pdf", "png", "pgf", "svg"})
         panels = [(drawing, panel) for _, drawing in drawn for panel in drawing.panels]
         _write_panels(panels, out / "panels", suffixes, inputs)
-
-
-def _with_numbers(figure: RenderedFigure, drawing: Drawing, out: Path) -> RenderedFigure:
-    """Write what a figure was drawn from beside the page, panel below panel, and return the figure
-    with the name of the file.
-    """
-    sizes = [len(next(iter(panel.data.values()), ())) for panel in drawing.panels]
-    if not 0 < sum(sizes) <= MOST_NUMBERS:
-        return figure
-    columns: dict[str, list[Any]] = {"panel": []}
-    for panel, size in zip(drawing.panels, sizes, strict=True):
-        before = len(columns["panel"])
-        for heading, values in {"panel": [panel.key] * size, **panel.data}.items():
-            columns.setdefault(heading, [math.nan] * before).extend(values)
-        for column in columns.values():
-            column += [math.nan] * (before + size - len(column))
-    _write_file(out / "numbers" / f"{drawing.name}.csv", data_csv(columns))
-    return replace(figure, numbers=f"numbers/{drawing.name}.csv")
 
 
 def _write_panels(

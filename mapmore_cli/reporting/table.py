@@ -9,8 +9,8 @@ import io
 import math
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
-from functools import cache, lru_cache
+from dataclasses import dataclass, replace
+from functools import cache, cached_property, lru_cache
 from operator import attrgetter
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -100,7 +100,14 @@ class Table:
         """Column headings with their units."""
         return tuple(column.heading for column in self.columns)
 
-    @property
+    def head(self, most: int) -> Table:
+        """Return the first rows, with a note that says where the others are."""
+        if len(self.rows) <= most:
+            return self
+        note = f"The first {most} of {len(self.rows)} rows; all are in tables/{self.name}.csv."
+        return replace(self, rows=self.rows[:most], notes=(*self.notes, note))
+
+    @cached_property
     def numeric(self) -> tuple[bool, ...]:
         """Which columns hold numbers, and are aligned to the right."""
         return tuple(

@@ -10,10 +10,9 @@ import numpy as np
 from mapmore_cli.domain.fits import FormulaFit, Segment, SegmentedCurve, SegmentFit
 from mapmore_cli.domain.models import Equation, FoldError
 from mapmore_cli.domain.recording import Dataset
-from mapmore_cli.domain.results import FitResult
+from mapmore_cli.domain.results import ErrorBand, FitResult
 from mapmore_cli.modelling.literature.linear import half_width
 from mapmore_cli.modelling.literature.own import units_of_parameters
-from mapmore_cli.modelling.validation.metrics import ErrorBand, bands
 from mapmore_cli.modelling.validation.repeatability import floors
 from mapmore_cli.modelling.validation.residuals import SAME
 from mapmore_cli.reporting import memory_tables
@@ -26,12 +25,13 @@ def all_tables(inputs: ReportInputs) -> tuple[Table, ...]:
     """Every table of the report, in the order of the page."""
     scores, units, unit = inputs.validation.scores, inputs.validation.units, inputs.target.unit
     memory, pieces = inputs.fit.memory, inputs.model.pieces
+    along = None if inputs.timed else inputs.in_curve.name
     tables = [
         score_table(scores, units, inputs.published, inputs.failed),
-        recordings_table(inputs.dataset),
-        levels_table(inputs.dataset, None if inputs.timed else inputs.in_curve.name),
+        recordings_table(inputs.whole),
+        levels_table(inputs.dataset, along, inputs.whole),
         curve_scores_table(scores, units),
-        bands_table(bands(inputs.dataset, inputs.validation.predictions), unit),
+        bands_table(inputs.validation.bands, unit),
         segments_table(inputs),
         terms_table(inputs.fit),
         coefficients_table(inputs),
@@ -90,8 +90,8 @@ SINGLE_VALUED_NOTE = (
 )
 
 
-def levels_table(dataset: Dataset, along: str | None = None) -> Table:
-    """Return the curves found, with the samples that train and that validate.
+def levels_table(dataset: Dataset, along: str | None = None, whole: Dataset | None = None) -> Table:
+    """Return the curves found, with the samples of the `whole` that train and that validate.
 
     `along` is the quantity over which a static model has one value: where curves are not
     single-valued, it says by how much.
@@ -99,7 +99,7 @@ def levels_table(dataset: Dataset, along: str | None = None) -> Table:
     level = f"level [{dataset.unit(dataset.level)}] .6g" if dataset.level else "level"
     columns = ["curve", level, "train", "validate", "recordings"]
     rows: list[tuple[Cell, ...]] = []
-    for curve in dataset.curves:
+    for curve in (whole or dataset).curves:
         held_out = int(np.count_nonzero(curve.held_out))
         counts = (curve.size - held_out, held_out)
         rows.append((curve.id, curve.level, *counts, ", ".join(curve.recordings)))

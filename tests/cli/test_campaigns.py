@@ -49,6 +49,22 @@ def test_a_campaign_runs_its_variants_and_writes_its_page(campaign, tmp_path, ma
     assert "broken: error:" in result.stderr
 
 
+def test_pages_are_written_where_they_are_asked_for(campaign, tmp_path, mapmore):
+    result = mapmore("batch", campaign, "-q", "--jobs", 1, "--no-pages")
+    assert "ratio, geometric mean" in result.stdout
+    assert "page: " not in result.stdout.replace("campaign page: ", "")
+    assert "href" not in (tmp_path / "runs" / "sweep" / "index.html").read_text().split("Pages")[1]
+    one = tmp_path / "runs" / "one"
+    assert (one / "scores.json").is_file()
+    assert not (one / "report").exists()
+
+    again = mapmore("batch", campaign, "--jobs", 1, "--json")
+    stages = json.loads(again.stdout)["runs"][0]["stages"]
+    assert [name for name, what in stages.items() if what == "done"] == ["report"]
+    assert (one / "report" / "index.html").is_file()
+    assert 'href="../two/' in (tmp_path / "runs" / "sweep" / "index.html").read_text()
+
+
 def test_overrides_of_the_command_line_come_last(campaign, tmp_path, mapmore):
     arguments = ("batch", campaign, "--json", "-q", "--jobs", 1)
     result = mapmore(

@@ -84,6 +84,19 @@ def test_stage_commands_print_their_stage(stage, key, finished, document, mapmor
     assert ("index.html" if stage == "report" else "---") in for_people.stdout
 
 
+@pytest.mark.parametrize(("names", "drawn"), [("none", 0), ("nrmse,error", 2)])
+def test_the_figures_that_are_asked_for_are_drawn_alone(names, drawn, study, mapmore):
+    mapmore("report", study, "--figures", names, code=0)
+    page = study.parent / "runs" / "bench" / "report" / "index.html"
+    assert page.read_text().count("<figcaption>") == drawn
+    mapmore("report", study, "--figures", "all", code=0)
+    assert page.read_text().count("<figcaption>") > 5
+
+
+def test_a_figure_that_there_is_not_is_refused(study, mapmore):
+    assert "report.figures" in mapmore("report", study, "--figures", "fitt", code=3).stderr
+
+
 def test_a_stage_brings_those_before_it_up_to_date_and_says_why(study, mapmore):
     runs = study.parent / "runs"
     mapmore("fit", study, code=0)

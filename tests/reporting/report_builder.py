@@ -19,6 +19,7 @@ from mapmore_cli.modelling.kinds import predict
 from mapmore_cli.modelling.pieces import build as pieces
 from mapmore_cli.modelling.pieces.recipe import Cuts, Fuse, Recipe
 from mapmore_cli.modelling.validation.metrics import divisor, score_rows
+from mapmore_cli.modelling.validation.shown import for_report
 from mapmore_cli.reporting.figures.drawing import compose, drawings
 from mapmore_cli.reporting.figures.style import figure_style
 from mapmore_cli.reporting.inputs import ReportInputs
@@ -110,11 +111,11 @@ def build(
     return ReportInputs(
         name=name,
         muscle={"name": "Festo DMSP-20-88N", "kind": "mckibben", "length": "88 mm"},
-        dataset=dataset,
+        whole=dataset,
         segmentation=segmentation,
         fit=fit,
         model=model,
-        validation=validation,
+        validation=for_report(validation, model, dataset),
         equations=equations,
         published=published,
         spec_text="schema_version: 1\nname: dmsp-20-88-static\ntarget: static\n",

@@ -17,6 +17,7 @@ from mapmore_cli.modelling.memory.fitting import fit_with_memory
 from mapmore_cli.modelling.memory.records import records_of
 from mapmore_cli.modelling.selection import MemoryRecipe
 from mapmore_cli.modelling.validation.metrics import divisor, score_rows
+from mapmore_cli.modelling.validation.shown import for_report
 from mapmore_cli.reporting.figures.drawing import compose, drawings
 from mapmore_cli.reporting.figures.style import figure_style
 from mapmore_cli.reporting.inputs import ReportInputs
@@ -77,7 +78,8 @@ def report_of(dictionary, *, ridge=0.0, scale=False, held=0.5, free_run=False):
     predictions = {name: tuple(one.values for one in found) for name, found in forecasts.items()}
     validation = Validation(predictions, {}, tuple(scores), {"motion": "mm"})
     result = FitResult(fit)
-    return ReportInputs("demo", {}, dataset, (), result, model, validation, (), None, "", {})
+    whole = for_report(validation, model, dataset)
+    return ReportInputs("demo", {}, dataset, (), result, model, whole, (), None, "", {})
 
 
 @pytest.fixture(scope="module")

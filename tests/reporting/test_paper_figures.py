@@ -238,7 +238,7 @@ def test_a_log_that_was_cut_is_found_by_its_name(inputs):
         replace(one, id=f"Run 7#{place}", log="Run 7")
         for place, one in enumerate((first, second), start=1)
     )
-    cut = replace(inputs, dataset=replace(inputs.dataset, recordings=(*pieces, *others)))
+    cut = replace(inputs, whole=replace(inputs.dataset, recordings=(*pieces, *others)))
     assert cut.ids_of("Run 7") == {"Run 7#1", "Run 7#2"}
     assert panel_of("data", cut, "Run 7")[1].key == "Run 7#1"
 

@@ -11,6 +11,7 @@ from hypothesis.extra.numpy import arrays
 from report_builder import build, drawn, legend_of, of_pieces
 
 from mapmore_cli.domain.recording import Quantity
+from mapmore_cli.modelling.signals.sampling import envelope
 from mapmore_cli.reporting.figures import panels, style
 from mapmore_cli.reporting.figures.drawing import compose, drawings
 from mapmore_cli.reporting.figures.fit import curve_fit, held_out_spans
@@ -37,7 +38,7 @@ class TestThinning:
     @given(
         arrays(float, st.integers(0, 400), elements=st.floats(-1e6, 1e6) | st.just(np.nan)),
         st.integers(2, 60),
-        st.sampled_from([panels.envelope, panels.cloud]),
+        st.sampled_from([envelope, panels.cloud]),
     )
     def test_few_points_no_extreme_lost(self, y, limit, thin):
         rows = thin(y, limit)
@@ -98,7 +99,7 @@ class TestLabels:
         curve = inputs.dataset.curves[0]
         assert inputs.curve_label(curve) == "80 kPa"
         assert inputs.curve_label(replace(curve, level=None)) == "pressure=80"
-        strain = replace(inputs, dataset=replace(inputs.dataset, level="strain"))
+        strain = replace(inputs, whole=replace(inputs.dataset, level="strain"))
         assert strain.curve_label(replace(curve, level=0.0412088)) == "strain 0.04121"
 
     def test_every_label_names_its_unit_in_letters_of_seven_points_at_least(self, every):
@@ -150,7 +151,7 @@ class TestFit:
             inputs.dataset, curves=(*inputs.dataset.curves[:2], mixed_up, inputs.dataset.curves[3])
         )
         changed = replace(
-            inputs, dataset=dataset, validation=replace(inputs.validation, predictions=predictions)
+            inputs, whole=dataset, validation=replace(inputs.validation, predictions=predictions)
         )
         panel, same = curve_fit(inputs, 2), curve_fit(changed, 2)
         np.testing.assert_array_equal(panel.y, same.y)
@@ -332,16 +333,16 @@ class TestTraces:
         columns = {name: values for name, values in first.columns.items() if name != "time"}
         recordings = (replace(first, columns=columns),)
         dataset = replace(inputs.dataset, recordings=recordings)
-        (drawing,) = drawings("data", replace(inputs, dataset=dataset))
+        (drawing,) = drawings("data", replace(inputs, whole=dataset))
         assert drawing.panels[0].data["Sample (–)"][-1] == first.rows_kept - 1
 
     def test_recordings_of_which_nothing_was_kept_are_not_drawn(self, inputs):
         first, *others = inputs.dataset.recordings
         empty = replace(first, columns={name: values[:0] for name, values in first.columns.items()})
-        some = replace(inputs, dataset=replace(inputs.dataset, recordings=(empty, *others)))
+        some = replace(inputs, whole=replace(inputs.dataset, recordings=(empty, *others)))
         titles = [ax.get_title(loc="left") for ax in drawn(some, "data")["data"].axes[:3]]
         assert titles == [one.id for one in others]
-        none = replace(inputs, dataset=replace(inputs.dataset, recordings=(empty,)))
+        none = replace(inputs, whole=replace(inputs.dataset, recordings=(empty,)))
         assert drawn(none, "data") == {}
 
 

@@ -60,6 +60,28 @@ QUIET = settings(
 )
 
 
+def test_short_arrays_of_many_recordings_share_a_dataset(tmp_path):
+    path, sizes = tmp_path / "ingest.h5", [0, 5, 3, 5000] * 70
+    recordings = tuple(
+        Recording(f"r{i}", f"r{i}.csv", {"force": np.arange(float(size)) + i}, size, {})
+        for i, size in enumerate(sizes)
+    )
+    dataset = Dataset("force", None, {"force": Quantity("force", "N")}, recordings, ())
+    artefacts.write_dataset(path, dataset)
+    assert same(artefacts.read_dataset(path), dataset)
+    with h5py.File(path) as file:
+        shared = file["recordings/all/columns/force"]
+        assert (len(shared), shared.attrs["unit"]) == (70 * 8, "N")
+        assert len(file["recordings/003/columns/force"]) == 5000
+
+    reference = "recordings/278/columns/force"
+    for key, value in (("from", 558), ("shape", [-1]), ("shape", [5, 1]), ("array", "/document")):
+        artefacts.write_dataset(path, dataset)
+        changed(path, put(f"{reference}/{key}", value))
+        with pytest.raises(DataError, match=reference):
+            artefacts.read_dataset(path)
+
+
 @pytest.mark.parametrize("kind", KINDS)
 def test_what_is_written_is_read_back(kind, tmp_path):
     write, _, every = KINDS[kind]

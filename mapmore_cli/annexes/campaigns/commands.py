@@ -44,6 +44,13 @@ def batch(
         ),
     ] = None,
     overrides: console.Overrides = console.NONE,
+    no_pages: Annotated[
+        bool,
+        typer.Option(
+            "--no-pages",
+            help="Write no page for each run. The same command without it does that later.",
+        ),
+    ] = False,
     force: console.Force = False,
     rehash: console.Rehash = False,
     no_check: console.NoCheck = False,
@@ -75,8 +82,11 @@ def batch(
     for one in campaigns:  # better before its runs are done
         refuse_foreign(runs / one.campaign.campaign, CAMPAIGN_RECORD)
     options = Options(force, rehash, not no_check)
+    until = "validate" if no_pages else "report"
     todo = {
-        number: Job(entry.config, runs, entry.overrides, replace(options, campaign=entry.campaign))
+        number: Job(
+            entry.config, runs, entry.overrides, replace(options, campaign=entry.campaign), until
+        )
         for number, entry in enumerate(entries)
     }
     results: dict[int, Result] = {}
@@ -110,7 +120,7 @@ def batch(
     if alone:
         tables += campaign_tables(scores_of(alone))
     finished = [run for run in ordered.values() if not isinstance(run, BaseException)]
-    lines = [line for run in finished for line in page_lines(run.run_dir)]
+    lines = [line for run in finished if not no_pages for line in page_lines(run.run_dir)]
     lines += [f"campaign page: {path}" for path, _ in pages]
     documents = [
         _run_document(entry.config, name, ordered[name])

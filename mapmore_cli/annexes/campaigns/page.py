@@ -41,7 +41,7 @@ def write_page(
     pages = {
         name: f"../{one.name}/{RUN_PAGE}"
         for name, one in results.items()
-        if not isinstance(one, BaseException)
+        if not isinstance(one, BaseException) and "report" in one.stages
     }
     title = campaign.title or campaign.campaign
     folder = runs / campaign.campaign

@@ -113,12 +113,12 @@ def sections_table(fits: Mapping[str, MotionFit], unit: str) -> Table:
 
 def waveforms_table(inputs: ReportInputs, motion: Motion) -> Table:
     """Errors of displacement and velocity over the last wavelength of every held-out recording, as
-    P table 3 has them.
+    P table 3 has them; no rows where some samples alone are shown, which have no velocity.
     """
     unit = inputs.target.unit
     held_out = [
         (number, curve.recordings[log], samples)
-        for number, curve in enumerate(inputs.dataset.curves)
+        for number, curve in enumerate(() if inputs.validation.shown else inputs.dataset.curves)
         for log, samples in enumerate(curve.logs)
         if curve.held_out[samples].all()
     ]

@@ -13,7 +13,7 @@ import numpy as np
 from mapmore_cli.annexes.search.situation import Situation
 from mapmore_cli.domain.arrays import Array, BoolArray, IntArray
 from mapmore_cli.domain.recording import Dataset
-from mapmore_cli.fitting.refitting import contiguous, training_only, with_rows
+from mapmore_cli.fitting.refitting import contiguous, training_only
 from mapmore_cli.modelling.pieces.cross_validation import BLOCKS
 from mapmore_cli.modelling.pieces.recipe import Fuse
 from mapmore_cli.spec.sections.data import Between, Holdout, Levels
@@ -101,7 +101,7 @@ class Bench:
             weight = 1 / 2
         shares = [(1 - weight) / len(blocks), weight / max(len(parts), 1)]
         thinning = thinning_of(training)
-        thinned = tuple(map(with_rows, training.curves, thinning))
+        thinned = tuple(c.at(rows) for c, rows in zip(training.curves, thinning, strict=True))
         folds = (*blocks, *parts)
         values = np.concatenate(
             [curve.columns[training.target][curve.training] for curve in training.curves]
@@ -143,7 +143,7 @@ def searchable(dataset: Dataset) -> Dataset:
         output = np.where(curve.held_out, np.nan, curve.columns[dataset.target])
         if curve.training.any():
             columns = {**curve.columns, dataset.target: output}
-            curves.append(with_rows(replace(curve, columns=columns), between))
+            curves.append(replace(curve, columns=columns).at(between))
     return replace(dataset, curves=tuple(curves))
 
 
@@ -164,7 +164,7 @@ def cut_short(dataset: Dataset, run: int) -> Dataset:
             count = int(np.clip(share * len(log) // max(run, 1), 1, BLOCKS))
             for piece in np.array_split(log, count):
                 mask[piece[: int(np.ceil(share * len(piece)))]] = True
-        curves.append(with_rows(curve, mask))
+        curves.append(curve.at(mask))
     return replace(dataset, curves=tuple(curves))
 
 

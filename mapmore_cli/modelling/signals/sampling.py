@@ -220,3 +220,21 @@ def longest_ascent(time: Array) -> BoolArray:
     while place >= 0:
         kept[place], place = True, int(before[place])
     return kept
+
+
+def envelope(y: Array, limit: int) -> IntArray:
+    """Row numbers that draw a trace with at most `limit` points: the lowest and the highest sample
+    of each of `limit // 2` runs.
+
+    All rows where there are no more than `limit`.
+    """
+    if len(y) <= limit:
+        return np.arange(len(y))
+    rows = []
+    for run in np.array_split(np.arange(len(y)), limit // 2):
+        known = run[~np.isnan(y[run])]
+        if len(known):
+            rows += [known[np.argmin(y[known])], known[np.argmax(y[known])]]
+        else:
+            rows.append(run[0])  # a gap stays one
+    return np.unique(rows)

@@ -12,7 +12,7 @@ import numpy as np
 
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.recording import DIRECTION, Dataset
-from mapmore_cli.domain.results import Forecast
+from mapmore_cli.domain.results import ErrorBand, Forecast
 from mapmore_cli.domain.scores import Score
 from mapmore_cli.modelling.signals.rates import FALL, RISE
 
@@ -127,18 +127,6 @@ EDGES = (0.0, 0.1, 0.25, 0.5, 1.0)
 """Of the bands, as shares of the largest absolute value of the samples that are compared; low
 values have the narrower ones.
 """
-
-
-@dataclass(frozen=True)
-class ErrorBand:
-    """Samples whose absolute value lies between `low` and `high`; the RMSE is by model, NaN where
-    it has no prediction there.
-    """
-
-    low: float
-    high: float
-    samples: int
-    rmse: Mapping[str, float]
 
 
 def bands(dataset: Dataset, predictions: Mapping[str, tuple[Array, ...]]) -> tuple[ErrorBand, ...]:

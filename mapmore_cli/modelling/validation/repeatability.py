@@ -1,22 +1,14 @@
 """What recordings and cycles that repeat each other say: the floor below which no model can be
-asked to go, and what limits one.
-
-Errors on repeated cycles are parted by projections, so that squares add up. The mean of each cycle
-is `drift`. Of what is left, the mean over cycles at the same place of the same stroke is an error
-that every cycle of the split repeats: as far as it is the one that training left, it is the model's
-`shape`; what differs from that is `change`, loops that are no longer those of the training cycles.
-The `rest` is repeated by no other cycle: noise, and drift within a cycle. Of a single held-out
-cycle, all that its places have and training did not leave is `change`.
+asked to go.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mapmore_cli.domain.arrays import Array, BoolArray, IntArray
 from mapmore_cli.domain.recording import Curve
@@ -109,19 +101,52 @@ def _branches(
 
 
 def _means_of_others(branches: Sequence[_Branch], x: Array) -> Array:
-    """Return the mean of the branches of one kind but another log, at the samples of each, (n,)."""
+    """Return the mean of the branches of one kind but another log, at the samples of each, (n,).
+
+    It is the sum of all branches less that of the log's own, so that many logs cost no more each.
+    """
     means = np.full(len(x), np.nan)
+    kinds: dict[tuple[bool | float, ...], dict[str, list[_Branch]]] = {}
     for one in branches:
-        others = [
-            np.interp(x[one.rows], *other.means, left=np.nan, right=np.nan)
-            for other in branches
-            if other.kind == one.kind and other.log != one.log
-        ]
-        known = np.isfinite(others)
-        count = known.sum(axis=0)
-        total = np.where(known, others, 0.0).sum(axis=0)
-        means[one.rows] = np.where(count > 0, total / np.maximum(count, 1), np.nan)
+        kinds.setdefault(one.kind, {}).setdefault(one.log, []).append(one)
+    for logs in kinds.values():
+        rows = [np.concatenate([one.rows for one in own]) for own in logs.values()]
+        every = [one for own in logs.values() for one in own]
+        whole, count = _sum_of(every, x[np.concatenate(rows)])
+        ends = np.cumsum([len(places) for places in rows])[:-1]
+        parts = zip(logs.values(), rows, np.split(whole, ends), np.split(count, ends), strict=True)
+        for own, places, of_all, known in parts:
+            of_own, own_known = _sum_of(own, x[places])
+            others = known - own_known
+            mean = (of_all - of_own) / np.maximum(others, 1)
+            means[places] = np.where(others > 0, mean, np.nan)
     return means
+
+
+def _sum_of(branches: Sequence[_Branch], at: Array) -> tuple[Array, Array]:
+    """Return the sum of the branches, each interpolated between its means, at the places `at`, and
+    how many reach there; (n,) each.
+
+    A branch is a chain of lines: one begins at each mean, and ends before the next. So the sum at
+    a place is a running sum over all beginnings and ends up to it. Extended precision keeps what
+    steep lines would else leave behind.
+    """
+    lines = [
+        (x, np.append(x[1:], np.nextafter(x[-1], np.inf)), y, np.append(np.diff(y) / np.diff(x), 0))
+        for x, y in (one.means for one in branches)
+    ]
+    begin, end, y, slope = map(np.concatenate, zip(*lines, strict=True))
+    edges = np.concatenate([begin, end])
+    order = np.argsort(edges, kind="stable")
+    upto = np.searchsorted(edges[order], at, side="right")
+
+    def running(values: NDArray[np.floating]) -> NDArray[np.longdouble]:
+        sums = np.cumsum(np.concatenate([values, -values])[order], dtype=np.longdouble)
+        return np.append(np.longdouble(0), sums)[upto]
+
+    offset = running(y - slope.astype(np.longdouble) * begin)
+    whole = offset + running(slope) * at
+    return whole.astype(np.float64), running(np.ones(len(y))).astype(np.float64)
 
 
 # root mean square difference of two cycles' courses, as a part of the range, up to which one
@@ -144,14 +169,14 @@ def repeated_cycles(
     if any(curve.level is not None for curve in curves):
         return None
     again = [np.full(curve.size, np.nan) for curve in curves]
-    for pieces, x, y, held_out in _by_log(curves, logs, driven, target):
+    for pieces, x, y, held_out in by_log(curves, logs, driven, target):
         ends = np.cumsum([curves[number].size for number in pieces])[:-1]
         for number, values in zip(pieces, np.split(_again(x, y, held_out), ends), strict=True):
             again[number] = values
     return tuple(again) if any(np.isfinite(values).any() for values in again) else None
 
 
-def _by_log(
+def by_log(
     curves: Sequence[Curve], logs: Mapping[str, str], driven: str, target: str
 ) -> Iterator[tuple[list[int], Array, Array, BoolArray]]:
     """Yield the numbers of the curves that are pieces of each log, with `driven`, target and
@@ -235,93 +260,3 @@ def monotone_floor(x: Array, y: Array) -> float:
         for way in (True, False)
     )
     return min(float(np.sqrt(np.mean((y - curve[inverse]) ** 2))) for curve in curves)
-
-
-PLACES = 20  # parts of a stroke at which cycles are compared
-WHOLE = 0.25  # of the usual number of samples: a cycle with fewer is a remainder, and left out
-PARTS = ("drift", "change", "shape", "rest")  # what errors are parted in
-
-
-@dataclass(frozen=True)
-class ErrorParts:
-    """Parts of the errors on the samples of a split: `rms` by `PARTS`, whose squares add up to the
-    mean square error.
-
-    `offsets` are the mean errors of the cycles, (cycles,), in order of time.
-    """
-
-    split: str
-    samples: int
-    rms: Mapping[str, float]
-    offsets: Array
-
-    @property
-    def limit(self) -> str:
-        """The largest part."""
-        return max(self.rms, key=lambda part: self.rms[part])
-
-
-def error_parts(
-    curves: Sequence[Curve],
-    predicted: Sequence[Array],
-    target: str,
-    driven: str,
-    logs: Mapping[str, str],
-) -> tuple[ErrorParts, ...]:
-    """Return the parts of the errors on training and on held-out samples; nothing of training where
-    no log has two cycles of `driven`, nor of held-out samples where there is not one beside these.
-
-    `curves` are pieces of recordings, with (n,) predictions of each; `logs` names the log of each
-    recording: cycles go on over gaps.
-    """
-    columns, count = [], 0
-    for pieces, x, y, held in _by_log(curves, logs, driven, target):
-        cycle = np.searchsorted(cycle_starts(x), np.arange(len(x)), side="right") - 1
-        error = np.concatenate([predicted[number] for number in pieces]) - y
-        columns.append((held, error, np.where(cycle < 0, -1, cycle + count), _stroke_places(x)))
-        count += int(cycle.max(initial=-1)) + 1
-    held_out, error, cycle, place = (np.concatenate(parts) for parts in zip(*columns, strict=True))
-    known = np.isfinite(error) & (cycle >= 0)
-    parts: list[ErrorParts] = []
-    trained = np.zeros(2 * PLACES)
-    for split, later in (("train", False), ("validate", True)):
-        rows = np.flatnonzero(known & (held_out == later))
-        _, of_cycle, counts = np.unique(cycle[rows], return_inverse=True, return_counts=True)
-        if len(rows):
-            rows = rows[(counts >= WHOLE * np.median(counts))[of_cycle]]
-        offsets, of_cycle = _group_means(error[rows], cycle[rows])
-        left = error[rows] - offsets[of_cycle]
-        at_places = np.zeros(2 * PLACES)
-        means, _ = _group_means(left, place[rows])
-        at_places[np.unique(place[rows])] = means
-        trained = trained if later else at_places
-        if len(offsets) > (0 if parts else 1):
-            repeated, again = at_places[place[rows]], trained[place[rows]]
-            rms = _rms_of_parts(offsets[of_cycle], left, repeated, again)
-            parts.append(ErrorParts(split, len(rows), rms, offsets))
-    return tuple(parts)
-
-
-def _stroke_places(x: Array) -> IntArray:
-    """(n,) where a sample lies on its stroke: a part of the range, and whether x rises."""
-    low, high = float(x.min()), float(x.max())
-    part = np.clip((PLACES * (x - low) / (high - low or 1.0)).astype(np.int64), 0, PLACES - 1)
-    return np.asarray(part + PLACES * rising_samples(x))
-
-
-def _group_means(values: Array, groups: IntArray) -> tuple[Array, IntArray]:
-    """Return the mean of each group, and the number of the group of every value."""
-    _, number, counts = np.unique(groups, return_inverse=True, return_counts=True)
-    return np.bincount(number, values) / counts, number
-
-
-def _rms_of_parts(drift: Array, left: Array, repeated: Array, known: Array) -> dict[str, float]:
-    """Return the root mean square of each part, given what is `repeated` at the places of the
-    samples, and what is `known` from training.
-    """
-    power = float(known @ known)
-    again = float(np.clip(repeated @ known / power, 0.0, 1.0)) if power > 0 else 0.0
-    shape = again**2 * float(np.mean(known**2))
-    change = max(float(np.mean(repeated**2)) - shape, 0.0)
-    squares = (float(np.mean(drift**2)), change, shape, float(np.mean((left - repeated) ** 2)))
-    return {part: math.sqrt(square) for part, square in zip(PARTS, squares, strict=True)}

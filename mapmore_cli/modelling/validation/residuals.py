@@ -8,13 +8,13 @@ everything but noise are correlated neither with their own past nor with the inp
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import Array, BoolArray
+from mapmore_cli.domain.arrays import Array, BoolArray, IntArray
 from mapmore_cli.domain.models import Model, Pieces
 from mapmore_cli.domain.recording import Curve, Dataset
+from mapmore_cli.domain.results import AUTOCORRELATION, ResidualTest
 from mapmore_cli.domain.scores import OWN, Score
 from mapmore_cli.modelling import literature
 from mapmore_cli.modelling.kinds import outside_range
@@ -25,63 +25,67 @@ LAGS = 25  # longest lag, samples; less where records are short
 PARTS = 10
 
 
-@dataclass(frozen=True)
-class Correlation:
-    """Correlations `values` (m,) at some `lags` (m,); of noise 95 % lie within `bound` of zero.
+FEWEST = 20  # samples below which nothing is tested
 
-    That of a residual with itself, one, is not among the `tested` ones, of which so many lie
-    `beyond`.
+
+def residual_tests(
+    model: Model, dataset: Dataset, predicted: Sequence[Array], order_by: str | None
+) -> tuple[ResidualTest, ...]:
+    """Return the autocorrelation of the residuals and a test with each input, on the held-out
+    samples where there are any; nothing where samples are few, or errors are all alike.
+
+    `predicted` is by curve. Samples are in the order of the quantity `order_by`, and inputs are
+    held against the residuals by parts of their range; where it is None, samples are in order of
+    time, and inputs are correlated with the residuals.
     """
-
-    lags: Array
-    values: Array
-    bound: float
-
-    @property
-    def beyond(self) -> int:
-        """How many lie outside."""
-        return int((np.abs(self.values[self.values < 1.0]) > self.bound).sum())
-
-    @property
-    def tested(self) -> int:
-        """How many could lie outside."""
-        return int((self.values < 1.0).sum())
-
-
-@dataclass(frozen=True)
-class PartMeans:
-    """Mean residual `values` (m,) in parts of an input's range around `places` (m,); of noise 95 %
-    lie within `bounds` (m,) of zero.
-    """
-
-    places: Array
-    values: Array
-    bounds: Array
-
-    @property
-    def beyond(self) -> int:
-        """How many lie outside."""
-        return int((np.abs(self.values) > self.bounds).sum())
-
-    @property
-    def tested(self) -> int:
-        """How many there are."""
-        return len(self.values)
+    residuals: list[Array] = []
+    columns: dict[str, list[Array]] = {quantity.name: [] for quantity in model.inputs}
+    held_out = any(curve.held_out.any() for curve in dataset.curves)
+    for curve, values in zip(dataset.curves, predicted, strict=True):
+        wanted = curve.held_out if held_out else curve.training
+        errors = values - curve.columns[dataset.target]
+        logs: Sequence[IntArray] = curve.logs
+        if order_by is not None:
+            logs = [np.argsort(curve.columns[order_by], kind="stable")]
+        for rows in (order[wanted[order]] for order in logs):
+            if np.isfinite(errors[rows]).any():
+                residuals.append(errors[rows])
+                for name in columns.keys() & curve.columns.keys():
+                    columns[name].append(curve.columns[name][rows])
+    every = np.concatenate([*residuals, np.empty(0)])
+    if max(map(len, residuals), default=0) < FEWEST or np.isfinite(every).sum() < FEWEST:
+        return ()
+    if not np.nanstd(every) > 0:
+        return ()
+    tests = [autocorrelation(residuals)]
+    for name, parts in columns.items():
+        x = np.concatenate([*parts, np.empty(0)])
+        if len(x) < len(every) or not np.nanstd(x) > 1e-9 * np.nanmax(np.abs(x)):
+            continue  # it was not measured everywhere, or does not vary
+        tests.append(
+            cross_correlation(name, residuals, parts)
+            if order_by is None
+            else means_over(name, every, x)
+        )
+    return tuple(tests)
 
 
-def autocorrelation(residuals: Sequence[Array]) -> Correlation:
+def autocorrelation(residuals: Sequence[Array]) -> ResidualTest:
     """`r_k = sum_t e_t e_(t+k) / sum_t e_t^2` of residuals less their mean, over pieces that follow
     one another in time or place.
 
     There is one array of `residuals` a piece, NaN where there is none. Bounds are `1.96/sqrt(n)`
     for n residuals in all pieces.
     """
-    both_ways = cross_correlation(residuals, residuals)
-    half = len(both_ways.lags) // 2
-    return Correlation(both_ways.lags[half:], both_ways.values[half:], both_ways.bound)
+    both_ways = cross_correlation(AUTOCORRELATION, residuals, residuals)
+    half = len(both_ways.x) // 2
+    x, values, bounds = (part[half:] for part in (both_ways.x, both_ways.values, both_ways.bounds))
+    return ResidualTest(AUTOCORRELATION, x, values, bounds)
 
 
-def cross_correlation(residuals: Sequence[Array], inputs: Sequence[Array]) -> Correlation:
+def cross_correlation(
+    name: str, residuals: Sequence[Array], inputs: Sequence[Array]
+) -> ResidualTest:
     """`r_k = sum_t u_t e_(t+k) / sqrt(sum u^2 sum e^2)`, both less their means: at a positive lag k
     the input came k samples before.
     """
@@ -91,9 +95,8 @@ def cross_correlation(residuals: Sequence[Array], inputs: Sequence[Array]) -> Co
     lags = np.arange(-most, most + 1)
     scale = np.sqrt(_shifted(e, e, 0) * _shifted(u, u, 0))
     values = np.array([_shifted(u, e, k) for k in lags.tolist()]) / scale
-    return Correlation(
-        lags.astype(np.float64), values, NORMAL / np.sqrt(sum(int(rows.sum()) for rows in known))
-    )
+    bound = NORMAL / np.sqrt(sum(int(rows.sum()) for rows in known))
+    return ResidualTest(name, lags.astype(np.float64), values, np.full(len(lags), bound))
 
 
 def _shifted(u: Sequence[Array], e: Sequence[Array], k: int) -> float:
@@ -110,7 +113,7 @@ def _centred(series: Sequence[Array], known: Sequence[BoolArray]) -> list[Array]
     return [np.where(rows, piece - mean, 0.0) for piece, rows in zip(series, known, strict=True)]
 
 
-def means_over(residuals: Array, x: Array) -> PartMeans:
+def means_over(name: str, residuals: Array, x: Array) -> ResidualTest:
     """Mean residual in parts of the range of an input x: a part for each value where there are few,
     else `PARTS` of as many samples each.
 
@@ -123,9 +126,8 @@ def means_over(residuals: Array, x: Array) -> PartMeans:
     parts = np.split(order, starts[1:]) if len(starts) <= PARTS else np.array_split(order, PARTS)
     places = np.array([x[part].mean() for part in parts])
     values = np.array([e[part].mean() for part in parts])
-    return PartMeans(
-        places, values, NORMAL * float(e.std()) / np.sqrt([len(part) for part in parts])
-    )
+    bounds = NORMAL * float(e.std()) / np.sqrt([len(part) for part in parts])
+    return ResidualTest(name, places, values, bounds)
 
 
 SAME = 1e-9  # relative difference of two predictions, below which they say the same

@@ -8,7 +8,7 @@ from functools import partial
 import numpy as np
 from matplotlib.axes import Axes
 
-from mapmore_cli.modelling.validation.metrics import ErrorBand, bands
+from mapmore_cli.domain.results import ErrorBand
 from mapmore_cli.reporting.figures.drawing import Drawing, Layout, Panel
 from mapmore_cli.reporting.figures.panels import key, plain_logarithm, shorten
 from mapmore_cli.reporting.figures.style import ModelStyle, model_styles
@@ -19,7 +19,7 @@ from mapmore_cli.reporting.tables import bands_table
 
 def draw(inputs: ReportInputs) -> list[Drawing]:
     """One figure for all models that lines are drawn of."""
-    sizes = bands(inputs.dataset, inputs.validation.predictions)
+    sizes = inputs.validation.bands
     looks = {
         model: look
         for model, look in model_styles(inputs.lines, inputs.style.palette).items()

@@ -18,12 +18,13 @@ from mapmore_cli.domain.scores import REPEATABILITY, Tuning
 from mapmore_cli.modelling.kinds import predict
 from mapmore_cli.modelling.validation.comparison import ReferencePoint
 from mapmore_cli.modelling.validation.intervals import half_widths_of
+from mapmore_cli.modelling.validation.shown import varying_input
 from mapmore_cli.modelling.validation.significance import WITHIN
 from mapmore_cli.reporting.campaign import CampaignScores
 from mapmore_cli.reporting.figures import panels, style
 from mapmore_cli.reporting.figures.drawing import DOUBLE, Drawing, Layout, Panel
 from mapmore_cli.reporting.figures.panels import key
-from mapmore_cli.reporting.inputs import FigureStyle, varying_input
+from mapmore_cli.reporting.inputs import FigureStyle
 
 MARK: dict[str, Any] = panels.DOT | {"markersize": 4}
 RING: dict[str, Any] = MARK | {"markersize": 9, "markerfacecolor": "none", "color": style.GREY}

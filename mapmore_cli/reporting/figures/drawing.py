@@ -132,15 +132,12 @@ def panel_of(name: str, inputs: ReportInputs, words: str) -> tuple[Drawing, Pane
 
 @dataclass(frozen=True)
 class RenderedFigure:
-    """A figure as SVG; `width` in inches, `numbers` is the file of what it was drawn from, empty
-    where there is none.
-    """
+    """A figure as SVG; `width` in inches."""
 
     name: str
     caption: str
     svg: str
     width: float
-    numbers: str = ""
 
 
 def render_figure(drawing: Drawing, style: FigureStyle | None = None) -> RenderedFigure:

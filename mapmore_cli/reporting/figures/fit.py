@@ -18,6 +18,7 @@ from matplotlib.patches import Patch
 
 from mapmore_cli.domain.arrays import Array, BoolArray, IntArray
 from mapmore_cli.domain.recording import Curve, Quantity
+from mapmore_cli.modelling.signals.sampling import envelope
 from mapmore_cli.reporting.figures import panels, style
 from mapmore_cli.reporting.figures.drawing import DOUBLE, Drawing, Layout, Panel, Values
 from mapmore_cli.reporting.figures.style import ModelStyle
@@ -367,7 +368,7 @@ def _loop(inputs: ReportInputs, number: int, model: str, colour: str) -> Panel:
     def on(ax: Axes) -> None:
         for piece in pieces:
             for y, ink, width in ((measured, style.BLACK, 0.9), (predicted, colour, 1.6)):
-                bends = [panels.envelope(values[piece], 2 * panels.DOTS) for values in (x, y)]
+                bends = [envelope(values[piece], 2 * panels.DOTS) for values in (x, y)]
                 path = piece[np.union1d(*bends)]
                 ax.plot(x[path], y[path], color=ink, linewidth=width)
 

@@ -18,6 +18,7 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from mapmore_cli.domain.arrays import Array, IntArray
 from mapmore_cli.domain.recording import Quantity
+from mapmore_cli.modelling.signals.sampling import envelope
 from mapmore_cli.modelling.validation.intervals import INTERVAL
 from mapmore_cli.reporting.figures.style import GREY
 from mapmore_cli.reporting.inputs import ReportInputs
@@ -80,24 +81,6 @@ def shade_between(ax: Axes, x: Array, ends: tuple[Array, Array], colour: Any) ->
 def zero_line(ax: Axes) -> None:
     """Draw a thin line at an error of zero."""
     ax.axhline(0.0, color=GREY, linewidth=0.5, zorder=0)
-
-
-def envelope(y: Array, limit: int) -> IntArray:
-    """Row numbers that draw a trace with at most `limit` points: the lowest and the highest sample
-    of each of `limit // 2` runs.
-
-    All rows where there are no more than `limit`.
-    """
-    if len(y) <= limit:
-        return np.arange(len(y))
-    rows = []
-    for run in np.array_split(np.arange(len(y)), limit // 2):
-        known = run[~np.isnan(y[run])]
-        if len(known):
-            rows += [known[np.argmin(y[known])], known[np.argmax(y[known])]]
-        else:
-            rows.append(run[0])  # a gap stays one
-    return np.unique(rows)
 
 
 def cloud(y: Array, limit: int) -> IntArray:

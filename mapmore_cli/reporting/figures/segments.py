@@ -65,14 +65,11 @@ def segment_curves(inputs: ReportInputs, variable: int) -> list[SegmentCurve]:
     curves = {curve.id: curve for curve in training}
     made = []
     for segmented in inputs.segmentation:
-        curve = curves[segmented.curve]
-        cell = np.zeros(curve.size, dtype=np.int64)
-        for segment in segmented.segments:
-            cell[segment.rows] = segment.cell[variable]
+        curve, boundaries = curves[segmented.curve], segmented.boundaries[variable]
         names = (segmented.variables[variable], inputs.fitted)
-        x, y = (curve.columns[name][~curve.held_out] for name in names)
-        title, boundaries = inputs.curve_label(curve), segmented.boundaries[variable]
-        made.append(SegmentCurve(curve.id, title, x, y, cell[~curve.held_out], boundaries))
+        x, y = (curve.columns[name][curve.training] for name in names)
+        cell = np.clip(np.searchsorted(boundaries, x, side="right"), 1, len(boundaries) - 1)
+        made.append(SegmentCurve(curve.id, inputs.curve_label(curve), x, y, cell, boundaries))
     return made
 
 

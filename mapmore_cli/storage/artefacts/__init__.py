@@ -19,6 +19,7 @@ import json
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import Any, Generic, TypeVar
 
@@ -33,10 +34,11 @@ from mapmore_cli.modelling.soundness import unsound
 from mapmore_cli.storage.artefacts.decoding import Decoder
 from mapmore_cli.storage.artefacts.hdf5 import (
     RATIO,
+    Waiting,
     add_to_hash,
     interrupted_later,
     look_over,
-    put_array,
+    put_arrays,
     put_text,
     root_text,
     steady,
@@ -44,7 +46,7 @@ from mapmore_cli.storage.artefacts.hdf5 import (
     take_document,
 )
 from mapmore_cli.storage.artefacts.schema import (
-    TYPES,
+    ARRAY,
     Invalid,
     SegmentationFile,
     Units,
@@ -92,15 +94,15 @@ class FileKind(Generic[T]):
         digest = hashlib.sha256()
         about = {"kind": self.name, "format_version": FORMAT_VERSION, "creator": "mapmore"}
         with replacing(path) as place, interrupted_later(), steady(place.fileno()) as file:
+            arrays: list[Waiting] = []
 
-            def put(path: str, value: Any, *label: str) -> None:
-                dtype = TYPES[value.dtype.type]
-                add_to_hash(digest, path, value, dtype)
-                put_array(file, path, value, dtype, *label)
+            def put(path: str, value: Any, *label: str) -> dict[str, Any]:
+                arrays.append(Waiting({ARRAY: path}, value, label))
+                return arrays[-1].reference
 
-            document = json.dumps(
-                encoded(record, self.type, put, units), ensure_ascii=False, allow_nan=False
-            )
+            content = encoded(record, self.type, put, units)
+            put_arrays(file, arrays, digest)
+            document = json.dumps(content, ensure_ascii=False, allow_nan=False)
             put_text(file, "document", document, "everything but arrays, as JSON")
             for name, text in provenance.items():
                 put_text(file, f"provenance/{name}", text, "where the file comes from")
@@ -136,6 +138,7 @@ class FileKind(Generic[T]):
         look_over(file, size, self.ratio)
         digest, (text, document) = hashlib.sha256(), take_document(file)
 
+        @cache
         def take(path: str, dtype: str, ndim: int) -> Any:
             values = take_array(file, path, dtype, ndim)
             add_to_hash(digest, path, values, dtype)

@@ -22,6 +22,7 @@ from mapmore_cli.storage.artefacts.schema import (
     Letters,
     bodies,
     hints_of_members,
+    shared_path,
     step_to,
     stored_fields,
     taken_apart,
@@ -69,8 +70,8 @@ class Decoder:
         kind, many = own.kind, own.inner[1:] == (...,)
         if path.count("/") > DEEPEST:
             raise Invalid(path, f"lies more than {DEEPEST} fields deep")
-        if kind is np.ndarray and node == {ARRAY: path}:
-            return self._array(path, own.inner[0], letters, sizes)
+        if kind is np.ndarray and isinstance(node, dict):
+            return self._array(node, path, own.inner[0], letters, sizes)
         if bodies(kind) and isinstance(node, dict):
             word, inner = (
                 node.get("kind"),
@@ -124,8 +125,24 @@ class Decoder:
             }
         )
 
-    def _array(self, path: str, number: Any, letters: Letters, sizes: Sizes) -> Any:
-        values = self.take(path, TYPES[number], max(1, len(letters))).astype(number, copy=False)
+    def _array(self, node: Any, path: str, number: Any, letters: Letters, sizes: Sizes) -> Any:
+        dimensions = max(1, len(letters))
+        match node:
+            case {"array": name} if node == {ARRAY: path}:
+                stored = self.take(name, TYPES[number], dimensions)
+            case {"array": name, "from": int(start), "shape": [*shape]} if (
+                name == shared_path(path)
+                and len(node) == 3
+                and len(shape) == dimensions
+                and all(type(length) is int and length >= 0 for length in [start, *shape])
+            ):
+                stored = self.take(name, TYPES[number], 1)[start : start + math.prod(shape)]
+                if stored.size != math.prod(shape):
+                    raise Invalid(path, f"lies beyond the end of {name}")
+                stored = stored.reshape(shape)
+            case _:
+                raise Invalid(path, "is no reference to its array")
+        values = stored.astype(number, copy=False)
         _compare_lengths(path, values.shape, letters, sizes)
         values.setflags(write=False)  # several stages may be given the same
         return values

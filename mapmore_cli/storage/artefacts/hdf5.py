@@ -14,11 +14,12 @@ import mmap
 import os
 import signal
 import threading
-from collections.abc import Iterator
+from collections import Counter
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from io import FileIO
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 from weakref import WeakValueDictionary
 
 import h5py
@@ -27,12 +28,25 @@ from h5py import h5a, h5d, h5g, h5l, h5o, h5t, h5z
 from numpy.typing import NDArray
 
 from mapmore_cli.domain.arrays import give_back, in_blocks, row_blocks
-from mapmore_cli.storage.artefacts.schema import DEEPEST, NO_UNIT, Invalid, stored_at
+from mapmore_cli.storage.artefacts.schema import (
+    ARRAY,
+    DEEPEST,
+    FROM,
+    NO_UNIT,
+    SHAPE,
+    TYPES,
+    Invalid,
+    shared_path,
+    stored_at,
+)
 
 LONG, HUGE = 4096, 1 << 20
 """Elements from which on an array is compressed, and from which on it is so no more. Shorter ones
 stay contiguous, so that any reader finds them at once; huge ones, so that they can be mapped, and
 because compressing them takes longer than all else."""
+
+MANY = 200
+"""Members of lists whose short arrays lie in datasets of their own; those of more lie in one."""
 
 MOST_ATTRIBUTES, LONGEST_WORD = 100, 4096
 """Attributes of one object, and bytes of one of the root."""
@@ -62,6 +76,37 @@ def put_array(
             dataset[rows] = np.asarray(value[rows], dtype=dtype)
             give_back(value)
     dataset.attrs.update({"description": description, "unit": unit})
+
+
+class Waiting(NamedTuple):
+    """An array that is to be stored, and how the document refers to it."""
+
+    reference: dict[str, Any]
+    value: Any
+    label: tuple[str, ...]
+
+
+def put_arrays(file: h5py.File, arrays: Sequence[Waiting], digest: Any) -> None:
+    """Store arrays, and take them into a checksum. Short ones of many members share a dataset,
+    since one for each would take longer than all else; their references are changed.
+    """
+    shared = Counter(shared_path(one.reference[ARRAY]) for one in arrays if one.value.size < LONG)
+    datasets: dict[str, list[Waiting]] = {}
+    for one in arrays:
+        path = one.reference[ARRAY]
+        whole = shared_path(path)
+        alone = one.value.size >= LONG or shared[whole] <= MANY
+        datasets.setdefault(path if alone else whole, []).append(one)
+    for path, members in datasets.items():
+        value, start = members[0].value, 0
+        if path != members[0].reference[ARRAY]:
+            value = np.concatenate([one.value.ravel() for one in members])
+            for one in members:
+                one.reference.update({ARRAY: path, FROM: start, SHAPE: [*one.value.shape]})
+                start += one.value.size
+        dtype = TYPES[value.dtype.type]
+        add_to_hash(digest, path, value, dtype)
+        put_array(file, path, value, dtype, *members[0].label)
 
 
 def put_text(file: h5py.File, path: str, text: str, description: str) -> None:

@@ -31,8 +31,8 @@ from mapmore_cli.domain.recording import Dataset
 from mapmore_cli.domain.results import Validation
 from mapmore_cli.modelling.kinds import kinds
 
-ARRAY = "array"
-"""The key of a reference to a dataset."""
+ARRAY, FROM, SHAPE = "array", "from", "shape"
+"""The keys of a reference to a dataset, or to a part of one that many members share."""
 
 TYPES = {np.float64: "<f8", np.int64: "<i8", np.bool_: "|u1"}
 """Types of arrays in a file; flags are not HDF5's enumeration, which MATLAB reads as text."""
@@ -45,8 +45,10 @@ Letters = tuple[str, ...]
 Units = Mapping[str, str]
 """Units by the names of quantities."""
 
-Put = Callable[[str, Any, str, str], None]
-"""Stores an array under its path, with its description and unit."""
+Put = Callable[[str, Any, str, str], dict[str, Any]]
+"""Stores an array under its path, with its description and unit; returns how the document refers to
+it.
+"""
 
 
 class Invalid(Exception):
@@ -137,6 +139,13 @@ def step_to(key: Any, place: int) -> str:
     return key if re.fullmatch(r"[A-Za-z_][A-Za-z0-9_]*", str(key)) else f"{place:03d}"
 
 
+def shared_path(path: str) -> str:
+    """Return where the arrays of all members of lists lie one after the other: `all` in place of
+    the number of each.
+    """
+    return re.sub(r"/\d{3,}(?=/|$)", "/all", path)
+
+
 def hints_of_members(own: Hint, count: int) -> Sequence[Any]:
     """Return the hints of so many members of a mapping or a tuple."""
     each = own.inner[own.kind is Mapping]
@@ -193,8 +202,7 @@ def encoded(
     if own.kind is Union:
         return encoded(value, own.inner[0], put, units, path, label)
     if isinstance(value, np.ndarray):
-        put(path, value, label[0], resolved(label[1] or "1", units))
-        return {ARRAY: path}
+        return put(path, value, label[0], resolved(label[1] or "1", units))
     if is_dataclass(value):
         units = {
             **units,

@@ -8,6 +8,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from common import dataset_of
+from error_parts import error_parts
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -15,7 +16,6 @@ from mapmore_cli.domain.recording import Curve
 from mapmore_cli.domain.results import Forecast
 from mapmore_cli.modelling.validation import metrics
 from mapmore_cli.modelling.validation.metrics import bands, normaliser, uncentred_correlation
-from mapmore_cli.modelling.validation.repeatability import error_parts
 from mapmore_cli.modelling.validation.residuals import (
     PARTS,
     autocorrelation,
@@ -186,12 +186,12 @@ def test_one_piece_is_the_textbook_formula(seed, n):
     e, u = random.normal(2, 1, n), random.normal(-3, 2, n)
     found = autocorrelation([e])
     c, d = e - e.mean(), u - u.mean()
-    for lag, value in zip(found.lags, found.values, strict=True):
+    for lag, value in zip(found.x, found.values, strict=True):
         np.testing.assert_allclose(
             value, sum(c[t] * c[t + int(lag)] for t in range(n - int(lag))) / sum(c**2), atol=1e-12
         )
-    crossed = cross_correlation([e], [u])
-    for lag, value in zip(crossed.lags.astype(int), crossed.values, strict=True):
+    crossed = cross_correlation("u", [e], [u])
+    for lag, value in zip(crossed.x.astype(int), crossed.values, strict=True):
         pairs = [(t, t + lag) for t in range(n) if 0 <= t + lag < n]
         np.testing.assert_allclose(
             value, sum(d[a] * c[b] for a, b in pairs) / np.sqrt(sum(c**2) * sum(d**2)), atol=1e-12
@@ -202,9 +202,10 @@ def test_noise_stays_within_the_bounds_nineteen_times_in_twenty():
     random = np.random.default_rng(11)
     own = [autocorrelation([random.normal(size=150), random.normal(size=250)]) for _ in range(60)]
     crossed = [
-        cross_correlation([random.normal(size=400)], [random.normal(size=400)]) for _ in range(60)
+        cross_correlation("u", [random.normal(size=400)], [random.normal(size=400)])
+        for _ in range(60)
     ]
-    parts = [means_over(random.normal(size=400), random.uniform(size=400)) for _ in range(60)]
+    parts = [means_over("u", random.normal(size=400), random.uniform(size=400)) for _ in range(60)]
     for tests in (own, crossed, parts):
         assert 0.02 < sum(test.beyond for test in tests) / sum(test.tested for test in tests) < 0.08
 
@@ -225,8 +226,8 @@ def test_parts_are_values_where_there_are_few_else_as_many_samples_each():
     random = np.random.default_rng(6)
     level = random.choice([80.0, 150.0, 250.0], 300)
     errors = np.where(level == 150, 1.0, 0.0) + random.normal(0, 0.5, 300)
-    found = means_over(errors - errors.mean(), level)
-    assert found.places.tolist() == [80.0, 150.0, 250.0]
+    found = means_over("level", errors - errors.mean(), level)
+    assert found.x.tolist() == [80.0, 150.0, 250.0]
     assert found.beyond == 3
     assert found.values[1] == np.mean((errors - errors.mean())[level == 150])
-    assert len(means_over(errors, random.uniform(size=300)).places) == PARTS
+    assert len(means_over("u", errors, random.uniform(size=300)).x) == PARTS

@@ -1,0 +1,105 @@
+"""What the report shows of a validation, chosen while all samples are at hand."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from mapmore_cli.domain.arrays import Array, IntArray, Ranges
+from mapmore_cli.domain.models import Model
+from mapmore_cli.domain.recording import Dataset
+from mapmore_cli.domain.results import Validation
+from mapmore_cli.modelling.kinds import runs_over_time
+from mapmore_cli.modelling.signals.sampling import envelope
+from mapmore_cli.modelling.validation.metrics import bands
+from mapmore_cli.modelling.validation.residuals import residual_tests
+
+MOST = 20_000
+"""Samples of a curve or a recording that figures and quantiles are made of."""
+
+
+def for_report(validation: Validation, model: Model, dataset: Dataset) -> Validation:
+    """Return the validation of all samples with error bands, residual tests, and the samples that
+    figures show.
+
+    Of a curve longer than `MOST` these are the least and the greatest measured value and error in
+    each of `MOST / 4` runs of samples; of a recording, those of its quantities.
+    """
+    predictions = validation.predictions
+    own = next(iter(predictions.values()))
+    course = along(model, dataset)
+    order = model.output.name if is_turned(model, dataset) else course
+    tests = residual_tests(model, dataset, own, None if in_time(model, dataset) else order)
+    made = replace(
+        validation, along=course, bands=bands(dataset, predictions), residual_tests=tests
+    )
+    recordings, curves = dataset.recordings, dataset.curves
+    if max([one.rows_kept for one in recordings] + [one.size for one in curves]) <= MOST:
+        return made
+    of_curves = [
+        _extremes([y := curve.columns[dataset.target], values - y])
+        for curve, values in zip(curves, own, strict=True)
+    ]
+    shown = replace(
+        dataset,
+        recordings=tuple(one.at(_extremes([*one.columns.values()])) for one in recordings),
+        curves=tuple(curve.at(rows) for curve, rows in zip(curves, of_curves, strict=True)),
+    )
+    kept = {
+        name: tuple(values[rows] for values, rows in zip(every, of_curves, strict=True))
+        for name, every in predictions.items()
+    }
+    return replace(made, predictions=kept, shown=shown)
+
+
+def _extremes(columns: Sequence[Array]) -> IntArray:
+    """Return the numbers of at most `MOST` rows, with the extremes of every column."""
+    rows = [envelope(values, MOST // len(columns)) for values in columns]
+    return np.unique(np.concatenate(rows))
+
+
+def in_time(model: Model, dataset: Dataset) -> bool:
+    """Whether curves are shown over time: the model has memory, or curves are step responses."""
+    return runs_over_time(model) or any(curve.at_rest is not None for curve in dataset.curves)
+
+
+def is_turned(model: Model, dataset: Dataset) -> bool:
+    """Whether the model is inverted to be scored: the target is one of its inputs."""
+    inputs = {quantity.name for quantity in model.inputs}
+    return dataset.target in inputs and dataset.target != model.output.name
+
+
+def along(model: Model, dataset: Dataset) -> str:
+    """Return the quantity of the model that varies within a curve; of a model without inputs, any
+    measured quantity.
+    """
+    ranges = [
+        {name: (float(x.min()), float(x.max())) for name, x in curve.columns.items()}
+        for curve in dataset.curves
+        if curve.size
+    ]
+    measured = (name for name in dataset.quantities if name != "time")
+    return varying_input(model, ranges) or min(measured, key=lambda name: name == dataset.target)
+
+
+def varying_input(model: Model, ranges: Sequence[Ranges]) -> str:
+    """Return the first segmented variable, else the input of which a curve covers most; empty of a
+    model without inputs.
+
+    `ranges` are those of each curve. What is held, if not quite, covers little of its range over
+    all curves.
+    """
+    pieces = model.pieces
+    if pieces is not None and pieces.variables:
+        return pieces.variables[0]
+
+    def covered(name: str) -> float:
+        ends = np.array([one[name] for one in ranges if name in one])
+        whole = float(np.ptp(ends)) if len(ends) else 0.0
+        return round(float(np.mean(np.ptp(ends, axis=1))) / whole, 2) if whole > 0 else 0.0
+
+    names = [quantity.name for quantity in model.inputs]
+    free = [name for name in names if name != model.level] or names
+    return max(free, key=covered, default="")
