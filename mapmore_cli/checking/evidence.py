@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.ndimage import median_filter
 
-from mapmore_cli.domain.arrays import Array, IntArray
+from mapmore_cli.domain.arrays import Array, IntArray, extremes, give_back
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.recording import Curve, Recording
 from mapmore_cli.modelling.signals.cycles import bin_means
@@ -158,16 +158,14 @@ def same_signals(columns: Sequence[Array]) -> list[list[int]]:
     Columns of different lengths, as where one lacks values, are not compared.
     """
     families: list[list[int]] = []
+    shares: dict[int, Array] = {}
     for place, column in enumerate(columns):
-        if len(column) < FEWEST_SAME or not np.ptp(column):
+        if len(column) < FEWEST_SAME or not np.ptp(extremes(column)):
             continue
-        every = -(-len(column) // MANY)
+        shares[place] = column[:: -(-len(column) // MANY)].copy()
+        give_back(column)
         same = [one for one in families if len(columns[one[0]]) == len(column)]
-        alike = [
-            one
-            for one in same
-            if abs(correlation(columns[one[0]][::every], column[::every])) >= SAME
-        ]
+        alike = [one for one in same if abs(correlation(shares[one[0]], shares[place])) >= SAME]
         alike[0].append(place) if alike else families.append([place])
     return [family for family in families if len(family) > 1]
 

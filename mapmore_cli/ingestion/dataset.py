@@ -11,7 +11,7 @@ from pathlib import Path, PurePosixPath
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import BoolArray
+from mapmore_cli.domain.arrays import BoolArray, extremes
 from mapmore_cli.domain.errors import DataError, SpecError
 from mapmore_cli.domain.recording import DAMPING, STATIC_FORCE, Dataset, Quantity, Recording
 from mapmore_cli.fitting.stage import Progress
@@ -214,7 +214,7 @@ LEAST, MOST = (
 def _check_sizes(samples: Samples, units: Mapping[str, str]) -> None:
     """Refuse quantities of a size that cannot be computed with."""
     for name, column in samples.columns.items():
-        largest = max(float(np.max(column)), -float(np.min(column)))
+        largest = max(map(abs, extremes(column)))
         if largest > MOST or 0 < largest < LEAST:
             size = f"the largest {name} is {largest:.3g} {units.get(name, '')}".rstrip()
             remedy = (

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Iterator
 
 import numpy as np
@@ -10,6 +11,7 @@ from mapmore_cli.checking import evidence
 from mapmore_cli.checking.findings import Severity
 from mapmore_cli.checking.names import POSITIONS
 from mapmore_cli.checking.rules import Issue, Subject
+from mapmore_cli.domain.arrays import Array, extremes, give_back, in_blocks
 from mapmore_cli.domain.recording import Recording
 from mapmore_cli.domain.scores import FAR_FROM_ZERO
 
@@ -113,7 +115,7 @@ def clipped(subject: Subject) -> Iterator[Issue]:
         largest = subject.largest(name)
         for recording in (one for one in subject.recordings if one.rows_kept):
             values = recording.columns.get(name, np.zeros(0))
-            ends = (("above", values.min()), ("below", values.max())) if values.size else ()
+            ends = zip(("above", "below"), extremes(values), strict=True) if values.size else ()
             for side, end in ends:
                 count = int(np.count_nonzero(values == end))
                 rests = abs(end) < AT_REST * largest  # a slack muscle pulls with nothing for long
@@ -122,7 +124,8 @@ def clipped(subject: Subject) -> Iterator[Issue]:
                 others = np.unique(values[values != end], return_counts=True)[1]
                 if not others.size or count <= FAR_MORE * others.max():
                     continue
-                yield _clipped(subject, recording, name, side, float(end), count)
+                yield _clipped(subject, recording, name, side, end, count)
+            give_back(values)
 
 
 def _clipped(
@@ -204,7 +207,7 @@ def recorded_twice(subject: Subject) -> Iterator[Issue]:
     for recording in (recording for recording in subject.recordings if recording.rows_kept):
         # what is set for a file does not make it another
         measured = sorted(recording.columns.keys() & subject.spec.data.columns)
-        samples = (hash(recording.columns[name].tobytes()) for name in measured)
+        samples = (_hash(recording.columns[name]) for name in measured)
         twin = known.setdefault((*measured, *samples), recording)
         if twin is recording:
             continue
@@ -215,6 +218,13 @@ def recorded_twice(subject: Subject) -> Iterator[Issue]:
         severity: Severity = "error" if leak else "warning"
         remedy = "leave one of them out"
         yield Issue(severity, "recorded-twice", recording.name, message, remedy, "data")
+
+
+def _hash(column: Array) -> str:
+    digest = hashlib.sha256()
+    for (block,) in in_blocks(column):
+        digest.update(np.ascontiguousarray(block).data)
+    return digest.hexdigest()
 
 
 def many_dropped(subject: Subject) -> Iterator[Issue]:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from itertools import pairwise, product
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import Array, BoolArray, IntArray
+from mapmore_cli.domain.arrays import Array, BoolArray, Columns, IntArray, extremes, give_back
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.fits import Segment, SegmentedCurve
 from mapmore_cli.domain.recording import DIRECTION, Curve, united
@@ -115,9 +115,13 @@ def optimal_partition(
     return tuple(reversed(places))
 
 
-def samples_at(curve: Curve, rows: IntArray) -> dict[str, Array]:
-    """Columns of a curve at the given rows."""
-    return {name: column[rows] for name, column in curve.columns.items()}
+def samples_at(columns: Columns, rows: IntArray, names: Iterable[str]) -> dict[str, Array]:
+    """Return some columns of a curve at the given rows."""
+    samples = {}
+    for name in names:
+        samples[name] = columns[name][rows]
+        give_back(columns[name])
+    return samples
 
 
 IntervalCost = Callable[[Curve, IntArray], float]
@@ -141,8 +145,8 @@ def cut_points(
     """
     if isinstance(cut, CutByDirection):
         return np.array([-1.0, 0.0, 1.0])
-    x, y = curve.columns[name][rows], curve.columns[target][rows]
-    low, high = float(x.min()), float(x.max())
+    x = samples_at(curve.columns, rows, [name])[name]
+    low, high = extremes(x)
     if low == high:
         return np.array([low, high])
     match cut.method:
@@ -153,9 +157,10 @@ def cut_points(
                 np.array([low, *(b for b in cut.at or () if low < b < high), high]), x, cut.least
             )
         case "gradient":
+            y = curve.columns[target][rows]
             return np.array([low, *gradient_boundaries(x, y, cut.segments), high])
         case "optimal":
-            order = np.lexsort((y, x))
+            order = np.lexsort((curve.columns[target][rows], x))
             thinned = rows[order[:: -(-len(rows) // MOST_SAMPLES)]]
             return _optimal_points(
                 curve, thinned, name, np.linspace(low, high, CELLS + 1), cut, cost
@@ -251,7 +256,7 @@ def segment_curve(
     Raises DataError where a segment holds no sample, or the curve has too few for the cut.
     """
     rows = np.flatnonzero(curve.training)
-    values = samples_at(curve, rows)
+    values = samples_at(curve.columns, rows, cuts)
     boundaries = {
         name: cut_points(curve, rows, name, target, cut, cost) for name, cut in cuts.items()
     }
@@ -268,7 +273,7 @@ def segment_curve(
     if empty := [segment.id for segment in segments if not len(segment.rows)]:
         remedy = "use fewer segments, move the breakpoints, or keep more samples of this curve"
         raise DataError(f"segment {empty[0]}: no training sample lies in it", remedy)
-    limits = {name: curve.limits(name) for name in values}
+    limits = {name: curve.limits(name) for name in curve.columns}
     return SegmentedCurve(
         curve.id, curve.level, tuple(cuts), tuple(boundaries.values()), limits, tuple(segments)
     )

@@ -17,7 +17,7 @@ import numpy as np
 
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.storage.spool import by_blocks, in_a_row
+from mapmore_cli.storage.spool import in_a_row
 from mapmore_cli.storage.tables import (
     RawTable,
     Reader,
@@ -120,11 +120,8 @@ def _parse(lines: Lines, raw: BufferedReader, request: TableRequest) -> RawTable
     begin = next(blocks, None)
     if begin is None:
         raise DataError(f"{request.label}: the file has a header but no data")
-    table = in_a_row(chain([begin], blocks))
-    # what was spooled stays where it is
-    columns = np.ascontiguousarray(table.T) if table.flags.writeable else table.T
-    rows = by_blocks(lambda numbers: numbers.astype(np.int64), columns[0])
-    whole = RawTable(dict(zip(request.columns, columns[1:], strict=True)), rows, request.label)
+    rows, *columns = in_a_row(chain([begin], blocks))
+    whole = RawTable(dict(zip(request.columns, columns, strict=True)), rows, request.label)
     return whole if zipped else _without_cut_number(whole, "".join(last), layout)
 
 
@@ -159,19 +156,19 @@ def _layout(first: Sequence[str], request: TableRequest, delimiter: str | None) 
 
 def _blocks_of(
     lines: Lines, row: int, layout: Layout, raw: BufferedReader, last: deque[str]
-) -> Iterator[Array]:
-    """Yield numbers and values of the lines after `row`, (n, 1 + columns), block by block; `last`
-    gets the last blocks of text.
+) -> Iterator[list[Any]]:
+    """Yield numbers and values of the lines after `row`, (n,) each, block by block; `last` gets the
+    last blocks of text.
     """
     while text := lines.block(CHUNK, row):
         last.append(text)
         values = values_of_text(text, layout)
-        if values is not None:
-            for read, column in zip(layout.readers, values.T, strict=True):
+        if values:
+            for read, column in zip(layout.readers, values, strict=True):
                 if read.clock and np.isfinite(column).any():
                     read.form = NUMBER
-            yield np.column_stack([np.arange(row + 1, row + len(values) + 1), values])
-            row += len(values)
+            yield [np.arange(row + 1, row + len(values[0]) + 1), *values]
+            row += len(values[0])
         else:
             taken = _lines_in(text)
             end, filled = row + len(taken), list[Numbered]()
@@ -189,9 +186,9 @@ def _lines_in(text: str) -> list[str]:
     return StringIO(text, newline="").readlines()
 
 
-def values_of_text(text: str, layout: Layout) -> Array | None:
-    """Return the wanted columns, (n, columns), where every line is one record of full width that
-    has only plain numbers and empty fields there; else None.
+def values_of_text(text: str, layout: Layout) -> list[Array]:
+    """Return the wanted columns, (n,) each, where every line is one record of full width that has
+    only plain numbers and empty fields there; else none.
 
     PyArrow reads them in a thirtieth of the time of `values_of_records`, and gives the same doubles
     to the last bit. It takes blank lines for records and `nan(ind)` for a number, so that lines
@@ -205,7 +202,7 @@ def values_of_text(text: str, layout: Layout) -> Array | None:
         or (request.thousands is not None and request.thousands in text)
         or text.startswith("\ufeff")  # which PyArrow skips
     ):
-        return None
+        return []
     if delimiter is None:
         delimiter = "\t"
         text = re.sub(r"(?<![^\r\n])\t|\t(?![^\r\n])", "", re.sub(r"[ \t]+", delimiter, text))
@@ -213,18 +210,18 @@ def values_of_text(text: str, layout: Layout) -> Array | None:
         mark = re.escape(delimiter)
         text = re.sub(rf'(?<![^{mark}\r\n])"([^"{mark}\r\n]*)"(?![^{mark}\r\n])', r"\1", text)
         if '"' in text:
-            return None
+            return []
     columns = _parsed_columns(text.encode(), delimiter, layout)
-    if columns is None:
-        return None
-    values = np.column_stack([column.to_numpy() for column in columns])
-    absent = np.isnan(values)
+    values = [column.to_numpy() for column in columns]
+    absent = [np.isnan(column) for column in values]
     empty = sum(column.null_count for column in columns)
-    return None if absent.sum() != empty or absent.all(axis=1).any() else values
+    if np.count_nonzero(absent) != empty or (empty and np.logical_and.reduce(absent).any()):
+        return []
+    return values
 
 
-def _parsed_columns(text: bytes, delimiter: str, layout: Layout) -> list[Any] | None:
-    """Return the wanted columns as PyArrow parses them; None where it refuses the text."""
+def _parsed_columns(text: bytes, delimiter: str, layout: Layout) -> list[Any]:
+    """Return the wanted columns as PyArrow parses them; none where it refuses the text."""
     import pyarrow
     from pyarrow import csv as arrow
 
@@ -246,30 +243,29 @@ def _parsed_columns(text: bytes, delimiter: str, layout: Layout) -> list[Any] | 
             ),
         )
     except pyarrow.ArrowInvalid:
-        return None
+        return []
     return list(table.columns)
 
 
-def values_of_records(records: Sequence[Numbered], layout: Layout) -> Array:
-    """Return line numbers and wanted columns of records without blank ones, (n, 1 + columns); an
-    empty field is NaN.
+def values_of_records(records: Sequence[Numbered], layout: Layout) -> list[Any]:
+    """Return line numbers and wanted columns of records without blank ones, (n,) each; an empty
+    field is NaN.
 
     Raises DataError for a record with too few or too many fields; a field that is not a number;
     with row and column.
     """
     wanted = list(zip(layout.places, layout.titles, layout.readers, strict=True))
-    values = np.empty((len(records), 1 + len(wanted)))
+    values = np.empty((len(wanted), len(records)))
     for place, (row, record) in enumerate(records):
         cells = _of_width(row, record, layout)
-        values[place, 0] = row
-        for column, (at, title, read) in enumerate(wanted, start=1):
+        for column, (at, title, read) in enumerate(wanted):
             try:
-                values[place, column] = read(cells[at])
+                values[column, place] = read(cells[at])
             except NotANumber as odd:
                 raise odd.at(
                     f"{layout.request.label}:row {row}, column {title}", separator_hint(cells)
                 ) from None
-    return values
+    return [np.array([row for row, _ in records]), *values]
 
 
 def _of_width(row: int, record: list[str], layout: Layout) -> list[str]:

@@ -165,7 +165,7 @@ def test_blocks_give_what_records_give(
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("mapmore_cli.storage.readers.csv.CHUNK", size)
         at_once = outcome(tmp_path / "a", content, 1, 0, **asked)
-        patch.setattr("mapmore_cli.storage.readers.csv.values_of_text", lambda *_: None)
+        patch.setattr("mapmore_cli.storage.readers.csv.values_of_text", lambda *_: [])
         one_by_one = outcome(tmp_path / "a", content, 1, 0, **asked)
     assert at_once == one_by_one
 
