@@ -265,7 +265,7 @@ def spikes(values: Array) -> IntArray:
         [
             one
             for one in lone[~np.isin(lone, [lone - 1, lone + 1])]
-            if height[one] > max(usual, STANDS_OUT * _scatter(values, lone, one))
+            if height[one] > usual and height[one] > STANDS_OUT * _scatter(values, lone, one)
         ],
         dtype=np.int64,
     )
