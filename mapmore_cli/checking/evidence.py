@@ -11,12 +11,12 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.ndimage import median_filter
 
-from mapmore_cli.domain.arrays import Array, IntArray, extremes, give_back
+from mapmore_cli.domain.arrays import Array, IntArray, extremes
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.recording import Curve, Recording
 from mapmore_cli.modelling.signals.cycles import bin_means
 from mapmore_cli.modelling.signals.rates import rate
-from mapmore_cli.modelling.signals.sampling import MANY, correlation
+from mapmore_cli.modelling.signals.sampling import correlation, even_share
 from mapmore_cli.spec.units import convert
 
 GROUPS = 8  # of strain, where it is not held at fewer values
@@ -162,8 +162,7 @@ def same_signals(columns: Sequence[Array]) -> list[list[int]]:
     for place, column in enumerate(columns):
         if len(column) < FEWEST_SAME or not np.ptp(extremes(column)):
             continue
-        shares[place] = column[:: -(-len(column) // MANY)].copy()
-        give_back(column)
+        shares[place] = even_share(column)
         same = [one for one in families if len(columns[one[0]]) == len(column)]
         alike = [one for one in same if abs(correlation(shares[one[0]], shares[place])) >= SAME]
         alike[0].append(place) if alike else families.append([place])

@@ -20,7 +20,7 @@ from mapmore_cli.fitting.kinds.pieces import cuts_of
 from mapmore_cli.modelling.memory.records import records_of, time_step
 from mapmore_cli.modelling.pieces.recipe import Cuts
 from mapmore_cli.modelling.pieces.segmentation import cut_by_course
-from mapmore_cli.modelling.signals.sampling import MANY
+from mapmore_cli.modelling.signals.sampling import MANY, even_share
 from mapmore_cli.modelling.validation.repeatability import WORTH, floors
 from mapmore_cli.spec.check_study import formula_called
 from mapmore_cli.spec.sections.dictionary import entries_of, texts_in
@@ -140,8 +140,8 @@ def _split_values(dataset: Dataset, name: str, held_out: bool) -> Array:
             else np.full(curve.size, curve.level)
         )
         part = values[curve.held_out == held_out]
-        every = -(-len(part) // MANY)
-        parts.append(np.append(part[::every], extremes(part)) if every > 1 else part)
+        is_long = len(part) > MANY
+        parts.append(np.append(even_share(part), extremes(part)) if is_long else part)
     return np.concatenate(parts)
 
 

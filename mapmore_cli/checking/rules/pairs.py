@@ -13,7 +13,7 @@ from mapmore_cli.checking.findings import Severity
 from mapmore_cli.checking.rules import Issue, Subject
 from mapmore_cli.domain.arrays import Array, extremes
 from mapmore_cli.domain.recording import Recording
-from mapmore_cli.modelling.signals.sampling import MANY
+from mapmore_cli.modelling.signals.sampling import even_share
 
 # of the range of the target, that a straight line leaves of what was computed by one
 OF_A_LINE = 1e-4
@@ -53,8 +53,7 @@ def _slope_of_line(x: Array, y: Array) -> float | None:
     """Return the slope of a straight line that tells `y`; None where none does."""
     if len(x) < FEWEST_SAME or not np.ptp(extremes(x)) or not np.ptp(extremes(y)):
         return None
-    every = -(-len(x) // MANY)
-    x, y = x[::every], y[::every]
+    x, y = even_share(x), even_share(y)
     off = x - x.mean()
     slope = float(off @ y / (off @ off))
     left = np.abs(y - y.mean() - slope * off).max()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Iterator
 
 import numpy as np
@@ -11,9 +10,10 @@ from mapmore_cli.checking import evidence
 from mapmore_cli.checking.findings import Severity
 from mapmore_cli.checking.names import POSITIONS
 from mapmore_cli.checking.rules import Issue, Subject
-from mapmore_cli.domain.arrays import Array, extremes, give_back, in_blocks
+from mapmore_cli.domain.arrays import extremes, give_back
 from mapmore_cli.domain.recording import Recording
 from mapmore_cli.domain.scores import FAR_FROM_ZERO
+from mapmore_cli.modelling.signals.sampling import even_share
 
 MUCH = 0.5  # of the samples, lost for a reason that the spec does not ask for
 MOST = 0.95  # of the samples, left out on purpose
@@ -207,8 +207,8 @@ def recorded_twice(subject: Subject) -> Iterator[Issue]:
     for recording in (recording for recording in subject.recordings if recording.rows_kept):
         # what is set for a file does not make it another
         measured = sorted(recording.columns.keys() & subject.spec.data.columns)
-        samples = (_hash(recording.columns[name]) for name in measured)
-        twin = known.setdefault((*measured, *samples), recording)
+        samples = (hash(even_share(recording.columns[name]).tobytes()) for name in measured)
+        twin = known.setdefault((recording.rows_kept, *measured, *samples), recording)
         if twin is recording:
             continue
         leak = (twin.id in held_out) != (recording.id in held_out)
@@ -218,13 +218,6 @@ def recorded_twice(subject: Subject) -> Iterator[Issue]:
         severity: Severity = "error" if leak else "warning"
         remedy = "leave one of them out"
         yield Issue(severity, "recorded-twice", recording.name, message, remedy, "data")
-
-
-def _hash(column: Array) -> str:
-    digest = hashlib.sha256()
-    for (block,) in in_blocks(column):
-        digest.update(np.ascontiguousarray(block).data)
-    return digest.hexdigest()
 
 
 def many_dropped(subject: Subject) -> Iterator[Issue]:

@@ -32,7 +32,7 @@ def gradient_boundaries(x: Array, y: Array, count: int) -> Array:
     """
     from scipy.signal import find_peaks
 
-    low, high = float(x.min()), float(x.max())
+    low, high = extremes(x)
     window = WINDOW * (high - low)
     apart = window * (1 - ROUNDING)
     at, change = slope_change(x, y, window)

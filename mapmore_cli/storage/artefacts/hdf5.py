@@ -10,17 +10,13 @@ from __future__ import annotations
 
 import json
 import math
-import mmap
-import os
 import signal
 import threading
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from io import FileIO
-from pathlib import Path
 from typing import Any, NamedTuple
-from weakref import WeakValueDictionary
 
 import h5py
 import numpy as np
@@ -155,25 +151,11 @@ def take_array(file: h5py.File, path: str, dtype: str, ndim: int) -> NDArray[Any
     with stored_at(path):
         found = file.get(path)
         if isinstance(found, h5py.Dataset) and (found.dtype, found.ndim) == (np.dtype(dtype), ndim):
-            return _mapped(found) if found.size >= HUGE and found.chunks is None else found[()]
+            if found.size < HUGE or found.chunks is not None:
+                return found[()]
+            place, shape = found.id.get_offset(), found.shape
+            return np.memmap(file.filename, found.dtype, "r", place, shape).view(np.ndarray)
     raise Invalid(path, f"is no array of {ndim} dimensions of {np.dtype(dtype).name}")
-
-
-_mappings: WeakValueDictionary[tuple[int, ...], mmap.mmap] = WeakValueDictionary()
-"""One for each file, which all of its columns share: a mapping keeps its file open."""
-
-
-def _mapped(dataset: h5py.Dataset) -> NDArray[Any]:
-    """Return the values of a contiguous dataset where they lie in its file, without reading
-    them.
-    """
-    with Path(dataset.file.filename).open("rb") as file:
-        now = os.fstat(file.fileno())
-        key = (now.st_dev, now.st_ino, now.st_mtime_ns, now.st_size)
-        content = _mappings.get(key) or mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
-    _mappings[key] = content
-    place, count = dataset.id.get_offset(), math.prod(dataset.shape)
-    return np.frombuffer(content, dataset.dtype, count, place).reshape(dataset.shape)
 
 
 def root_text(file: h5py.File, name: str) -> str | None:
