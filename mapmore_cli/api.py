@@ -287,8 +287,9 @@ def fit(frame: Any, **sections: Any) -> Fitted:
     sections
         The keys of a spec (`target`, `segment`, `dictionary`, ...; docs/spec.md), and those of its
         section `data` (`columns`, `levels`, `split`, ...). Without `columns`, the columns of a
-        frame have canonical names. `target` is `static` where nothing is said. With `check=False`,
-        what `mapmore check` calls an error is a warning, and does not end the fit.
+        frame have canonical names; where `target` is the label of one, all are called by their
+        labels. `target` is `static` where nothing is said. With `check=False`, what `mapmore check`
+        calls an error is a warning, and does not end the fit.
 
     Raises
     ------
@@ -335,7 +336,7 @@ def fit(frame: Any, **sections: Any) -> Fitted:
             "give frames alone, or paths alone",
         )
     if frames and "columns" not in data:
-        data["columns"] = canonical_columns(frames[0])
+        data["columns"] = canonical_columns(frames[0], target)
     if not frames:
         data["files"] = [str(path) for path in given]
         data.setdefault("reader", _reader_of(given[0]))

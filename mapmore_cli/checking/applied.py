@@ -25,22 +25,10 @@ from mapmore_cli.spec.loader import LoadedSpec
 from mapmore_cli.spec.sections.data import Split
 
 OF_RECORDINGS: tuple[Rule, ...] = (
-    *(
-        units.strain_in_per_cent,
-        units.pressure_in_pascals,
-        units.pressure_in_bar,
-        units.pull_of_the_bore,
-    ),
-    *(
-        units.unit_in_the_name,
-        units.unit_line,
-        samples.constant,
-        samples.same_signal,
-        samples.clipped,
-        samples.cycles_of_noise,
-    ),
-    *(samples.force_never_pulls, samples.recorded_twice, units.formulas_in_labels),
-    *(odd_values.spikes_in, odd_values.below_vacuum, pairs.computed_from, pairs.untold_difference),
+    *(units.strain_in_per_cent, units.unit_in_the_name, units.unit_line, units.formulas_in_labels),
+    *(samples.constant, samples.same_signal, samples.clipped, samples.force_never_pulls),
+    *(samples.recorded_twice, odd_values.spikes_in, odd_values.below_vacuum),
+    *(pairs.computed_from, pairs.untold_difference),
 )
 """Rules that need the recordings alone, so that they can say why no curves could be made of them.
 """
@@ -49,17 +37,12 @@ OF_CURVES: tuple[Rule, ...] = (curves.few_samples, curves.short_segments, curves
 """Rules that need the curves."""
 
 OF_CHECK: tuple[Rule, ...] = (
-    *(
-        units.time_in_milliseconds,
-        curves.wrong_way_round,
-        samples.unsettled,
-        samples.slack_foot,
-        curves.single_valued,
-    ),
-    *(curves.loops_apart, curves.beyond_training, samples.many_dropped, samples.offset),
+    samples.unsettled,
+    samples.offset,
+    curves.single_valued,
+    curves.beyond_training,
 )
-"""Rules that `check` alone applies: hints, and what a run tells by itself as it reads and scores.
-"""
+"""Rules that `check` alone applies: hints, and what a run tells by itself as it scores."""
 
 
 def issues_of(
@@ -101,6 +84,7 @@ def issues_without_curves(loaded: LoadedSpec) -> list[Issue]:
         "keep": [],
         "cycles": None,
         "levels": None,
+        "groups": None,
         "split": Split(),
     }
     bare |= {"missing": "drop", "repeated_time": "average"}

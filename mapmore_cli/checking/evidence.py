@@ -1,11 +1,11 @@
-"""What the numbers of recordings show: slack, rest, one signal in two units, what was set, levels
-that tell of each other, and spikes.
+"""What the numbers of recordings show: rest, one signal in two units, outputs that differ at equal
+inputs, and spikes.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,79 +13,16 @@ from scipy.ndimage import median_filter
 
 from mapmore_cli.domain.arrays import Array, IntArray, extremes
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.domain.recording import Curve, Recording
-from mapmore_cli.modelling.signals.cycles import bin_means
+from mapmore_cli.domain.recording import Recording
 from mapmore_cli.modelling.signals.rates import rate
 from mapmore_cli.modelling.signals.sampling import correlation, even_share
 from mapmore_cli.spec.units import convert
 
-GROUPS = 8  # of strain, where it is not held at fewer values
-BINS = 24  # of pressure
-FEWEST_BINS = 8  # that must hold samples: at a few held pressures no threshold can be seen
-SLACK = 0.05  # of the largest force
-WIDTH = 0.15  # of the pressure range, that a foot has at least
-BEND = 3.0  # times the slope of the foot, which the force must rise by beyond it
-
-
-def find_slack_foot(pressure: Array, strain: Array, force: Array) -> tuple[Array, Array] | None:
-    """Return strains `(m,)` and threshold pressures `(m,)` of the slack foot of samples `(n,)` at
-    many pressures; None where there is none.
-
-    Samples are grouped by strain and averaged in bins of pressure. A group has a foot where the
-    force stays within 5 % of its largest value from the lowest pressure over at least 15 % of the
-    range, and rises three times as steeply beyond. (A plain formula that is linear in pressure
-    crosses this band at a constant slope.) There is a foot where two groups have one and the
-    threshold rises with strain.
-    """
-    span, full = float(np.ptp(pressure)), float(np.max(np.abs(force), initial=0.0))
-    if not span or not full:
-        return None
-    feet = []
-    for middle, members in _groups_of(strain):
-        p, means = bin_means(
-            (pressure[members] - pressure.min()) / span,
-            {"f": force[members] / full},
-            np.linspace(0, 1, BINS + 1),
-        )
-        end = _end_of_foot(p, means["f"])
-        if end is not None:
-            feet.append((middle, pressure.min() + span * end))
-    if len(feet) < 2:
-        return None
-    at, threshold = np.array(feet).T
-    rises = threshold[-1] > threshold[0] and correlation(at, threshold) > 0
-    return (at, threshold) if rises else None
-
-
-def _groups_of(strain: Array) -> list[tuple[float, IntArray]]:
-    """Return the middle of each group of strains in ascending order, with the rows that belong to
-    it.
-    """
-    low, span = float(strain.min()), float(np.ptp(strain)) or 1.0
-    # strains within half a per cent of the range are one
-    place = np.round((strain - low) / span * 200).astype(int)
-    if len(np.unique(place)) > GROUPS:
-        place = np.minimum((strain - low) / span * GROUPS, GROUPS - 1).astype(int)
-    return [
-        (float(np.median(strain[place == group])), np.flatnonzero(place == group))
-        for group in np.unique(place)
-    ]
-
-
-def _end_of_foot(p: Array, f: Array) -> float | None:
-    """Pressure at which the foot ends, given the binned force of one group; both relative to their
-    ranges.
-    """
-    taut = np.flatnonzero(np.abs(f) > SLACK)
-    if len(p) < FEWEST_BINS or not taut.size:
-        return None
-    end = int(taut[0]) - 1
-    if end < 1 or p[end] - p[0] < WIDTH:
-        return None
-    slope_of_foot = abs(f[end] - f[0]) / (p[end] - p[0])
-    slope_beyond = (f[-1] - f[end]) / (p[-1] - p[end])
-    return float(p[end]) if slope_beyond > BEND * slope_of_foot else None
-
+FEWEST = 30  # samples, below which what they show may be chance
+ROUNDING = 1e-4  # of a range or a correlation: columns that agree so far are one
+LITTLE = 0.01  # of samples or a range: may be chance
+SOME = 0.05  # of samples or a range: is worth a warning
+MUCH = 0.5  # of samples, a value or a difference: is most of it
 
 SLOW = 0.04  # of the pressure range per second
 SHORTEST = 0.1  # s, width of the window in which the rate is found
@@ -147,9 +84,6 @@ def two_digits(value: float) -> float:
 # One signal in two units
 # --------------------------------------------------------------------------------------------------
 
-SAME = 0.9999  # correlation, from which two columns are one signal
-FEWEST_SAME = 30  # samples, below which a straight line may be chance
-
 
 def same_signals(columns: Sequence[Array]) -> list[list[int]]:
     """Return the places of columns `(n,)` that are one another times a constant, plus one, a list
@@ -160,122 +94,161 @@ def same_signals(columns: Sequence[Array]) -> list[list[int]]:
     families: list[list[int]] = []
     shares: dict[int, Array] = {}
     for place, column in enumerate(columns):
-        if len(column) < FEWEST_SAME or not np.ptp(extremes(column)):
+        if len(column) < FEWEST or not np.ptp(extremes(column)):
             continue
         shares[place] = even_share(column)
         same = [one for one in families if len(columns[one[0]]) == len(column)]
-        alike = [one for one in same if abs(correlation(shares[one[0]], shares[place])) >= SAME]
+        alike = [
+            one for one in same if abs(correlation(shares[one[0]], shares[place])) >= 1 - ROUNDING
+        ]
         alike[0].append(place) if alike else families.append([place])
     return [family for family in families if len(family) > 1]
 
 
-# What was set
+# Equal inputs, unequal outputs
 # --------------------------------------------------------------------------------------------------
 
-# of the steps from sample to sample, that are one step up or down where a quantity was set
-EVEN = 0.8
-ALIKE = 0.02  # of the step, that these may differ
 
+@dataclass(frozen=True)
+class Unequal:
+    """Two recordings whose inputs are equal, sample for sample, and whose outputs differ.
 
-def set_in_steps(records: Sequence[Array]) -> float | None:
-    """Return the step by which a quantity was set from sample to sample, given `(n,)` of each
-    recording; None where it was measured.
-
-    A logger's resolution makes values even as well, but not the way from one sample to the next.
+    All are root mean squares relative to the range of the `target`: how far the outputs are
+    `apart`, and what remains where one is taken as a factor times the other (`with_gain`), as the
+    other plus a constant (`with_offset`), or as `with_both`.
     """
-    steps = np.abs(np.concatenate([np.empty(0), *(np.diff(values) for values in records)]))
-    steps = steps[steps > 0]
-    if steps.size < FEWEST_BINS:
-        return None
-    step = float(np.median(steps))
-    return step if np.mean(np.abs(steps - step) <= ALIKE * step) >= EVEN else None
+
+    one: Recording
+    other: Recording
+    inputs: tuple[str, ...]
+    target: str
+    apart: float
+    with_gain: float
+    with_offset: float
+    with_both: float
+
+    @property
+    def effects(self) -> tuple[str, ...]:
+        """What tells most of the difference, as `data.groups` calls it: the one that leaves less,
+        or both where they leave far less together; empty where most of the difference remains.
+        """
+        left, better = min((self.with_gain, "gain"), (self.with_offset, "offset"))
+        if left > SOME * self.apart and self.with_both < MUCH * left:
+            left, better = self.with_both, "offset gain"
+        return tuple(better.split()) if left < MUCH * self.apart else ()
+
+    @property
+    def is_large(self) -> bool:
+        """Whether hardly any repetition differs so far."""
+        return self.apart > SOME
+
+    def words(self) -> str:
+        """Return it as a sentence, with what each effect explains of the sum of squares."""
+        gain, offset, both = (
+            f"{1 - (left / self.apart) ** 2:.0%}"
+            for left in (self.with_gain, self.with_offset, self.with_both)
+        )
+        return (
+            f"{self.other.name} has the same {', '.join(self.inputs)} as {self.one.name}, and "
+            f"{self.target} differs by {self.apart:.2g} of its range (rms); a factor explains "
+            f"{gain} of it, an offset {offset}, both {both}"
+        )
 
 
-# Levels that tell of each other
-# ----------------------------------------------------------------------------------------------
+def unequal(recordings: Sequence[Recording], inputs: Sequence[str], target: str) -> Unequal | None:
+    """Return the two recordings whose outputs differ most at equal inputs; None where these differ
+    by less than 1 % of the range of the target, or by less than 5 % that nothing explains.
 
-PLACES = 100  # along a curve, at which levels are compared
-FEWEST_LEVELS = 4
-
-
-def neighbourhood(curves: Sequence[Curve], along: str, target: str) -> tuple[float, float] | None:
-    """Leave each inner level out, and return the RMSE there of what lies between its neighbours,
-    and of the mean of all others, relative to the largest value; None with fewer than four levels.
-
-    Each curve is averaged in 100 bins and interpolated between them, and held beyond its ends;
-    there is no model in it.
+    Inputs are equal where they differ by less than 1 % of their ranges (rms), from the first sample
+    to the end of the shorter recording, which has half of the samples at least. What stays within
+    1 % of its largest value was held.
     """
-    courses = {}
-    for curve in curves:
-        x, y = curve.columns[along], curve.columns[target]
-        edges = np.linspace(x.min(), x.max(), PLACES + 1)
-        places, means = bin_means(x, {"y": y}, edges)
-        courses[curve.level] = places, means["y"]
-    levels = sorted(level for level in courses if level is not None)
-    largest = max((float(np.abs(y).max()) for _, y in courses.values()), default=0.0)
-    if len(levels) < FEWEST_LEVELS or not largest:
+    usable = [one for one in recordings if one.rows_kept >= FEWEST]
+    if not usable:
         return None
-    near, far = [], []
-    for i in range(1, len(levels) - 1):
-        x, y = courses[levels[i]]
-        said = np.array([np.interp(x, *courses[level]) for level in levels])
-        part = (levels[i] - levels[i - 1]) / (levels[i + 1] - levels[i - 1])
-        near.append((1 - part) * said[i - 1] + part * said[i + 1] - y)
-        far.append(np.delete(said, i, axis=0).mean(axis=0) - y)
-    between, mean = (
-        float(np.sqrt(np.mean(np.concatenate(off) ** 2))) / largest for off in (near, far)
+    ends = {
+        name: (
+            min(float(one.columns[name].min()) for one in usable),
+            max(float(one.columns[name].max()) for one in usable),
+        )
+        for name in (*inputs, target)
+    }
+    ranges = {name: high - low for name, (low, high) in ends.items()}
+    moving = {
+        name: ranges[name] for name in inputs if ranges[name] > LITTLE * max(map(abs, ends[name]))
+    }
+    if not moving or not ranges[target]:
+        return None
+    pairs = []
+    for one, other, rows in _with_equal_inputs(usable, moving):
+        outputs = (each.columns[target][:rows] / ranges[target] for each in (one, other))
+        pairs.append(Unequal(one, other, tuple(moving), target, *_left(*outputs)))
+    told = (pair for pair in pairs if pair.is_large or (pair.effects and pair.apart > LITTLE))
+    return max(told, key=lambda pair: pair.apart, default=None)
+
+
+def _with_equal_inputs(
+    recordings: Sequence[Recording], ranges: Mapping[str, float]
+) -> Iterator[tuple[Recording, Recording, int]]:
+    """Yield all pairs of recordings with equal inputs, and how many samples they have in common."""
+    begins = np.array(
+        [[one.columns[x][:FEWEST] / size for x, size in ranges.items()] for one in recordings]
     )
-    return between, mean
+    for place, one in enumerate(recordings):
+        off = np.sqrt(np.mean((begins[place + 1 :] - begins[place]) ** 2, axis=-1)).max(axis=-1)
+        for near in np.flatnonzero(off < LITTLE).tolist():
+            other = recordings[place + 1 + near]
+            few, many = sorted((one.rows_kept, other.rows_kept))
+            if few >= MUCH * many and all(
+                _rms(one.columns[x][:few] - other.columns[x][:few]) < LITTLE * size
+                for x, size in ranges.items()
+            ):
+                yield one, other, few
+
+
+def _left(one: Array, other: Array) -> tuple[float, float, float, float]:
+    """Return how far outputs are apart, and what a gain, an offset and both leave of it."""
+    less, more = sorted((one, other), key=_rms)
+    ones = np.ones_like(more)
+
+    def left(values: Array, *terms: Array) -> float:
+        basis = np.column_stack(terms)
+        return _rms(values - basis @ np.linalg.lstsq(basis, values, rcond=None)[0])
+
+    apart = less - more
+    return _rms(apart), left(less, more), left(apart, ones), left(less, more, ones)
+
+
+def _rms(values: Array) -> float:
+    return float(np.sqrt(np.mean(values**2)))
 
 
 # Single samples
 # --------------------------------------------------------------------------------------------------
 
-FEWEST_IN_A_ROW = 30  # samples: a table of fewer has no neighbours
-AROUND = 12  # samples on each side, whose scatter a spike stands out of
-STANDS_OUT = 10.0  # times this scatter (by the median, as of a normal distribution)
-JUMPS = 2.0  # times any other change from sample to sample
-APART = 0.25  # of its height, that the samples before and after a spike differ at most
-FAR_OUT = 0.2  # of the range of all other samples
+STANDS_OUT = 4.0  # times as high as anything else changes
 
 
 def spikes(values: Array) -> IntArray:
     """Return the numbers of the samples of a record, `(n,)`, that stand alone far from their
-    neighbours.
+    neighbours; none where these are more than 1 %, which is what was measured.
 
-    Such a sample lies to one side of both neighbours, which agree, ten times further than the
-    scatter around it, and at least twice as far as the record changes from one sample to the next
-    anywhere else: steps, and signals of two values, have no such sample.
+    Such a sample lies to one side of both neighbours. It is four times as high as these differ, as
+    the record changes from one sample to the next anywhere else, and as a quarter of its range:
+    steps, and signals of two values, have no such sample.
     """
     none = np.zeros(0, dtype=np.int64)
-    if len(values) < FEWEST_IN_A_ROW:
+    if len(values) < FEWEST:
         return none
     height = np.abs(values - median_filter(values, size=3, mode="nearest"))
     apart = np.abs(np.pad(values[2:] - values[:-2], 1))
     lone = np.flatnonzero(
-        (height > 0) & (apart <= APART * height) & (height >= height.max() / (2 * JUMPS))
+        (height > 0) & (height >= STANDS_OUT * apart) & (height >= height.max() / STANDS_OUT)
     )
-    span = float(np.ptp(np.delete(values, lone))) if lone.size < len(values) / AROUND else 0.0
-    if span == 0:  # nothing says what is far
+    if not 0 < lone.size <= max(1, LITTLE * len(values)):
         return none
+    span = float(np.ptp(np.delete(values, lone)))
     steps = np.delete(np.abs(np.diff(values)), np.union1d(lone - 1, lone))
-    usual = max(JUMPS * float(steps.max(initial=0.0)), FAR_OUT * span)
-    return np.array(
-        [
-            one
-            for one in lone[~np.isin(lone, [lone - 1, lone + 1])]
-            if height[one] > usual and height[one] > STANDS_OUT * _scatter(values, lone, one)
-        ],
-        dtype=np.int64,
-    )
-
-
-def _scatter(values: Array, lone: IntArray, place: int) -> float:
-    """Return the standard deviation, by the median, of the samples around one about a line through
-    their neighbours.
-    """
-    near = np.arange(max(0, place - AROUND), min(len(values), place + AROUND + 1))
-    around = values[np.setdiff1d(near, lone)]
-    if len(around) < AROUND:
-        return math.inf
-    return 1.4826 * float(np.median(np.abs(around[1:-1] - (around[:-2] + around[2:]) / 2)))
+    usual = max(STANDS_OUT * float(steps.max(initial=0.0)), span / STANDS_OUT)
+    # where a record rests, nothing says what is far
+    return lone[height[lone] > usual] if span else none

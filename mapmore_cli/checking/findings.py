@@ -78,7 +78,7 @@ def refusal(issues: Iterable[Issue]) -> SpecError | DataError | None:
 FINDINGS = "check.json"
 """The file in the folder of a run."""
 
-REVISION = 1
+REVISION = 2
 """Raised when a rule changes: findings of older rules do not count."""
 
 _KEPT = TypeAdapter(tuple[Issue, ...])

@@ -5,6 +5,8 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 
+from mapmore_cli.spec.units import CANONICAL, spell_pressures, unit_of
+
 POSITIONS = ("strain", "displacement", "length")
 """Quantities that say how far a muscle has contracted, the most telling first."""
 
@@ -43,30 +45,12 @@ _WORDS = {
     ),
 }
 _OF_WORD = {word: quantity for quantity, words in _WORDS.items() for word in words}
+_WORD = re.compile(r"%|[^\W\d_]+|\d+")
+_TOKEN = re.compile(r"%|[^\W_][^\s_()\[\],;:%-]*")
 _COMMANDS = {
     *("cmd", "command", "setpoint", "set", "desired", "demand", "reference", "ref"),
     *("simulated", "simulation", "sim"),
 }
-
-
-def _spelt(units: str, **others: str) -> dict[str, str]:
-    return {unit.casefold(): unit for unit in units.split()} | others
-
-
-_PRESSURES, _LENGTHS = _spelt("Pa hPa kPa MPa bar mbar psi mmHg"), _spelt("um mm cm m in")
-_FORCES = _spelt("N kN mN lbf kgf gf", lbs="lbf", kg="kgf", g="gf")
-_PARTS = {"pct": "%", "percent": "%", "perc": "%", "%": "%"}
-_UNITS = {
-    "time": _spelt("s ms us ns min h", sec="s", secs="s", seconds="s", msec="ms"),
-    "pressure": _PRESSURES,
-    "strain": _PARTS | dict.fromkeys(("frac", "fraction", "ratio", "1"), "1"),
-    "force": _FORCES,
-    "displacement": _LENGTHS,
-    "length": _LENGTHS,
-    "load": _FORCES,
-    "input": _spelt("V mV") | dict.fromkeys(_PRESSURES, ""),
-}
-"""Units of quantities by how they are written, in small letters."""
 
 
 @dataclass(frozen=True)
@@ -90,29 +74,28 @@ def read_label(name: str) -> ColumnTitle | None:
     word, a unit of pressure does.
     """
     # camel case, and `pL` of a pair; kPa and MPa stay whole
-    apart = re.sub(r"(?<=[a-z]{3})(?=[A-Z])|(?<=\bp)(?=[LRAB]\b)", " ", name)
-    parts = words(apart)
-    named = [place for place, word in enumerate(parts) if word in _OF_WORD]
-    named = [place for place in named if not place or parts[place] != "v"]  # volts of `y_V`
-    quantity = "input" if _COMMANDS & {*parts} else _OF_WORD[parts[named[0]]] if named else None
+    apart = re.sub(
+        r"(?<=[a-z]{3})(?=[A-Z])|(?<=\bp)(?=[LRAB]\b)", " ", spell_pressures(name).replace("_", " ")
+    )
+    parts = [(match[0].casefold(), match.end()) for match in _WORD.finditer(apart)]
+    named = [(word, end) for word, end in parts if word in _OF_WORD]
+    named = [one for one in named if one == parts[0] or one[0] != "v"]  # volts of `y_V`
+    is_command = any(word in _COMMANDS for word, _ in parts)
+    quantity = "input" if is_command else _OF_WORD[named[0][0]] if named else None
     if quantity is None:
-        unit = next(
-            (_PRESSURES[word] for word in parts if word in _PRESSURES and len(word) > 2), None
-        )
+        long = (word for word in _TOKEN.findall(apart) if len(word) > len("Pa"))
+        unit = unit_in("pressure", " ".join(long))
         return ColumnTitle("pressure", unit, plain=False) if unit else None
-    behind = parts[named[0] + 1 :] if named else []
-    unit = next((_UNITS[quantity][word] for word in behind if word in _UNITS[quantity]), None)
-    return ColumnTitle(quantity, unit or None, plain=len(parts) == 1 + (unit is not None))
+    behind = apart[named[0][1] :] if named else ""
+    unit = unit_in(quantity, behind)
+    plain = named[:1] == parts[:1] and len(_TOKEN.findall(behind)) == (unit is not None)
+    return ColumnTitle(quantity, unit, plain)
 
 
 def unit_in(quantity: str, text: str) -> str | None:
     """Return the unit of a quantity that a text holds, as `[kN]` under a column's name; None for
     none.
     """
-    units = _UNITS.get(quantity, {})
-    return next((units[word] or None for word in words(text) if word in units), None)
-
-
-def words(text: str) -> list[str]:
-    """Return the words and numbers of a text in small letters; `%` is one."""
-    return [word.casefold() for word in re.findall(r"%|[^\W\d_]+|\d+", text)]
+    like = CANONICAL.get(quantity)
+    units = (unit_of(word, like) for word in _TOKEN.findall(spell_pressures(text)))
+    return None if like is None else next((unit for unit in units if unit is not None), None)

@@ -24,12 +24,12 @@ from mapmore_cli.ingestion.curves import (
     join_branches,
     joined_curves,
     level_set,
-    offsets_of,
     static_model,
     with_damping,
     with_plateau,
 )
 from mapmore_cli.ingestion.files import IngestSlice, Meter, Source, find_sources, relative_name
+from mapmore_cli.ingestion.groups import group_effects
 from mapmore_cli.ingestion.samples import (
     Samples,
     derived,
@@ -101,10 +101,10 @@ def build_dataset(
     curves = joined_curves(parts, masks, levels)
     notes += [levels.describe()] if levels else []
     notes += meant_levels(data.split.hold_out, levels)
-    if data.groups is not None and data.groups.offset:
-        known = offsets_of(curves, data.groups.of, target)
-        curves = tuple(known.taken_off(curve, target) for curve in curves)
-        notes.append(known.describe(target, units[target]))
+    if data.groups is not None and data.groups.has_effects:
+        effects = group_effects(curves, data.groups, target)
+        curves = tuple(effects.taken_off(curve, target) for curve in curves)
+        notes += effects.describe(target, units[target])
     return Dataset(
         target=target,
         level=levels.of if levels else None,

@@ -45,7 +45,7 @@ def slice_of(spec: ExperimentSpec) -> IngestSlice:
     split = spec.data.split.model_copy(
         update={"leave_one_level_out": False, "leave_one_group_out": False}
     )
-    groups = spec.data.groups if spec.data.groups is not None and spec.data.groups.offset else None
+    groups = spec.data.groups if spec.data.groups and spec.data.groups.has_effects else None
     component: Component = (
         "hysteresis"
         if spec.target == "hysteresis"

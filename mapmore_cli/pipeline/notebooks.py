@@ -28,6 +28,7 @@ from mapmore_cli.modelling.program.model import slopes
 from mapmore_cli.modelling.signals.rates import with_signals
 from mapmore_cli.modelling.validation.intervals import interval
 from mapmore_cli.pipeline.records import reading_of
+from mapmore_cli.spec.fields import as_target
 from mapmore_cli.spec.sections.logs import SourceColumn
 from mapmore_cli.spec.units import convert, default_unit, is_canonical
 from mapmore_cli.storage.tables import known_names
@@ -214,12 +215,15 @@ def columns_in(frame: Any, column: Column) -> list[Hashable]:
     return found if numbered or not 0 <= column < len(labels) else [labels[column]]
 
 
-def canonical_columns(frame: Any) -> dict[str, dict[str, str]]:
-    """Return the section `columns` of a frame whose columns have canonical names; raises
-    `SpecError` where none has.
+def canonical_columns(frame: Any, target: Any) -> dict[str, dict[str, str]]:
+    """Return the section `columns` of a frame: its columns with canonical names, or all that may
+    be names of quantities where the `target` is one of them. Raises `SpecError` for none.
     """
     names = tuple(map(str, labels_of(frame) or ()))
-    found = {name: {"column": name} for name in names if is_canonical(name)}
+    section = as_target(target)
+    is_own = isinstance(section, dict) and section.get("column") in names
+    taken = filter(str.isidentifier if is_own else is_canonical, names)
+    found = {name: {"column": name} for name in taken}
     if not found:
         known = known_names("", names, "The frame has")
         raise SpecError(

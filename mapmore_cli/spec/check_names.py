@@ -7,6 +7,7 @@ from __future__ import annotations
 import graphlib
 import re
 from collections.abc import Iterator, Mapping, Sequence
+from typing import get_args
 
 from mapmore_cli.domain.recording import DIRECTION
 from mapmore_cli.modelling.expressions import ExpressionError, Operated, parse, state
@@ -14,6 +15,7 @@ from mapmore_cli.modelling.expressions.states import Lagged, Measured, State
 from mapmore_cli.modelling.pieces.recipe import CutByDirection
 from mapmore_cli.spec.diagnostics import Finding, did_you_mean, refused, told
 from mapmore_cli.spec.experiment import ExperimentSpec, TargetColumn
+from mapmore_cli.spec.fields import TargetKind
 from mapmore_cli.spec.sections.data import Direction, Rate
 from mapmore_cli.spec.sections.dictionary import (
     AlongRange,
@@ -54,6 +56,10 @@ def unknown_quantity(
 
 def names_of_quantities(spec: ExperimentSpec) -> Iterator[Finding]:
     """Require that every quantity that is used is one of the study."""
+    if isinstance(spec.target, TargetColumn) and spec.target.column not in spec.quantities:
+        target, known = spec.target.column, (*spec.quantities, *get_args(TargetKind))
+        what = f"there is no quantity `{target}` in this study, and no kind of target is called so"
+        yield Finding(("target", "column"), what, did_you_mean(target, known))
     for loc, name in _uses(spec):
         if name is not None:
             yield from unknown_quantity(name, spec.quantities, loc, on_key=loc[-1] == name)
@@ -79,8 +85,6 @@ def _uses(spec: ExperimentSpec) -> Iterator[tuple[Loc, str | None]]:
         yield ("data", "split", "validate", "of"), hold_out.of
         for name in hold_out.quantities:
             yield ("data", "split", "validate", name), name
-    if isinstance(spec.target, TargetColumn):
-        yield ("target", "column"), spec.target.column
     for name, cut in spec.segment.items():
         if (name, cut) != (DIRECTION, "none"):  # takes back the cut of a spec that is extended
             yield ("segment", name), name

@@ -115,7 +115,7 @@ def leaving_out(spec: ExperimentSpec) -> Iterator[Finding]:
 
 
 def groups(spec: ExperimentSpec) -> Iterator[Finding]:
-    """Require a quantity that tells groups apart, and offsets that can be known."""
+    """Require a quantity that tells groups apart, and gains and offsets that can be known."""
     of = spec.data.groups
     if of is None:
         return
@@ -126,11 +126,14 @@ def groups(spec: ExperimentSpec) -> Iterator[Finding]:
             f"no recording has the quantity `{of.of}`",
             f"add it to `columns`, or `set: {{{of.of}: 1}}` beside the files",
         ),
-        (
-            of.offset and spec.data.split.leave_one_group_out,
-            "data.groups.offset:",
-            "the offset of a group that is left out is not known",
-            "remove `offset` or `leave_one_group_out`",
+        *(
+            (
+                asked and spec.data.split.leave_one_group_out,
+                f"data.groups.{effect}:",
+                f"the {effect} of a group that is left out is not known",
+                f"remove `{effect}` or `leave_one_group_out`",
+            )
+            for effect, asked in (("offset", of.offset), ("gain", of.gain))
         ),
         (
             of.offset and spec.target in DERIVED,

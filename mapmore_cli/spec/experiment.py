@@ -41,6 +41,8 @@ from mapmore_cli.spec.fields import (
     Section,
     Share,
     SpecPath,
+    TargetKind,
+    as_target,
     moved_path,
     read_path,
 )
@@ -75,7 +77,7 @@ class Muscle(Settings):
 
 @dataclass(frozen=True)
 class TargetColumn(Settings):
-    """A canonical quantity as target."""
+    """A measured quantity as target; `target: tip` is short for `target: {column: tip}`."""
 
     column: str
 
@@ -316,7 +318,9 @@ class ExperimentSpec(Section):
     data: Data
     needs: Needs = Needs()
     target: Annotated[
-        Literal["static", "hysteresis", "damping", "dynamic"] | TargetColumn, Either()
+        TargetKind | TargetColumn,
+        Either(),
+        BeforeValidator(as_target, json_schema_input_type=TargetKind | TargetColumn | str),
     ]
     segment: dict[str, Segmented] = {}
     dictionary: list[DictionaryEntry] = []

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Any, Self
+from typing import Annotated, Any, Literal, Self, get_args
 
 from pydantic import (
     AfterValidator,
@@ -27,8 +27,23 @@ from mapmore_cli.domain.declared import Contradiction, InUnit
 from mapmore_cli.domain.errors import SpecError
 from mapmore_cli.modelling.literature.own import is_definition
 from mapmore_cli.spec.tree import Node, Written, written
-from mapmore_cli.spec.units import CANONICAL, default_unit, parse_quantity, split_quantity
+from mapmore_cli.spec.units import (
+    CANONICAL,
+    default_unit,
+    of_difference,
+    parse_quantity,
+    split_quantity,
+)
 from mapmore_cli.spec.yaml_loader import VARIABLES, expand, variable_in
+
+TargetKind = Literal["static", "hysteresis", "damping", "dynamic"]
+"""What of the force is modelled, where the target is no measured quantity."""
+
+
+def as_target(given: Any) -> Any:
+    """Return a target as the spec holds it: `tip`, which is no kind of target, is a column."""
+    is_name = isinstance(given, str) and given not in get_args(TargetKind)
+    return {"column": given} if is_name else given
 
 
 class Section(BaseModel):
@@ -93,7 +108,8 @@ class Context:
             *(name for table in tables for name in _mapping(table, "columns")),
             *(name for entry in _entries(data, "files") for name in _mapping(entry, "set")),
         }
-        column, level = _mapping(spec, "target").get("column"), _mapping(data, "levels").get("of")
+        target = as_target(spec.get("target")) if isinstance(spec, dict) else None
+        column, level = _mapping(target).get("column"), _mapping(data, "levels").get("of")
         return cls(
             folder=root.at.source.folder,
             units={**{name: default_unit(name, units, rates) for name in rates}, **units},
@@ -190,7 +206,7 @@ def _mapping(value: Any, *keys: str) -> dict[str, Any]:
 
 def _column_unit(place: Place) -> str | None:
     unit = place.siblings.get("unit")
-    return str(unit) if isinstance(unit, str) else place.unit_of(place.quantity)
+    return of_difference(unit) if isinstance(unit, str) else place.unit_of(place.quantity)
 
 
 OF_TARGET = ("rmse", "normaliser", "max_abs_error")

@@ -43,7 +43,7 @@ from mapmore_cli.spec.tree import (
     without,
     written,
 )
-from mapmore_cli.spec.units import default_unit, has_dimension
+from mapmore_cli.spec.units import default_unit, is_kept
 from mapmore_cli.spec.yaml_loader import VARIABLES, dump, escaped, expand, parse, read_source
 
 CHECKS = (
@@ -358,7 +358,7 @@ def _with_units(root: Node) -> Node:
     """Return the tree whose `units` name the unit of every column that has no canonical name: a
     model is in the unit of its column.
 
-    Per cent and angles are plain numbers where `units` does not name them.
+    Per cent is a plain number where `units` does not name it.
     """
     units = root.child("units") or Node({}, root.at)
     data = root.child("data")
@@ -379,7 +379,7 @@ def _with_units(root: Node) -> Node:
                 name not in found
                 and default_unit(name) == "1"
                 and unit is not None
-                and has_dimension(str(unit.value))
+                and is_kept(str(unit.value))
             ):
                 found[name] = unit
     return (

@@ -4,6 +4,9 @@ unit's name.
 The units that loggers write every day are converted by a table of exact factors, which a test
 compares with pint. pint knows all others. It is imported for these alone: it takes 0.4 s of
 processor time to load, where a run that is up to date takes 0.6 s.
+
+A pressure is that of a gauge, which reads zero in air: `psig` is `psi`. An absolute pressure, as in
+`psia`, is 101.325 kPa more.
 """
 
 from __future__ import annotations
@@ -65,15 +68,59 @@ _EVERYDAY: Mapping[str, tuple[str, Fraction]] = {
     for unit, factor in factors.items()
 }
 """Dimension, and factor to its first unit."""
+_PRESSURES = ("Pa", "hPa", "kPa", "MPa", "mbar", "bar", "psi", "mmHg", "inHg", "mmH2O", "inH2O")
+_ABSOLUTE = {unit: f"{unit}_abs" if unit.endswith("Pa") else f"{unit}a" for unit in _PRESSURES}
+"""Names of absolute pressures; kPaa is a slip rather than one."""
+_AIR = 101325  # Pa, of the standard atmosphere
+_WEIGHTS = {"kg": "kgf", "g": "gf", "lb": "lbf"}
 _COMMON = [
     *_EVERYDAY,
-    *("psi", "mmHg", "in", "lbf", "kgf", "N*m", "degC", "K", "kPa/ms"),
+    *_PRESSURES,
+    *("in", *_WEIGHTS.values(), "N*m", "degC", "K", "kPa/ms"),
     *(f"{unit}/s" for unit in ("1", "%", "mm", "m", "N", "V", "Pa", "kPa", "bar", "psi")),
 ]
+"""Units that a misspelt one may be."""
+_KNOWN = {
+    *_COMMON,
+    *_ABSOLUTE.values(),
+    *("lb", "N*mm", "degF", "deg", "rad", "rpm", "Hz", "A", "mA", "ohm", "W"),
+}
+_SPELLINGS = {
+    spelling: unit
+    for unit, spellings in {
+        "s": "sec, secs, second, seconds",
+        "ms": "msec, msecs, milliseconds",
+        "min": "minute, minutes",
+        "h": "hr, hrs, hour, hours",
+        "%": "pct, perc, percent",
+        "1": "-, frac, fraction, ratio",
+        "N": "newton, newtons",
+        "lbf": "lbs",
+        "um": "µm, μm",
+        "N*m": "N m",
+        "degC": "°c, deg c, celsius",
+        "degF": "°f, deg f, fahrenheit",
+        "deg": "°, degree, degrees",
+        "rad": "radian, radians",
+        "V": "volt, volts",
+        "ohm": "Ω",
+    }.items()
+    for spelling in spellings.split(", ")
+}
+"""How else people write units; what is in small letters here may have any capitals."""
+_GAUGE = re.compile(
+    rf"(?<![^\W\d_])({'|'.join(_PRESSURES)})"
+    r"((?<!pa)a|g|[ _]?\([ag]\)|[ _]?\(?(?:abs|absolute|gauge)\)?)(?![^\W\d_])",
+    re.IGNORECASE,
+)
+"""A pressure of which is said whether it is that of a gauge: `psig`, `bar(a)`, `kPa abs`."""
+_ANY_CASE = {unit.casefold(): unit for unit in _KNOWN}
+_BRACKETS = re.compile(r"[\[(]([^][()]+)[])]$")
+_POWER = re.compile(r"(\w+?)(?:\^?([23])|([²³]))$")
 
 # one way to match
 _QUANTITY = re.compile(r"([+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?)(.*)", re.ASCII | re.DOTALL)
-_FACTOR = r"\(*(?:1|%|[^\W\d]\w*|°[CF])(?:(?:\^|\*\*)-?\d)?\)*"
+_FACTOR = r"\(*(?:1|%|[^\W\d]\w*)(?:(?:\^|\*\*)-?\d)?\)*"
 _UNIT = re.compile(rf"{_FACTOR}(?:(?:\s*[*/·]\s*|\s+){_FACTOR})*")
 # as everybody writes it; pint has a measure of yarn by this name
 _TORQUE = re.compile(r"\b([mk]?N)(m|mm|cm)\b")
@@ -123,6 +170,7 @@ def convert(values: float | Array, source_unit: str, target_unit: str) -> float 
     Raises SpecError for a unit that nobody knows, or two units of different dimension; the message
     names both.
     """
+    source_unit, target_unit = _spelt(source_unit), _spelt(target_unit)
     if source_unit == target_unit:
         return values
     factor = _everyday_factor(source_unit, target_unit)
@@ -133,7 +181,8 @@ def convert(values: float | Array, source_unit: str, target_unit: str) -> float 
         raise SpecError(
             f"unit {source_unit!r} ({_dimension(source_unit)}) cannot be converted to "
             f"{target_unit!r} ({_dimension(target_unit)})",
-            _suggestion(source_unit) or f"give a unit of the same dimension as {target_unit!r}",
+            _suggestion(source_unit, target_unit)
+            or f"give a unit of the same dimension as {target_unit!r}",
         )
     converted = _registry().Quantity(values, source).to(target).magnitude
     return (
@@ -141,6 +190,32 @@ def convert(values: float | Array, source_unit: str, target_unit: str) -> float 
         if isinstance(values, np.ndarray)
         else float(converted)
     )
+
+
+def _spelt(unit: str) -> str:
+    """Return a unit as we spell it: `psig` is `psi`, `psi abs` is `psia`, `°C/s` is `degC/s`."""
+    text = _TORQUE.sub(r"\1*\2", spell_pressures(unit.strip())).replace("·", "*")
+    factors = [text] if _ours(text) else re.split(r"([*/])", text)
+    return "".join(_ours(factor) or factor for factor in factors)
+
+
+def spell_pressures(text: str) -> str:
+    """Return a text with its pressures as we spell them: `P (bar(a))` is `P (bara)`."""
+
+    def ours(pressure: re.Match[str]) -> str:
+        unit = _ANY_CASE[pressure[1].casefold()]
+        is_absolute = pressure[2].strip(" _(").casefold().startswith("a")
+        return _ABSOLUTE[unit] if is_absolute else unit
+
+    return _GAUGE.sub(ours, text)
+
+
+def _ours(unit: str) -> str | None:
+    """Return our spelling of a factor of a unit, where it is another: `mm2` is `mm^2`."""
+    power = _POWER.fullmatch(unit)
+    if power is not None and power[1] in _KNOWN:
+        return f"{power[1]}^{power[2] or '²³'.index(power[3]) + 2}"
+    return _SPELLINGS.get(unit) or _SPELLINGS.get(unit.casefold())
 
 
 def _everyday_factor(source_unit: str, target_unit: str) -> float | None:
@@ -194,23 +269,48 @@ def parse_quantity(text: str, unit: str) -> float:
     return number if source_unit is None else float(f"{convert(number, source_unit, unit):.15g}")
 
 
+def of_difference(unit: str) -> str:
+    """Return the unit of what is added to a quantity: psi to an absolute pressure in psia."""
+    gauges = {absolute: gauge for gauge, absolute in _ABSOLUTE.items()}
+    return gauges.get(_spelt(unit), unit)
+
+
 def check_unit(unit: str) -> None:
     """Raise SpecError for a unit that nobody knows."""
-    if unit not in _COMMON:
+    if _spelt(unit) not in _KNOWN:
         _pint_unit(unit)
 
 
-def has_dimension(unit: str) -> bool:
-    """Return True for a unit that is no plain number, as `mm`; False for `%`, `deg`, and what
-    nobody knows.
+def is_kept(unit: str) -> bool:
+    """Return True for a unit that a quantity of one's own keeps, as `mm` and `deg`; False for `1`,
+    `%`, and what nobody knows.
     """
-    everyday = _everyday(unit)
+    everyday = _everyday(_spelt(unit))
     if everyday is not None:
         return everyday[0] != ("number",)
     try:
-        return not _pint_unit(unit).dimensionless
+        return _spelt(unit) in ("deg", "rad") or not _pint_unit(unit).dimensionless
     except SpecError:
         return False
+
+
+def unit_of(text: str, like: str | None = None) -> str | None:
+    """Return the unit that a text names, as we spell it; None where it names no common one.
+
+    The text is a unit, or ends with one in brackets: `psig` and `P (PSI)` are `psi`, `[bar(a)]` is
+    `bara`. With `like`, the unit has to be one that can be converted to it; a mass is taken as its
+    weight where `like` is a force: `kg` is `kgf`.
+    """
+    whole = _spelt(text)
+    bracket = _BRACKETS.search(whole)
+    word = _spelt(bracket[1]) if bracket else whole
+    # `s` and `S` are different units where nothing says what is looked for
+    unit = _ANY_CASE.get(word.casefold(), word) if like is not None or len(word) > 1 else word
+    factors = [factor.partition("^")[0] for factor in re.split(r"[*/]", unit)]
+    if (unit not in _KNOWN and not _KNOWN.issuperset(factors)) or unit.casefold() == "n/a":
+        return None
+    meant = (one for one in (unit, _WEIGHTS.get(unit)) if one is not None)
+    return unit if like is None else next((one for one in meant if can_convert(one, like)), None)
 
 
 def unit_of_file(text: str, like: str) -> str | None:
@@ -219,15 +319,19 @@ def unit_of_file(text: str, like: str) -> str | None:
 
     Of several spellings, the one that can be converted to the unit `like` counts.
     """
-    word = text.split(" since ")[0].strip(" []()")
-    spellings = [word, *(known for known in _COMMON if known.casefold() == word.casefold())]
-    spellings += [word.lower()] if len(word) > len("torr") else []  # `Newton`, but not `Nm`
-    spellings.append(re.sub(r"[\s(_]*(g|a|gauge|abs|absolute)$", "", word))
-    for unit in spellings:
-        with suppress(SpecError):
-            convert(1.0, unit, like)
-            return unit
-    return word if word in _COMMON and has_dimension(word) else None
+    text = text.split(" since ")[0]
+    word = text.strip(" []()")
+    spellings = [word, word.lower()] if len(word) > len("torr") else [word]  # `Newton`, not `Nm`
+    rare = (unit for unit in spellings if can_convert(unit, like))
+    return unit_of(text, like) or next(rare, None) or unit_of(text)
+
+
+def can_convert(unit: str, other: str) -> bool:
+    """Return True for two units of the same dimension."""
+    with suppress(SpecError):
+        convert(1.0, unit, other)
+        return True
+    return False
 
 
 def is_same(unit: str, other: str) -> bool:
@@ -264,7 +368,11 @@ def base_units(unit: str) -> BaseUnits | None:
 def _registry() -> Any:
     import pint
 
-    return pint.UnitRegistry()
+    registry: Any = pint.UnitRegistry()
+    for unit, absolute in _ABSOLUTE.items():
+        pascals = registry.Quantity(1.0, unit).to("Pa").magnitude
+        registry.define(f"{absolute} = {pascals!r} Pa; offset: {-_AIR}")
+    return registry
 
 
 @functools.cache
@@ -272,13 +380,9 @@ def _pint_unit(unit: str) -> Any:
     """Return a pint unit; `1` is dimensionless. The grammar is checked first, as pint would compute
     `m**9**9**9`.
     """
-    text = unit.strip()
+    text = _spelt(unit)
     if len(text) <= _LONGEST_UNIT and _UNIT.fullmatch(text):
-        torque = _TORQUE.sub(r"\1*\2", text).replace("·", "*")
-        spelled, registry = (
-            re.sub(r"°([CF])", r"deg\1", torque).replace("%", "percent"),
-            _registry(),
-        )
+        spelled, registry = text.replace("%", "percent"), _registry()
         try:
             return registry.parse_units("" if spelled == "1" else spelled)
         except (
@@ -305,10 +409,12 @@ def _dimension(unit: str) -> str:
     )
 
 
-def _suggestion(unit: str) -> str | None:
+def _suggestion(unit: str, wanted: str = "") -> str | None:
     """Return a did-you-mean for a misspelt unit; wrong capitals first (`kpa`), as they are the
-    commonest slip.
+    commonest slip. A mass where a force is `wanted` is its weight.
     """
+    if unit in _WEIGHTS and wanted and can_convert(wanted, "N"):
+        return f"did you mean `{_WEIGHTS[unit]}`, the weight of a mass?"
     same_letters = [
         known for known in _COMMON if known.casefold() == unit.strip().casefold() and known != unit
     ]

@@ -7,10 +7,13 @@ import re
 import numpy as np
 import pytest
 from cli_samples import scored_run, write_lines, write_recording
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.recording import Curve
-from mapmore_cli.ingestion.curves import offsets_of
+from mapmore_cli.ingestion.groups import group_effects
+from mapmore_cli.spec.sections.data import Groups
 from mapmore_cli.storage.run_folder import RunFiles
 
 SPEC = """\
@@ -123,22 +126,76 @@ def test_a_group_without_training_samples_has_no_offset(sessions, mapmore):
     )
 
 
-def test_offsets_do_not_depend_on_held_out_outputs_and_move_with_the_target():
-    rng = np.random.default_rng(2)
-    x, group, out = rng.uniform(-1, 1, 300), np.repeat([1.0, 2.0, 5.0], 100), rng.random(300) < 0.3
-    y = np.exp(x) + np.select([group == 1, group == 2], [1.0, -2.0], 0.0)
+def test_gains_of_sessions_divide_the_held_out_error(tmp_path, mapmore):
+    """The levels of a second session, whose load cell reads 0.6 of the first's."""
+    write(tmp_path, "a", (0.0, 0.15))
+    write(tmp_path, "b", (0.05, 0.2), factor=0.6)
+    errors, runs = [], tmp_path / "runs"
+    for groups in ("groups: {of: specimen}", "groups: {of: specimen, gain: true}"):
+        spec = of_sessions(tmp_path, "  split: {validate: {pressure: [200]}}", groups)
+        errors.append(scored_run(mapmore, spec)[0]["mapmore"])
+    assert errors[0] > 3 * errors[1]
+    (note,) = (one for one in RunFiles(runs / "specimens").dataset().notes if "gains" in one)
+    first, second = (float(text) for text in re.findall(r"\d: ([\d.]+)", note))
+    assert (second / first, first * second) == pytest.approx((0.6, 1.0), rel=0.02)
+    of_sessions(tmp_path, "  split: {validate: {specimen: [2]}}", groups)
+    mapmore("run", spec, "--runs", runs, "--set", "report.formats=[html]", "-q", code=0)
+    assert "2, held out whole, counts as 1" in (runs / "specimens/report/index.html").read_text()
+    of_sessions(tmp_path, "  split: {leave_one_group_out: true}", groups)
+    mapmore("validate", spec, "--runs", runs, "-q", code=3, says="gain of a group that is left out")
 
-    def found(target):
-        return offsets_of(
-            [Curve("all", None, {"x": x, "g": group, "y": target}, out, ("a",))], "g", "y"
-        ).by_group
 
-    of = found(y)
-    assert [of[1.0] - of[5.0], of[2.0] - of[5.0], sum(of.values())] == pytest.approx(
-        [1.0, -2.0, 0.0], abs=0.02
+GROUP = np.repeat([1.0, 2.0, 5.0], 100)
+GAINS = {1.0: 1.25, 2.0: 1.0, 5.0: 0.8}
+
+
+def effects(y, out=None, group=GROUP, x=None, **asked):
+    x = np.random.default_rng(2).uniform(-1, 1, len(y)) if x is None else x
+    out = np.zeros(len(y), dtype=bool) if out is None else out
+    curve = Curve("all", None, {"x": x, "g": group, "y": y}, out, ("a",))
+    return group_effects([curve], Groups(of="g", **asked), "y")
+
+
+def of_groups(noise=0.0, offsets=(1.0, -2.0, 1.0)):
+    """A curve of x in three groups, with their gains and offsets."""
+    x, rng = np.random.default_rng(2).uniform(-1, 1, 300), np.random.default_rng(3)
+    gain = np.repeat([*GAINS.values()], 100)
+    return gain * (2 + np.exp(x)) + np.repeat(offsets, 100) + rng.normal(0, noise, 300)
+
+
+@given(st.floats(1e-3, 1e3), st.floats(-50, 50), st.sampled_from([0.0, 0.01, 0.1]))
+@settings(max_examples=20, deadline=None)
+def test_gains_are_found_and_do_not_depend_on_the_unit(unit, zero, noise):
+    y = of_groups(noise)
+    of = effects(y, gain=True, offset=True)
+    assert of.gains == pytest.approx(GAINS, rel=0.005 + noise)
+    assert effects(unit * (y + zero), gain=True, offset=True).gains == pytest.approx(
+        of.gains, rel=1e-4
     )
-    assert found(np.where(out, rng.normal(size=300), y)) == of
-    assert found(3 * y + 7) == pytest.approx({value: 3 * offset for value, offset in of.items()})
+    alone = effects(of_groups(noise, (0, 0, 0)), gain=True)
+    assert (alone.gains, alone.offsets) == (pytest.approx(GAINS, rel=0.005 + noise), {})
+
+
+def test_gains_that_nothing_tells_are_near_one():
+    """Noise of ten times the signal, and one sample of a group."""
+    some = np.append(np.arange(200), 299)
+    x = np.random.default_rng(2).uniform(-1, 1, 300)[some]
+    gains = effects(of_groups(30.0)[some], group=GROUP[some], x=x, gain=True).gains
+    assert all(0.7 < gain < 1.4 for gain in gains.values()), gains
+
+
+def test_effects_do_not_depend_on_held_out_outputs_and_move_with_the_target():
+    rng = np.random.default_rng(2)
+    out, y = rng.random(300) < 0.3, of_groups()
+    for asked in ({"offset": True}, {"offset": True, "gain": True}):
+        of = effects(y, out, **asked)
+        assert effects(np.where(out, rng.normal(size=300), y), out, **asked) == of
+        moved = effects(3 * y + 7, out, offset=True).offsets
+        assert moved == pytest.approx(
+            {value: 3 * offset for value, offset in effects(y, out, offset=True).offsets.items()}
+        )
+    equal = effects(of_groups() / np.repeat([*GAINS.values()], 100), out, offset=True).offsets
+    assert sum(equal.values()) == pytest.approx(0, abs=1e-9)
 
 
 def test_what_goes_with_the_group_is_no_offset():
@@ -146,8 +203,4 @@ def test_what_goes_with_the_group_is_no_offset():
     # varies within a group, and tells nothing
     x = np.where(group == 1, 0.0, 1.0) + np.tile(np.linspace(0, 1e-9, 50), 2)
     with pytest.raises(DataError, match="cannot be told"):
-        offsets_of(
-            [Curve("all", None, {"x": x, "g": group, "y": x}, np.zeros(100, dtype=bool), ("a",))],
-            "g",
-            "y",
-        )
+        effects(x, group=group, x=x, offset=True)

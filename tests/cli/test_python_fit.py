@@ -142,6 +142,14 @@ def test_canonical_names_need_no_columns():
     assert mm.fit(frame, **sections).scores.of_model()["r2"] > 0.98
 
 
+def test_a_target_by_its_label_takes_all_columns_by_theirs():
+    motor = np.linspace(0, 1, 50)
+    terms = [{"polynomial": {"of": ["motor"], "order": 2}}]
+    frame = {"motor": motor, "tip": 3 * motor**2}
+    model = mm.fit(frame, target="tip", dictionary=terms, fit={"max_terms": 3})
+    np.testing.assert_allclose(model(motor=motor), frame["tip"], atol=1e-9)
+
+
 def test_predict_uses_the_columns_of_the_fit(fitted):
     by_source = fitted.predict(FRAME)
     canonical = fitted.predict({"pressure": 100 * BAR, "strain": EPS})

@@ -15,15 +15,8 @@ from mapmore_cli.pipeline.runner import bring_up_to_date
 from mapmore_cli.spec.loader import load
 
 PER_CENT = ("--set", "data.columns.strain.scale=100")
-BAR = "it may be bar"
-LOW = (
-    "--set",
-    "data.columns.pressure.scale=0.01",
-    "--set",
-    "data.levels.at=[1, 2, 3]",
-    "--set",
-    "data.split.validate.pressure=[2]",
-)
+SIGN = "its sign looks turned"
+TURNED = ("--set", "data.columns.force.scale=-1")
 
 
 def test_an_error_of_check_ends_a_run_with_its_place_and_its_code(
@@ -51,34 +44,34 @@ def test_warnings_are_told_each_time_and_data_are_not_read_again(
     study, tmp_path, mapmore, monkeypatch
 ):
     runs = tmp_path / "runs"
-    first = mapmore("run", study, *LOW, code=0)
-    assert first.stderr.count(BAR) == 1
-    assert page_of().count(BAR) == 1
+    first = mapmore("run", study, *TURNED, code=0)
+    assert first.stderr.count(SIGN) == 1
+    assert page_of().count(SIGN) == 1
 
     def refuse(*_, **__):
         raise AssertionError("an up-to-date run applies no rule")
 
     monkeypatch.setattr(applied, "issues_of", refuse)
     told = []
-    bring_up_to_date(load(study, LOW[1::2]), runs, warn=told.append)
-    assert [BAR in message for message in told] == [True]
+    bring_up_to_date(load(study, TURNED[1::2]), runs, warn=told.append)
+    assert [SIGN in message for message in told] == [True]
     (runs / "bench" / "check.json").write_text("{")  # damaged: the rules are applied again
     with pytest.raises(AssertionError):
-        bring_up_to_date(load(study, LOW[1::2]), runs)
+        bring_up_to_date(load(study, TURNED[1::2]), runs)
 
 
 def test_a_batch_warns_of_every_run_once(study, mapmore):
     again = study.with_name("again.yaml")
     again.write_text(study.read_text().replace("name: bench", "name: again"))
-    ended = mapmore("batch", study, again, "--jobs", "1", *LOW, "--json", code=0)
+    ended = mapmore("batch", study, again, "--jobs", "1", *TURNED, "--json", code=0)
     runs = json.loads(ended.stdout)["runs"]
-    assert [sum(BAR in warning for warning in run["warnings"]) for run in runs] == [1, 1]
+    assert [sum(SIGN in warning for warning in run["warnings"]) for run in runs] == [1, 1]
 
 
 def test_variations_repeat_no_warning(study, mapmore):
     against = "validate.against=[{as: other, set: {fit.max_terms: 1}}]"
-    ended = mapmore("run", study, *LOW, "--set", against, code=0)
-    assert ended.stderr.count(BAR) == 1
+    ended = mapmore("run", study, *TURNED, "--set", against, code=0)
+    assert ended.stderr.count(SIGN) == 1
 
 
 def test_what_made_levels_impossible_is_told(study, mapmore):

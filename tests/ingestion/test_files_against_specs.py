@@ -104,9 +104,10 @@ def test_units_by_meaning():
         "S": "s",
         "mmhg": "mmHg",
         "KPA": "kPa",
-        "Newton": "newton",
+        "Newton": "N",
         "kPa(g)": "kPa",
-        "bara": "bar",
+        "bara": "bara",
+        "psig": "psi",
     }
     assert {word: unit_of_file(word, unit) for word, unit in words.items()} == words
 

@@ -56,8 +56,11 @@ STATIC_SLIPS = [
     ("files: [", "files: ▸[] #", ["`data.files` is empty", "at least 1"]),
     ("files: [", "files: [▸7, ", ["`data.files[0]` should be text or a mapping, but is 7"]),
     # words
-    ("target: static", "target: ▸statics", ["`target` cannot be the text 'statics'",
+    ("target: static", "target: ▸statics", ["no quantity `statics`", "no kind of target",
         "did you mean `static`?"]),
+    ("target: static", "target: ▸forc", ["no quantity `forc`", "did you mean `force`?"]),
+    ("target: static", "target: ▸xyz", ["`strain`, `force`, `static`, `hysteresis`"]),
+    ("target: static", "target: {column: ▸static}", ["no quantity `static`"]),
     ("target: static", "target: ▸[static]",
         ["`target` should be text or a mapping, but is a list"]),
     ("unit_square", "▸unitsquare", ["did you mean `unit_square`?"]),

@@ -55,6 +55,8 @@ PSI = 0.45359237 * 9.80665 / 0.0254**2
             1e-3),
         ("%", "1", 0.01), ("1", "%", 100), ("%/s", "1/s", 0.01), ("mm/m", "1", 1e-3), ("kPa/ms",
             "kPa/s", 1000), ("(kPa)/s", "Pa/ms", 1),
+        *((unit, "N*m", 1) for unit in ("N m", "N·m", "Nm")), ("mNm", "Nm", 1e-3), ("Nmm", "Nm",
+            1e-3), ("N cm", "Nm", 0.01), ("kNm", "Nm", 1e3),
         ("(1)/s", "%/s", 100), ("N/mm^2", "kPa", 1000), ("N/mm**2", "kPa", 1000), (" bar ", "kPa",
             100),
     ],
@@ -67,8 +69,36 @@ def test_conversions_of_numbers_and_arrays(source, target, factor):
     assert values.tolist() == [-1.0, 0.0, 2.5]
 
 
-def test_a_temperature_has_an_offset():
+def test_units_with_an_offset():
+    """An absolute pressure is an atmosphere more than that of a gauge."""
     assert convert(20.0, "°C", "K") == pytest.approx(293.15)
+    for unit in ("psia", "psi(a)", "PSI abs"):
+        assert convert(14.6959487755, unit, "kPa") == pytest.approx(0, abs=1e-6)
+    assert convert(
+        convert(np.array([-20.0, 700.0]), "kPa", "bar(a)"), "bara", "kPa"
+    ) == pytest.approx([-20, 700])
+    assert convert(1.0, "psia/s", "kPa/s") == pytest.approx(PSI / 1000)
+
+
+@pytest.mark.parametrize(
+    ("text", "like", "unit"),
+    [
+        *((text, None, "psi") for text in ("psig", "(PSI)", "P [psi(g)]", "psi gauge")),
+        *((text, None, "bara") for text in ("bar(a)", "P (bara)", "Bar abs", "[bar absolute]")),
+        *((text, None, "degC") for text in ("°C", "degC", "deg C", "T [°C]")),
+        *((text, None, "N*m") for text in ("Nm", "N·m", "torque (N m)")),
+        ("µm", None, "um"), ("strain [-]", None, "1"), ("Pct", None, "%"), ("w (µm/s)", None,
+            "um/s"), ("inHg", None, "inHg"), ("mmH2O", "kPa", "mmH2O"), ("kPag", "kPa", "kPa"),
+        ("lbs", None, "lbf"), ("kg", None, "kg"), ("kg", "N", "kgf"), ("g", "kPa", None),
+        ("mm", "kPa", None), ("P_kPa_A", None, None),
+        ("kgf/cm2", "kPa", "kgf/cm^2"), ("lb", "N", "lbf"), ("a (m/s²)", None, "m/s^2"),
+        ("kPa(a)", None, "kPa_abs"),
+        ("kPaa", None, None), ("N/A", None, None),
+        ("xy2", None, None), ("force", None, None), ("", None, None),
+    ],
+)  # fmt: skip
+def test_the_unit_that_a_text_names(text, like, unit):
+    assert units.unit_of(text, like) == unit
 
 
 def test_everyday_units_need_no_pint():
@@ -81,23 +111,6 @@ def test_everyday_units_need_no_pint():
 
 
 @pytest.mark.parametrize(
-    ("unit", "factor"),
-    [
-        ("N*m", 1.0),
-        ("N m", 1.0),
-        ("N·m", 1.0),
-        ("Nm", 1.0),
-        ("mNm", 1e-3),
-        ("Nmm", 1e-3),
-        ("N cm", 0.01),
-        ("kNm", 1e3),
-    ],
-)
-def test_a_torque_as_people_write_it(unit, factor):
-    assert convert(1.0, unit, "N*m") == pytest.approx(factor, rel=1e-12)
-
-
-@pytest.mark.parametrize(
     ("source", "target", "words"),
     [
         ("kpa", "kPa", ["'kpa' is unknown", "did you mean `kPa`?"]),
@@ -105,7 +118,7 @@ def test_a_torque_as_people_write_it(unit, factor):
         ("pa", "kPa", ["'pa'", "'kPa' (a pressure)", "did you mean `Pa`?"]),  # pico-years
         ("kPA", "kPa", ["did you mean `kPa`?"]),
         ("mm", "kPa", ["'mm' (a length)", "'kPa' (a pressure)", "same dimension as 'kPa'"]),
-        ("g", "N", ["'g' (a mass)", "'N' (a force)"]),
+        ("g", "N", ["'g' (a mass)", "'N' (a force)", "did you mean `gf`"]),
         ("N", "1", ["'N' (a force)", "'1' (a plain number)"]),
         ("furlongs of joy", "m", ["is unknown", "write units as"]),
         ("kPa", "bra", ["'bra' is unknown", "did you mean `bar`?"]),

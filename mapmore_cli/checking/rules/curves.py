@@ -9,7 +9,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from mapmore_cli.checking.evidence import neighbourhood, set_in_steps
+from mapmore_cli.checking.evidence import LITTLE, SOME
 from mapmore_cli.checking.names import POSITIONS
 from mapmore_cli.checking.rules import Issue, Subject
 from mapmore_cli.domain.arrays import Array, extremes
@@ -26,9 +26,6 @@ from mapmore_cli.spec.check_study import formula_called
 from mapmore_cli.spec.sections.dictionary import entries_of, texts_in
 
 FEWEST = 5  # samples that show the shape of a curve
-SOME = 0.05  # of the validation samples, that may lie beyond a range that the split does not go by
-TELLS = 0.5  # times the error of the mean of all levels, that neighbours leave at most
-BEYOND = 0.01  # of the training range, that held-out samples may lie outside
 
 
 def few_samples(subject: Subject) -> Iterator[Issue]:
@@ -89,11 +86,12 @@ def beyond_training(subject: Subject) -> Iterator[Issue]:
         )
         if not training.size:
             continue
-        margin = BEYOND * float(np.ptp(training))
+        margin = LITTLE * float(np.ptp(training))
         is_inside = (validation >= training.min() - margin) & (
             validation <= training.max() + margin
         )
         outside = validation[~is_inside]
+        # more may lie beyond a range that the split does not go by
         if outside.size > (0 if name in chosen else SOME * validation.size):
             share = "" if name in chosen else f"{outside.size / validation.size:.0%} of the "
             reached = f"{outside.min():.6g}" + (
@@ -217,52 +215,3 @@ def single_valued(subject: Subject) -> Iterator[Issue]:
             f"{{over: {swept[0]}}}`, or accept this floor"
         )
         yield Issue("hint", "not-single-valued", subject.where("target"), message, remedy)
-
-
-def loops_apart(subject: Subject) -> Iterator[Issue]:
-    """Loops that do not follow from those at the next levels, so that no model of the level tells
-    one that was not measured.
-    """
-    data, dataset = subject.spec.data, subject.dataset
-    if subject.spec.target != "hysteresis" or data.cycles is None or dataset.level is None:
-        return
-    errors = neighbourhood(dataset.curves, data.cycles.over, dataset.target)
-    if errors is not None and errors[0] > TELLS * errors[1]:
-        told = f"an error of {errors[0]:.0%} of the largest, and {errors[1]:.0%} by the mean"
-        message = (
-            f"a loop hardly follows from those at the next levels ({told} of all others): expect "
-            "no more of a level that was not measured"
-        )
-        surface = f"`segment: {{{dataset.level}: none}}`, with {dataset.level} in the dictionary"
-        remedy = (
-            "look whether all cycles were driven alike, and as often before; one smooth "
-            f"surface may err less ({surface})"
-        )
-        yield Issue("hint", "loops-apart", subject.where("target"), message, remedy)
-
-
-def wrong_way_round(subject: Subject) -> Iterator[Issue]:
-    """Where the force was set and the length measured, the noise lies in the length, and force over
-    strain may be a wall.
-    """
-    if subject.spec.target != "static" or not subject.has("force"):
-        return
-    position = next((name for name in POSITIONS if subject.has(name)), None)
-    if position is None:
-        return
-    step, other = (
-        set_in_steps([one.columns[name] for one in subject.recordings])
-        for name in ("force", position)
-    )
-    if step is not None and other is None:
-        steps = (
-            f"force goes in even steps of {step:.4g} {subject.units['force']} and {position} "
-            "does not"
-        )
-        message = f"{steps}: the force was set, and {position} measured"
-        remedy = (
-            f"try `target: {{column: {position}}}` with force among the inputs: the noise "
-            f"lies in the {position}; "
-            "`validate: {as: force}` inverts the model, and scores it as force"
-        )
-        yield Issue("hint", "wrong-way-round", subject.where("target"), message, remedy)

@@ -15,7 +15,6 @@ from mapmore_cli.spec.units import convert
 
 VACUUM = -101.4  # kPa, of a gauge that reads zero in air
 PIECE = 1 << 20  # samples among which a spike stands out: a long record may change its ways
-MOST_SPIKES = 0.01  # of the samples: more spikes than that are what was measured
 WITH_ROWS = ("csv", "xlsx")  # readers of files with rows
 
 
@@ -29,7 +28,7 @@ def spikes_in(subject: Subject) -> Iterator[Issue]:
             give_back(values)
             limit = _vacuum(subject, name)
             found = found if limit is None else found[values[found] >= limit]
-            if not 0 < found.size <= max(1.0, MOST_SPIKES * values.size):
+            if not found.size:
                 continue
             first, unit = int(found[0]), subject.units[name]
             between = f"between {values[first - 1]:.6g} and {values[first + 1]:.6g} {unit}".rstrip()

@@ -7,39 +7,18 @@ from collections.abc import Iterator
 import numpy as np
 
 from mapmore_cli.checking import evidence
+from mapmore_cli.checking.evidence import LITTLE, MUCH
 from mapmore_cli.checking.findings import Severity
-from mapmore_cli.checking.names import POSITIONS
 from mapmore_cli.checking.rules import Issue, Subject
 from mapmore_cli.domain.arrays import extremes, give_back
 from mapmore_cli.domain.recording import Recording
 from mapmore_cli.domain.scores import FAR_FROM_ZERO
 from mapmore_cli.modelling.signals.sampling import even_share
 
-MUCH = 0.5  # of the samples, lost for a reason that the spec does not ask for
-MOST = 0.95  # of the samples, left out on purpose
-UNSETTLED = 0.2  # of the samples
-AT_REST = 0.5  # of the largest value: nearer to zero nothing is clipped
-# share, number, and times any other number, of samples at one end
-CLIPPED, LONGEST, FAR_MORE = (
-    0.01,
-    20,
-    10,
-)
+FAR_MORE = 10  # times any other number, of samples at one end
 # what hardly stops by itself at one number: its sensor does
-FROM_SENSORS = (
-    "force",
-    "pressure",
-    "load",
-)
+FROM_SENSORS = ("force", "pressure", "load")
 PARTS_OF_FORCE = ("hysteresis", "damping")  # targets that lie around zero, wherever the force does
-HINGED = "sarosi_hinged"  # the formula that is made for a slack foot
-HELD, MOVED = (
-    0.05,
-    0.2,
-    # movement within a recording, relative to the largest value: at most of what is held, at least
-    # of
-    # what is not
-)
 
 
 def constant(subject: Subject) -> Iterator[Issue]:
@@ -94,7 +73,7 @@ def same_signal(subject: Subject) -> Iterator[Issue]:
         )
         message = (
             f"{told} are one signal: each is the other times a constant, plus one "
-            f"(correlation {evidence.SAME} or more)"
+            f"(correlation {1 - evidence.ROUNDING:g} or more)"
         )
         yield Issue(
             "error" if target else "hint",
@@ -118,8 +97,8 @@ def clipped(subject: Subject) -> Iterator[Issue]:
             ends = zip(("above", "below"), extremes(values), strict=True) if values.size else ()
             for side, end in ends:
                 count = int(np.count_nonzero(values == end))
-                rests = abs(end) < AT_REST * largest  # a slack muscle pulls with nothing for long
-                if rests or count <= max(LONGEST, CLIPPED * len(values)):
+                rests = abs(end) < MUCH * largest  # a slack muscle pulls with nothing for long
+                if rests or count <= LITTLE * len(values):
                     continue
                 others = np.unique(values[values != end], return_counts=True)[1]
                 if not others.size or count <= FAR_MORE * others.max():
@@ -141,42 +120,6 @@ def _clipped(
     message = f"{recording.name}: {exactly}: clipped, or a limit that it has"
     severity: Severity = "warning" if name in FROM_SENSORS else "hint"
     return Issue(severity, "clipped", subject.source(name), message, remedy, "data")
-
-
-def cycles_of_noise(subject: Subject) -> Iterator[Issue]:
-    """Find cycles of a quantity that was held, which are cycles of its noise."""
-    cycles = subject.spec.data.cycles
-    others = [
-        name
-        for name in ("pressure", *POSITIONS)
-        if cycles and name != cycles.over and subject.has(name)
-    ]
-    if cycles is None or not others or not subject.has(cycles.over):
-        return
-    moves = {name: _movement(subject, name) for name in (cycles.over, *others)}
-    most = max(others, key=moves.__getitem__)
-    if moves[cycles.over] < HELD and moves[most] > MOVED:
-        held = (
-            f"{cycles.over} moves by {moves[cycles.over]:.1%} of its largest value within a "
-            f"recording, and {most} by {moves[most]:.0%}"
-        )
-        message, remedy = (
-            f"{held}: `cycles` cuts noise",
-            f"say `cycles: {{over: {most}}}`, and `levels` of {cycles.over}",
-        )
-        yield Issue("warning", "cycles-of-noise", subject.where("data", "cycles"), message, remedy)
-
-
-def _movement(subject: Subject, name: str) -> float:
-    """How far a quantity moves within the recordings, in the middle, relative to the largest value;
-    the ends may be glitches.
-    """
-    spans = [
-        np.ptp(np.quantile(one.columns[name], (0.05, 0.95)))
-        for one in subject.recordings
-        if one.rows_kept
-    ]
-    return float(np.median(spans)) / (subject.largest(name) or 1.0)
 
 
 def force_never_pulls(subject: Subject) -> Iterator[Issue]:
@@ -220,42 +163,6 @@ def recorded_twice(subject: Subject) -> Iterator[Issue]:
         yield Issue(severity, "recorded-twice", recording.name, message, remedy, "data")
 
 
-def many_dropped(subject: Subject) -> Iterator[Issue]:
-    """Find samples that are lost rather than left out: missing values, and those that are at no
-    level.
-    """
-    conditions = {"missing value": ("data", "missing"), "no level": ("data", "levels")}
-    read = sum(recording.rows_read for recording in subject.recordings)
-    for reason, loc in conditions.items():
-        lost = sum(
-            n for r in subject.recordings for why, n in r.dropped.items() if why.startswith(reason)
-        )
-        if lost > MUCH * read:
-            message = f"{lost / read:.0%} of {read} samples are lost: {reason}"
-            yield Issue(
-                "warning",
-                "many-dropped",
-                subject.where(*loc),
-                message,
-                "look at the columns, or at `levels`",
-                "data",
-            )
-    for recording in subject.recordings:
-        lost = sum(recording.dropped.values())
-        # resampling loses nothing
-        if recording.rows_kept < (1 - MOST) * (recording.rows_kept + lost):
-            why = "; ".join(f"{count}: {reason}" for reason, count in recording.dropped.items())
-            message = f"{recording.rows_kept} of {recording.rows_read} samples are kept ({why})"
-            yield Issue(
-                "hint",
-                "few-kept",
-                recording.name,
-                message,
-                "see whether `data.keep` and `data.levels` mean this",
-                "data",
-            )
-
-
 def unsettled(subject: Subject) -> Iterator[Issue]:
     """While the pressure changes, the force lags: the sensor sits at the valve."""
     data = subject.spec.data
@@ -268,7 +175,7 @@ def unsettled(subject: Subject) -> Iterator[Issue]:
     ):
         return
     found = evidence.settling(subject.recordings, subject.units["time"])
-    if found is not None and found.share < 1 - UNSETTLED:
+    if found is not None and found.share < MUCH:
         unit = f"{subject.units['pressure']}/s"
         message = (
             f"the pressure changes by more than {found.limit:g} {unit} in "
@@ -280,30 +187,3 @@ def unsettled(subject: Subject) -> Iterator[Issue]:
             f"`keep: [{{quantity: pressure_rate, abs_below: {found.limit:g} {unit}}}]`"
         )
         yield Issue("hint", "unsettled", subject.where("data"), message, remedy)
-
-
-def slack_foot(subject: Subject) -> Iterator[Issue]:
-    """Find a slack foot: a plain formula spends its terms on that corner, for which `sarosi_hinged`
-    is made.
-    """
-    model = subject.spec.model
-    if subject.spec.target != "static" or HINGED in (model.backbone, model.name):
-        return
-    if not subject.has("pressure", "strain", "force"):
-        return
-    foot = evidence.find_slack_foot(
-        *(subject.pooled(name) for name in ("pressure", "strain", "force"))
-    )
-    if foot is not None:
-        low, high = foot[1].min(), foot[1].max()
-        message = (
-            f"the muscle is slack below {low:.0f} to {high:.0f} {subject.units['pressure']}, "
-            "more so the more it is contracted"
-        )
-        yield Issue(
-            "hint",
-            "slack-foot",
-            subject.where("model"),
-            message,
-            f"try `model: {{type: mapmore, backbone: {HINGED}}}`",
-        )

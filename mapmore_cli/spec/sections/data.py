@@ -180,11 +180,19 @@ class Groups(Section):
 
     Each group is scored by itself, and `split: {leave_one_group_out: true}` leaves each out in
     turn. With `offset`, what each group adds to the target at equal inputs is estimated on training
-    samples and taken off; the mean of all offsets is zero.
+    samples and taken off; the mean of all offsets is zero. With `gain`, so is a factor of each
+    group, near 1 where its samples say little; the geometric mean of all gains is 1. A group that
+    is held out whole has gain 1 and offset 0.
     """
 
     of: Quantity
     offset: bool = False
+    gain: bool = False
+
+    @property
+    def has_effects(self) -> bool:
+        """Whether anything of the groups is taken off the target."""
+        return self.offset or self.gain
 
 
 class GapRule(Section):

@@ -1,4 +1,4 @@
-"""What recordings show: slack feet, settling, what was held, copies of a signal, and spikes."""
+"""What recordings show: settling, what was held, copies of a signal, and spikes."""
 
 from __future__ import annotations
 
@@ -9,58 +9,12 @@ from hypothesis import strategies as st
 
 from mapmore_cli.annexes.drafting.experiment import find_held, goes_in_cycles, levels_to_hold_out
 from mapmore_cli.checking.evidence import (
-    find_slack_foot,
-    neighbourhood,
     same_signals,
-    set_in_steps,
     settling,
     spikes,
 )
-from mapmore_cli.domain.recording import Curve, Recording
+from mapmore_cli.domain.recording import Recording
 from mapmore_cli.modelling.expressions.operator import linear, run_recursion
-
-STRAINS = np.array([0.0, 0.05, 0.1, 0.15])
-
-
-def samples(force, seed=1):
-    """Pressure, strain and force of a static muscle at four strains, with noise and the offset of a
-    load cell.
-    """
-    rng = np.random.default_rng(seed)
-    pressure, strain = (grid.ravel() for grid in np.meshgrid(np.linspace(10, 600, 200), STRAINS))
-    return pressure, strain, force(pressure, strain) + rng.normal(0, 1.0, pressure.size) - 5.0
-
-
-@settings(deadline=None, max_examples=30)
-@given(start=st.floats(100, 150), slope=st.floats(1000, 2500))
-def test_the_threshold_of_a_slack_muscle_is_found(start, slope):
-    foot = find_slack_foot(*samples(lambda p, e: 0.8 * np.maximum(p - start - slope * e, 0)))
-    # the width of a bin, and the pressure that makes the force leave the band
-    bins = 590 / 24 + 0.05 * 480 / 0.8
-    at, threshold = foot
-    np.testing.assert_allclose(threshold, start + slope * at, atol=1.5 * bins)
-
-
-@pytest.mark.parametrize(
-    "force",
-    [
-        lambda p, e: (
-            p * (1.2 * np.exp(-6 * e) - 0.3) - 150 * e
-        ),  # Sarosi's form: linear in pressure at every strain
-        lambda p, e: 0.8 * np.maximum(p - 200, 0) + 0 * e,  # a threshold that does not move
-        lambda p, e: 0 * p * e,
-        lambda p, e: -0.3 * p + 50 * e,  # it pushes
-    ],
-)
-def test_no_foot_where_there_is_none(force):
-    assert find_slack_foot(*samples(force)) is None
-
-
-def test_no_foot_can_be_seen_at_a_few_held_pressures():
-    pressure, strain = (
-        grid.ravel() for grid in np.meshgrid([100.0, 250, 400, 600], np.linspace(0, 0.2, 100))
-    )
-    assert find_slack_foot(pressure, strain, np.maximum(pressure - 2000 * strain - 100, 0)) is None
 
 
 def recording(**columns):
@@ -128,32 +82,6 @@ def test_holds_within_one_recording_keep_the_ways_between_out():
     assert held.within < 0.02
 
 
-def loops(heights):
-    """A loop at each level, so many newtons wide in the middle."""
-    x = np.linspace(0, 1, 200)
-    columns = [{"strain": x, "hysteresis": height * np.sin(np.pi * x)} for height in heights]
-    return [
-        Curve(str(level), float(level), one, np.zeros(200, dtype=bool), ("r",))
-        for level, one in enumerate(columns)
-    ]
-
-
-@given(st.floats(-5, 5), st.floats(0.1, 5), st.integers(4, 9))
-def test_levels_on_a_line_tell_of_each_other(first, step, count):
-    heights = [first + step * level for level in range(count)]
-    near, far = neighbourhood(loops(heights), "strain", "hysteresis")
-    assert near == pytest.approx(0, abs=1e-9)
-    assert far > near
-
-
-def test_levels_in_turns_do_not_tell_of_each_other():
-    near, far = neighbourhood(loops([1.0, 4.0, 1.0, 4.0, 1.0, 4.0]), "strain", "hysteresis")
-    assert near == pytest.approx(3 / 4 / np.sqrt(2), rel=0.02)  # always 3 of 4 off
-    assert far == pytest.approx((3 * 3 / 5) / 4 / np.sqrt(2), rel=0.02)
-    assert neighbourhood(loops([1.0, 4.0, 1.0]), "strain", "hysteresis") is None
-    assert neighbourhood(loops([0.0] * 5), "strain", "hysteresis") is None
-
-
 def test_nothing_was_held_where_both_move_or_only_one_level_was():
     assert find_held(strokes([500 * LOOP]), BOTH) is None
     assert find_held(strokes([100]), BOTH) is None
@@ -181,12 +109,6 @@ def test_held_out_levels_are_inner_ones(levels):
     assert set(inner) <= set(levels[1:-1])
     assert bool(inner) == (len(levels) >= 3)
     assert len(levels) - len(inner) >= min(len(levels), 2)
-
-
-def test_nothing_was_set_where_nothing_was_recorded():
-    """Found by fuzzing `init`: recordings without a finite row were an internal fault."""
-    assert set_in_steps([]) is None
-    assert set_in_steps([np.zeros(0), np.ones(1)]) is None
 
 
 @st.composite

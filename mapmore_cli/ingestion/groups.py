@@ -1,0 +1,182 @@
+"""Gain and offset of each group, as of a session, at equal inputs."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations_with_replacement
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from mapmore_cli.domain.arrays import Array
+from mapmore_cli.domain.errors import DataError
+from mapmore_cli.domain.recording import Curve
+from mapmore_cli.modelling.signals.sampling import MANY
+from mapmore_cli.spec.sections.data import Groups
+
+ORDER = 3
+"""Of the polynomial of all inputs that groups have in common."""
+
+TOLD_APART = 1e-6
+"""Of its size, that must remain of the indicator of a group once the polynomial is taken off."""
+
+SPREAD = 0.5
+"""Standard deviation of the logarithm of a gain before anything is measured: two of three specimens
+or sessions are within a factor of 1.6 of the mean.
+"""
+
+
+@dataclass(frozen=True)
+class GroupEffects:
+    """Gains and offsets by the value of the quantity `of` that tells groups apart; empty where they
+    were not asked for. The offsets have the mean zero, and so have the logarithms of the gains.
+    """
+
+    of: str
+    gains: dict[float, float]
+    offsets: dict[float, float]
+    unknown: tuple[float, ...]
+
+    def taken_off(self, curve: Curve, target: str) -> Curve:
+        """Return the curve with the target of a group of gain 1 and offset 0, `(y - b_g) / gain_g`;
+        samples of unknown groups stay.
+        """
+        values = curve.columns[target].copy()
+        for group in self.gains | self.offsets:
+            rows = curve.columns[self.of] == group
+            values[rows] -= self.offsets.get(group, 0.0)
+            values[rows] /= self.gains.get(group, 1.0)
+        return replace(curve, columns={**curve.columns, target: values})
+
+    def describe(self, target: str, unit: str) -> Iterator[str]:
+        """Yield gains and offsets in words, for the page."""
+        unknown = ", ".join(f"{group:g}" for group in self.unknown)
+        if self.gains:
+            each = ", ".join(f"{group:g}: {gain:.4g}" for group, gain in self.gains.items())
+            rest = f"; {unknown}, held out whole, counts as 1" if unknown else ""
+            yield f"gains of {self.of}, by which {target} is divided: {each}{rest}"
+        if self.offsets:
+            each = ", ".join(f"{group:g}: {offset:+.4g}" for group, offset in self.offsets.items())
+            rest = f"; none is known of {unknown}, held out whole" if unknown else ""
+            yield f"offsets of {self.of} [{unit}] taken off {target}: {each}{rest}"
+
+
+def group_effects(curves: Sequence[Curve], groups: Groups, target: str) -> GroupEffects:
+    """Estimate the gain and the offset of each group on training samples: `y = gain_g p(x) + b_g`,
+    with `sum_g b_g = 0` and `sum_g log gain_g = 0`.
+
+    `p` is a polynomial of order 3 of all quantities that vary within a group. This is the analysis
+    of covariance: groups are compared at equal inputs, so that one that was measured at other
+    strains is not taken for one with an offset.
+
+    The logarithm of a gain has a normal prior about zero, `SPREAD` wide, beside residuals as large
+    as those of a polynomial for each group alone. So the gain of a group of few samples, or where
+    `p` is small, is near 1.
+
+    Raises
+    ------
+    DataError
+        Where inputs and groups go together, so that nothing tells an offset from their effect.
+    """
+    group, y, inputs = _training(curves, groups.of, target)
+    values, member = np.unique(group, return_inverse=True)
+    names = [
+        name for name in inputs if any(np.ptp(inputs[name][group == value]) > 0 for value in values)
+    ]
+    basis = np.linalg.svd(
+        _polynomial([inputs[name] for name in names], len(y)), full_matrices=False
+    )
+    common = basis.U[:, TOLD_APART * basis.S[0] < basis.S]
+    # the last group is minus the sum of the others: their mean is zero
+    coded = np.vstack([np.eye(len(values) - 1), -np.ones(len(values) - 1)])
+    if groups.offset:
+        _require_apart(common, coded[member], groups.of, names)
+    table = np.column_stack([common, np.ones(len(y)), y])
+    problem = _GroupFit([table[group == value] for value in values], coded, groups.offset)
+    gains = np.exp(problem.log_gains()) if groups.gain else np.ones(len(values))
+    offsets = coded @ problem.solved(gains)[0][common.shape[1] :] if groups.offset else np.zeros(0)
+    every = np.unique(np.concatenate([curve.columns[groups.of] for curve in curves]))
+    return GroupEffects(
+        groups.of,
+        dict(zip(values.tolist(), gains.tolist(), strict=True)) if groups.gain else {},
+        dict(zip(values.tolist(), offsets.tolist(), strict=True)) if groups.offset else {},
+        tuple(value for value in every.tolist() if value not in values),
+    )
+
+
+def _require_apart(common: Array, coded: Array, of: str, names: Sequence[str]) -> None:
+    left = coded - common @ (common.T @ coded)
+    sizes = np.linalg.svd(left, compute_uv=False)
+    if len(sizes) and sizes[-1] < TOLD_APART * np.linalg.norm(coded):
+        raise DataError(
+            f"groups: offsets of {of} cannot be told from what {', '.join(names)} do: no two "
+            "groups were measured at like inputs",
+            "leave `offset` out, or add recordings of each group at inputs of another",
+        )
+
+
+class _GroupFit:
+    """The least squares of groups; each counts by the triangle of its `tables`, (n_g, k + 2), which
+    hold polynomials, a one, and the target.
+    """
+
+    def __init__(self, tables: Sequence[Array], coded: Array, offset: bool) -> None:
+        triangles = [np.linalg.qr(table).R for table in tables]
+        rows = np.vstack(triangles)
+        self.polynomials, self.target, self.coded = rows[:, :-2], rows[:, -1], coded
+        self.group = np.repeat(np.arange(len(tables)), [len(triangle) for triangle in triangles])
+        self.offsets = rows[:, [-2]] * coded[self.group] if offset else np.empty((len(rows), 0))
+        free = [max(len(table) - table.shape[1] + 1, 0) for table in tables]
+        alone = sum(triangle[-1, -1] ** 2 for triangle, n in zip(triangles, free, strict=True) if n)
+        scatter = np.sqrt(alone / sum(free)) if any(free) else 0.0
+        self.scatter = max(scatter, TOLD_APART * float(np.abs(self.target).max()))
+
+    def solved(self, gains: Array) -> tuple[Array, Array]:
+        """Return coefficients and coded offsets at given gains, and what they leave, each (n,)."""
+        design = np.hstack([gains[self.group, None] * self.polynomials, self.offsets])
+        solution = np.asarray(np.linalg.lstsq(design, self.target, rcond=None)[0], dtype=float)
+        return solution, self.target - design @ solution
+
+    def log_gains(self) -> Array:
+        """Return the logarithms of the gains that are likeliest after the data."""
+
+        def unlikely(free: Array) -> Array:
+            logs = self.coded @ free
+            left = self.solved(np.exp(logs))[1]
+            return np.concatenate([left / self.scatter, logs / SPREAD])
+
+        start = np.zeros(self.coded.shape[1])
+        return self.coded @ (least_squares(unlikely, start).x if start.size else start)
+
+
+def _training(
+    curves: Sequence[Curve], of: str, target: str
+) -> tuple[Array, Array, dict[str, Array]]:
+    """Return groups, the target and all other quantities of an even share of the training samples,
+    (n,) each.
+    """
+    columns = {
+        name: np.concatenate([curve.columns[name][curve.training] for curve in curves])
+        for name in curves[0].columns
+    }
+    step = -(-len(columns[target]) // MANY)
+    columns = {name: values[::step] for name, values in columns.items()}
+    usable = np.logical_and.reduce([np.isfinite(values) for values in columns.values()])
+    columns = {name: values[usable] for name, values in columns.items()}
+    return (
+        columns.pop(of),
+        columns.pop(target),
+        {name: values for name, values in columns.items() if name != "time"},
+    )
+
+
+def _polynomial(inputs: Sequence[Array], size: int) -> Array:
+    """(n, k) products of up to three inputs, each of which is brought to -1 ... 1."""
+    scaled = [2 * (x - x.min()) / np.ptp(x) - 1 for x in inputs]
+    products = [np.ones(size)]
+    for order in range(1, ORDER + 1):
+        products += [
+            np.prod(factors, axis=0) for factors in combinations_with_replacement(scaled, order)
+        ]
+    return np.stack(products, axis=1)
