@@ -41,7 +41,7 @@ from mapmore_cli.ingestion.samples import (
 from mapmore_cli.modelling.signals.cycles import last_cycles
 from mapmore_cli.spec.sections.data import Between, Data, Holdout
 from mapmore_cli.spec.sections.logs import FileEntry
-from mapmore_cli.storage.spool import by_blocks, counted
+from mapmore_cli.storage.spool import by_blocks
 
 FEW = 10  # samples kept, below which a recording is worth a warning
 MUCH = 0.5  # fraction dropped, above which it is
@@ -156,7 +156,7 @@ def _mended(
     """
     samples = without_missing(samples, data, data.missing)
     constants = {
-        name: counted(partial(np.full_like, fill_value=value, dtype=float), samples.size)
+        name: np.broadcast_to(np.float64(value), samples.size)
         for name, value in source.constants.items()
     }
     whole = clocked(samples.with_columns(constants), data, units)

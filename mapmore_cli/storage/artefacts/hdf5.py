@@ -152,9 +152,9 @@ def take_array(file: h5py.File, path: str, dtype: str, ndim: int) -> NDArray[Any
         found = file.get(path)
         if isinstance(found, h5py.Dataset) and (found.dtype, found.ndim) == (np.dtype(dtype), ndim):
             if found.size < HUGE or found.chunks is not None:
-                return found[()]
+                return np.asarray(found[()])
             place, shape = found.id.get_offset(), found.shape
-            return np.memmap(file.filename, found.dtype, "r", place, shape).view(np.ndarray)
+            return np.asarray(np.memmap(file.filename, dtype, "r", place, shape))
     raise Invalid(path, f"is no array of {ndim} dimensions of {np.dtype(dtype).name}")
 
 
