@@ -12,7 +12,7 @@ from itertools import product
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mapmore_cli.domain.arrays import Array, Columns, IntArray, extremes
+from mapmore_cli.domain.arrays import Array, Columns, IntArray, extremes, give_back
 from mapmore_cli.domain.declared import taken
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.fits import (
@@ -183,6 +183,7 @@ def fit_segment(
         X[:, place] = samples[name][order]
     y = samples[recipe.target][order]
     del samples, order  # of a long record they take more than all else
+    give_back(segment.rows)
     best: SegmentFit | None = None
     for scaling in placements(recipe.fit.scaling, X, y, variables):
         z = scaled_inputs(scaling, dict(zip(variables, X.T, strict=True)))
