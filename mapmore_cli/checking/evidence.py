@@ -13,7 +13,7 @@ from scipy.ndimage import median_filter
 
 from mapmore_cli.domain.arrays import Array, IntArray, extremes
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.domain.recording import Recording
+from mapmore_cli.domain.recording import Recording, united
 from mapmore_cli.modelling.signals.rates import rate
 from mapmore_cli.modelling.signals.sampling import correlation, even_share
 from mapmore_cli.spec.units import convert
@@ -166,13 +166,8 @@ def unequal(recordings: Sequence[Recording], inputs: Sequence[str], target: str)
     usable = [one for one in recordings if one.rows_kept >= FEWEST]
     if not usable:
         return None
-    ends = {
-        name: (
-            min(float(one.columns[name].min()) for one in usable),
-            max(float(one.columns[name].max()) for one in usable),
-        )
-        for name in (*inputs, target)
-    }
+    names = (*inputs, target)
+    ends = united([{name: extremes(one.columns[name]) for name in names} for one in usable])
     ranges = {name: high - low for name, (low, high) in ends.items()}
     moving = {
         name: ranges[name] for name in inputs if ranges[name] > LITTLE * max(map(abs, ends[name]))

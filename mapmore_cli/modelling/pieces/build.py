@@ -84,7 +84,9 @@ def _anchored(X: Array, y: Array, variables: tuple[str, ...], right: tuple[bool,
     if variables:
         far = np.zeros(len(y))
         for x, at, steepness in zip(X.T, anchor, slope, strict=True):
-            np.maximum(far, np.abs(x - at) * steepness, out=far)
+            distance = x - at
+            np.abs(distance, out=distance)
+            np.maximum(far, np.multiply(distance, steepness, out=distance), out=far)
         nearest = max(1, int(np.ceil(END_FRACTION * len(y))))
         y_anchor = float(y[far <= np.partition(far, nearest - 1)[nearest - 1]].mean())
     place = ",".join("right" if r else "left" for r in right) or "-"
@@ -178,10 +180,9 @@ def fit_segment(
     variables = quantities_in(terms)
     samples = samples_at(columns, segment.rows, (*variables, recipe.target))
     order = np.lexsort([samples[name] for name in (recipe.target, *variables[::-1])])
-    X = np.empty((n, len(variables)), order="F")
+    X, y = np.empty((n, len(variables)), order="F"), samples[recipe.target][order]
     for place, name in enumerate(variables):
-        X[:, place] = samples[name][order]
-    y = samples[recipe.target][order]
+        X[:, place] = samples.pop(name)[order]
     del samples, order  # of a long record they take more than all else
     give_back(segment.rows)
     best: SegmentFit | None = None
