@@ -48,7 +48,7 @@ from mapmore_cli.spec.sections.data import Data
 from mapmore_cli.spec.yaml_loader import as_overrides, dump, escaped
 from mapmore_cli.storage.artefacts import read_model
 from mapmore_cli.storage.atomic import refusals_told, write_bytes, write_text
-from mapmore_cli.storage.readers import READERS, suffix_of
+from mapmore_cli.storage.readers import reader_of
 from mapmore_cli.storage.run_folder import MODEL, RunFiles
 from mapmore_cli.storage.run_record import score_row, scores_beside
 
@@ -348,18 +348,17 @@ def fit(frame: Any, **sections: Any) -> Fitted:
 
 
 def _reader_of(path: Any) -> str:
-    """Return the reader of files that end so; `csv` for other names. Raises `SpecError` for what is
-    no path.
+    """Return the reader of files that begin or end so; `csv` for others.
+
+    Raises `SpecError` for what is no path.
     """
     if not isinstance(path, str | Path):
         raise SpecError(
             f"fit: {type(path).__name__} is no table",
             "give a mapping of arrays, a data frame, or the path of a file",
         )
-    return next(
-        (name for name, reader in READERS.items() if suffix_of(Path(path)) in reader.suffixes),
-        "csv",
-    )
+    reader = reader_of(Path(path))
+    return "csv" if reader is None else reader.name
 
 
 @dataclass(frozen=True, repr=False)

@@ -21,6 +21,7 @@ from mapmore_cli.spec.experiment import ExperimentSpec
 from mapmore_cli.spec.sections.data import Data
 from mapmore_cli.spec.sections.logs import FileEntry, Join, Keep
 from mapmore_cli.storage.readers import READERS
+from mapmore_cli.storage.tables.lines import name_of_packed
 
 Component = Literal["static", "hysteresis", "damping"]
 
@@ -249,8 +250,8 @@ def relative_name(path: Path, folder: Path) -> str:
 
 
 def unique_ids(sources: Sequence[str]) -> list[str]:
-    """Name recordings after their files, without `.gz` and the format's suffix; with parent folders
-    where names repeat.
+    """Name recordings after their files, without the suffixes of packing and of the format; with
+    parent folders where names repeat.
     """
     parts = [PurePosixPath(_without_suffix(source)).parts for source in sources]
     depth = [1] * len(parts)
@@ -267,7 +268,7 @@ def unique_ids(sources: Sequence[str]) -> list[str]:
 
 
 def _without_suffix(source: str) -> str:
-    stem = source.removesuffix(".gz")
+    stem = name_of_packed(source)
     suffixes = [suffix for reader in READERS.values() for suffix in reader.suffixes]
     return (
         next((stem.removesuffix(suffix) for suffix in suffixes if stem.endswith(suffix)), stem)

@@ -8,6 +8,7 @@ import xml.etree.ElementTree as ET
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from mapmore_cli.domain.foreign import xml_text
 from mapmore_cli.domain.scores import Limit
 from mapmore_cli.reporting.table import Table, markdown_text, to_markdown
 
@@ -57,32 +58,24 @@ def to_junit(runs: Sequence[RunReport]) -> str:
 def _cases(run: RunReport) -> list[ET.Element]:
     ended = _case(run.name, "run", run.seconds)
     if run.failure is not None:
-        ET.SubElement(ended, "error", {"message": _xml(run.failure.splitlines()[0])}).text = _xml(
-            run.failure
-        )
+        ET.SubElement(
+            ended, "error", {"message": xml_text(run.failure.splitlines()[0])}
+        ).text = xml_text(run.failure, "\t\n")
     if run.warnings:
-        ET.SubElement(ended, "system-err").text = _xml("\n".join(run.warnings))
+        ET.SubElement(ended, "system-err").text = xml_text("\n".join(run.warnings), "\t\n")
     cases = [ended]
     for limit in run.limits:
         case = _case(run.name, f"require {limit.metric}", 0.0)
         if not limit.kept:
-            ET.SubElement(case, "failure", {"message": _xml(limit.sentence)})
+            ET.SubElement(case, "failure", {"message": xml_text(limit.sentence)})
         cases.append(case)
     return cases
 
 
 def _case(run: str, name: str, seconds: float) -> ET.Element:
     return ET.Element(
-        "testcase", {"classname": f"mapmore.{_xml(run)}", "name": name, "time": f"{seconds:.3f}"}
-    )
-
-
-def _xml(text: str) -> str:
-    """Return the text without the characters that XML 1.0 cannot hold."""
-    return "".join(
-        c
-        for c in text
-        if c in "\t\n" or "\x20" <= c <= "\ud7ff" or "\ue000" <= c <= "\ufffd" or c > "\uffff"
+        "testcase",
+        {"classname": f"mapmore.{xml_text(run)}", "name": name, "time": f"{seconds:.3f}"},
     )
 
 

@@ -16,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 from table import exported_lines
-from timing import seconds
+from timing import in_turn
 
 from mapmore_cli.annexes.exporting.c_source import c_source
 from mapmore_cli.annexes.exporting.python_module import python_module
@@ -51,7 +51,7 @@ def exported(runs):
         for folder in folders.values():
             folder.mkdir()
         calls = {what: in_c(model, folders[what]) for what, model in models.items()}
-        took = least_in_turn(calls)
+        took = in_turn(calls, ROUNDS, min)
         return {
             what: {
                 "c": took[what] / POINTS * 1e9,
@@ -61,12 +61,6 @@ def exported(runs):
             }
             for what, model in models.items()
         }
-
-
-def least_in_turn(calls):
-    """Seconds of the quickest of several rounds: so short a time shows a busy machine in full."""
-    rounds = [{what: seconds(call) for what, call in calls.items()} for _ in range(ROUNDS)]
-    return {what: min(one[what] for one in rounds) for what in calls}
 
 
 def every_model(runs):
@@ -160,7 +154,7 @@ def in_numpy(model, folder):
             "one": lambda: [module.evaluate(*row) for row in rows],
             "many": lambda: module.evaluate(*given),
         }
-    took = least_in_turn(calls)
+    took = in_turn(calls, ROUNDS, min)
     return {
         "numpy_one": took["one"] / CALLS * 1e9,
         "numpy_many": took["many"] / POINTS * 1e9 if "many" in took else None,

@@ -1,24 +1,29 @@
-"""A long CSV log: parsed, and ingested by the program."""
+"""A long CSV log: ingested by the program, and read by others."""
 
 from __future__ import annotations
 
 import os
+import shutil
 import subprocess
 import sys
 from pathlib import Path
-from time import perf_counter
 
 import numpy as np
-from timing import seconds
-
-from mapmore_cli.storage.readers import READERS, TableRequest
-from mapmore_cli.storage.spool import spooling_in
+from regression import PEERS_PYTHON
 
 LINES = 100_000
+READ = """
+import sys, pathlib, time, importlib
+read_csv = importlib.import_module(sys.argv[1]).read_csv
+begun = time.process_time()
+for path in sorted(pathlib.Path(sys.argv[2]).glob("*.csv")):
+    read_csv(path).to_numpy()
+print(time.process_time() - begun)
+"""
 STUDY = """
 schema_version: 1
 name: long-log
-data: {files: [long_log.csv], reader: csv, columns: {pressure: {column: P, unit: kPa},
+data: {files: [logs/long_log.csv], reader: csv, columns: {pressure: {column: P, unit: kPa},
     strain: {column: eps}, force: {column: F, unit: N}}}
 target: {column: force}
 dictionary: [{polynomial: {of: [pressure, strain], order: 2}}]
@@ -26,42 +31,44 @@ dictionary: [{polynomial: {of: [pressure, strain], order: 2}}]
 
 
 def ingest(folder, megabytes):
-    """Megabytes a second of the parser alone and of the whole command, by the clock and of
-    processor time, and its peak of memory.
+    """Megabytes a second of processor time that the command ingests, and that others read; and its
+    peak of memory.
     """
-    path = Path(folder) / "long_log.csv"
-    lines = write_log(path, megabytes)
-    size = path.stat().st_size / 1e6
-    (Path(folder) / "long-log.yaml").write_text(STUDY, encoding="utf-8")
-    command = [
-        sys.executable,
-        "-m",
-        "mapmore_cli",
-        "ingest",
-        Path(folder) / "long-log.yaml",
-        "--runs",
-        folder,
-    ]
-    start = perf_counter()
+    logs = Path(folder) / "logs"
+    logs.mkdir()
+    lines = write_log(logs / "long_log.csv", megabytes)
+    size = (logs / "long_log.csv").stat().st_size / 1e6
+    spec = Path(folder) / "long-log.yaml"
+    spec.write_text(STUDY, encoding="utf-8")
+    command = [sys.executable, "-m", "mapmore_cli", "ingest", spec, "--runs", folder]
     processor, peak = usage_of(command)
-    whole = perf_counter() - start
-    with spooling_in(
-        Path(folder)
-        # after the command, whose peak of memory would count that of this process before it was
-        # split
-        # off
-    ):
-        parsed = seconds(lambda: READERS["csv"].read(path, TableRequest("log", ("P", "eps", "F"))))
-    path.unlink()
+    peers = peers_reading(logs)
+    shutil.rmtree(logs)
     return {
         "megabytes": size,
         "lines": lines,
-        "parsed_megabytes_per_second": size / parsed,
-        "ingested_megabytes_per_second": size / whole,
-        "ingested_megabytes_per_processor_second": size / processor,
+        "ingested_megabytes_per_second": size / processor,
+        **{f"{name}_megabytes_per_second": size / seconds for name, seconds in peers.items()},
         "bytes_of_the_numbers": 8 * 3 * lines,
         "peak_memory_bytes": peak,
     }
+
+
+def peers_reading(folder):
+    """Seconds of processor time in which others read the CSV files of a folder, imports apart; none
+    of those that are not installed.
+    """
+    took = {}
+    for name in ("pandas", "polars") if PEERS_PYTHON.exists() else ():
+        done = subprocess.run(
+            [PEERS_PYTHON, "-c", READ, name, folder],
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        if done.returncode == 0:
+            took[name] = float(done.stdout)
+    return took
 
 
 def usage_of(command):

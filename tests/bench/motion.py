@@ -9,7 +9,7 @@ from timing import median_seconds
 
 from mapmore_cli.annexes.motion.problem import MotionRecipe, Piece, Problem
 from mapmore_cli.annexes.motion.simulation import response
-from mapmore_cli.annexes.motion.solvers import SOLVERS
+from mapmore_cli.annexes.motion.solvers import ITERATIONS, PARTICLES, SOLVERS
 
 SAMPLES = 20_000
 STEP = 0.05  # s
@@ -27,7 +27,7 @@ def motion():
     y = response(p1, p2, p3 * u) + 0.05 * np.random.default_rng(20).standard_normal(SAMPLES)
     piece = Piece(u[:, np.newaxis], y, np.ones(SAMPLES, dtype=bool))
     recipe = MotionRecipe(input="input", output="displacement", step=STEP)
-    simulations = recipe.particles * (recipe.iterations + 1)
+    simulations = PARTICLES * (ITERATIONS + 1)
     problem = Problem([piece])
     one = (
         median_seconds(lambda: [problem.rmse(p1, p2, np.array([p3])) for _ in range(LOOPED)], RUNS)

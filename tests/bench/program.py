@@ -10,7 +10,7 @@ import sys
 from pathlib import Path
 
 import numpy as np
-from timing import median_seconds, medians_in_turn
+from timing import in_turn, median_seconds
 
 from mapmore_cli.modelling.expressions import evaluate, parse
 from mapmore_cli.modelling.kinds import predict
@@ -93,7 +93,7 @@ def evaluation(runs_folder):
         ([parse(term) for term in segment.terms], {name: x[rows] for name, x in columns.items()})
         for segment, rows in parts
     ]
-    took = medians_in_turn(
+    took = in_turn(
         {
             "fused_model": lambda: predict(model, columns),
             "active_terms": lambda: [evaluate(term, at) for terms, at in ordered for term in terms],

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 from peer import PEERS, SHAPES, problem
 from scipy.linalg.blas import dsyrk
-from timing import medians_in_turn
+from timing import in_turn
 
 from mapmore_cli.modelling.frols import frols, frols_streamed
 from mapmore_cli.modelling.frols.moments import blocks_of_rows
@@ -22,26 +22,27 @@ RUNS = 7
 
 def regression(say):
     """Seconds of every contestant by shape, None for one that did not run, with
-    `extra_memory_ratio`; and notes on those that did not.
+    `extra_memory_ratio`; and `notes` on those that did not.
     """
-    table, notes = {}, {}
+    table = {}
     for shape in SHAPES:
         name = "x".join(map(str, shape))
         say(f"regression {name}")
         row, chosen = own(shape)
+        row["notes"] = {}
         for peer in PEERS:
             say(f"regression {name}: {peer}")
             row[peer], note = timed_peer(peer, shape, chosen)
             if note:
-                notes[f"{peer} {name}"] = note
+                row["notes"][peer] = note
         table[name] = row
-    return table, notes
+    return table
 
 
 def own(shape):
     P, y = problem(*shape)
     k = shape[-1]
-    row = medians_in_turn(
+    row = in_turn(
         {
             "ours": lambda: frols(P, y, k),
             "dsyrk": lambda: dsyrk(1.0, P, trans=1),

@@ -20,39 +20,37 @@ HERE = Path(__file__).parent
 
 
 def main():
-    from batch import batch
     from exported import exported
     from ingest import ingest
+    from many import figures, many_files, many_runs
     from motion import motion
     from program import evaluation, small_table, start_up
     from regression import regression
     from table import exported_lines, other_lines, regression_lines
 
     options = arguments()
+    bench = {"machine": {"processor": platform.processor(), "python": platform.python_version()}}
     with tempfile.TemporaryDirectory() as folder:
-        say("streaming")
-        bench = {
-            "machine": {"processor": processor(), "python": platform.python_version(), "threads": 1}
+        measures = {
+            "streaming": lambda: streamed(options.samples, folder),
+            "ingest": lambda: ingest(folder, options.megabytes),
+            "start_up": lambda: start_up(folder),
+            "evaluation": lambda: evaluation(folder),
+            "small_table": lambda: small_table(folder),
+            "exported": lambda: exported(folder),
+            "many_files": lambda: many_files(folder, options.files),
+            "many_runs": lambda: many_runs(folder, options.runs),
+            "figures": lambda: figures(folder),
+            "motion": motion,
+            "frols": lambda: regression(say),
         }
-        bench["streaming"] = streamed(options.samples, folder)
-        say("ingest")
-        bench["ingest"] = ingest(folder, options.megabytes)
-        say("start-up and evaluation")
-        bench["start_up"] = start_up(folder)
-        bench["evaluation"] = evaluation(folder)
-        bench["small_table"] = small_table(folder)
-        say("exported models")
-        bench["exported"] = exported(folder)
-        say("24 runs on one process and on two")
-        bench["batch"] = batch(folder)
-        say("models of motion")
-        bench["motion"] = motion()
-        bench["frols"], bench["notes"] = regression(say)
+        for name, measure in measures.items():
+            if name in (options.only or measures):
+                say(name)
+                bench[name] = measure()
     options.output.write_text(json.dumps(bench, indent=2) + "\n", encoding="utf-8")
-    print(*regression_lines(bench["frols"]), *other_lines(bench), sep="\n")
-    print(*exported_lines(bench["exported"]), sep="\n")
-    for what, note in bench["notes"].items():
-        print(f"note: {what}: {note}")
+    print(*regression_lines(bench.get("frols", {})), *other_lines(bench), sep="\n")
+    print(*exported_lines(bench.get("exported", {})), sep="\n")
 
 
 def arguments():
@@ -64,6 +62,9 @@ def arguments():
         help="length of the streamed record (100 million; 3.2 GB)",
     )
     parser.add_argument("--megabytes", type=int, default=1000, help="size of the CSV log (1000)")
+    parser.add_argument("--files", type=int, default=5000, help="files of one study (5000)")
+    parser.add_argument("--runs", type=int, default=500, help="small runs of a campaign (500)")
+    parser.add_argument("--only", nargs="+", metavar="NAME", help="these measurements alone")
     parser.add_argument("--output", type=Path, default=Path("bench.json"))
     return parser.parse_args()
 
@@ -71,17 +72,6 @@ def arguments():
 def streamed(samples, folder):
     command = [sys.executable, HERE / "streaming.py", str(samples), folder]
     return json.loads(subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True).stdout)
-
-
-def processor():
-    try:
-        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
-    except OSError:
-        return platform.processor()
-    return next(
-        (line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")),
-        platform.processor(),
-    )
 
 
 def say(what):

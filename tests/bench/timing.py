@@ -23,13 +23,13 @@ def median_seconds(function, runs):
     return median([first, *(seconds(function) for _ in range(runs - 1))])
 
 
-def medians_in_turn(functions, runs):
+def in_turn(functions, runs, of=median):
     """Median seconds of each function by name, run in turns, so that a busy moment of the machine
-    hits all of them alike.
+    hits all of them alike; or the least, which is that of the machine at rest.
     """
     for function in functions.values():
         function()
     rounds = [
         {name: seconds(function) for name, function in functions.items()} for _ in range(runs)
     ]
-    return {name: median(one[name] for one in rounds) for name in functions}
+    return {name: of(one[name] for one in rounds) for name in functions}

@@ -308,12 +308,11 @@ def test_recordings_do_not_lead_into_other_files(reader, tmp_path):
         READERS[reader].read(path, request)
 
 
-def test_a_row_number_that_no_sheet_has_and_thousands_of_sheets_are_refused(tmp_path, monkeypatch):
+def test_a_row_number_that_no_sheet_has_is_refused(tmp_path):
     openpyxl = pytest.importorskip("openpyxl")
     book = openpyxl.Workbook()
     for row in (["x"], [1], [2]):
         book.active.append(row)
-    book.create_sheet("second")
     book.save(tmp_path / "a.xlsx")
     with (
         zipfile.ZipFile(tmp_path / "a.xlsx") as old,
@@ -326,12 +325,8 @@ def test_a_row_number_that_no_sheet_has_and_thousands_of_sheets_are_refused(tmp_
                 .replace(b'r="3"', b'r="999999999999"')
                 .replace(b'"A3"', b'"A999999999999"'),
             )
-    monkeypatch.setattr("mapmore_cli.storage.readers.xlsx.MOST_ROWS", 1000)
-    with pytest.raises(DataError, match="has a row beyond"):
+    with pytest.raises(DataError, match="asks for more memory than its size explains"):
         READERS["xlsx"].read(tmp_path / "far.xlsx", TableRequest("far.xlsx", ("x",)))
-    monkeypatch.setattr("mapmore_cli.storage.readers.xlsx.MOST_SHEETS", 1)
-    with pytest.raises(DataError, match="has 2 sheets"):
-        READERS["xlsx"].read(tmp_path / "a.xlsx", TableRequest("a.xlsx", ("x",)))
 
 
 def test_a_packed_log_that_is_damaged_is_wrong_data_for_everybody(tmp_path):

@@ -13,6 +13,7 @@ import zlib
 from contextlib import suppress
 from functools import cache
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import h5py
 import numpy as np
@@ -23,13 +24,17 @@ from openpyxl import Workbook
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "storage" / "readers"))
 
-from reading import opaque_variable
+import pyarrow as pa
+from pyarrow import parquet
+from reading import opaque_variable, other_workbook
+from test_lvm_reader import FIRST, HEAD
 from test_mat_reader import write_v5
 
 from mapmore_cli.domain.errors import MapmoreError
 from mapmore_cli.storage.readers import READERS, TableRequest
 
 ROWS = 40
+OTHER_BOOKS = ("xls", "ods")
 CELLS = (
     *(
         "",
@@ -101,6 +106,18 @@ def binary(kind):
         book.create_sheet("second").append(["t", "P"])
         book.create_sheet("third").sheet_state = "hidden"
         book.save(stream)
+    elif kind in OTHER_BOOKS:
+        with TemporaryDirectory() as folder:
+            rows = [["t", "P"], *zip(time.tolist(), pressure.tolist(), strict=True)]
+            other_workbook(Path(folder) / f"a.{kind}", rows)
+            return (Path(folder) / f"a.{kind}").read_bytes()
+    elif kind == "lvm":
+        return (HEAD + FIRST + FIRST).encode()
+    elif kind == "npz":
+        np.savez(stream, t=time, P=pressure, y=np.column_stack([time, pressure]), o=[None])
+    elif kind == "parquet":
+        columns = {"t": time, "P": pressure, "o": [None, "a"] * (ROWS // 2)}
+        parquet.write_table(pa.table(columns), stream)
     elif kind == "4.mat":
         content = {"P": pressure, "t": time, "note": "text", "z": time + 1j}
         scipy.io.savemat(stream, content, format="4")
@@ -174,19 +191,23 @@ def changed_matlab(whole, chance, kind):
     return changed_bytes(bytes(changed), chance) if chance.random() < 0.2 else bytes(changed)
 
 
+CELLS_OF = ("xl/worksheets/sheet1.xml", "xl/worksheets/sheet2.xml", "content.xml")
+
+
 def changed_members(whole, chance):
     out = io.BytesIO()
     with zipfile.ZipFile(io.BytesIO(whole)) as old, zipfile.ZipFile(out, "w") as new:
         names = old.namelist()
         victim = chance.choice(
-            [name for name in names if "sheet" in name or chance.random() < 0.2] or names
+            [name for name in names if name in CELLS_OF or chance.random() < 0.2] or names
         )
         for name in names:
             content = old.read(name)
             if name == victim:
                 written = content.decode()
                 if chance.random() < 0.5:
-                    old_part = chance.choice(["<c ", 'r="', "<v>", "</row>", "1", "sheet", "t="])
+                    parts = ["<c ", 'r="', "<v>", "</row>", "1", "sheet", "t=", "value", "cell"]
+                    old_part = chance.choice(parts)
                     content = written.replace(
                         old_part,
                         chance.choice(["", "999999", "<!DOCTYPE a>", "&x;", '"', "-1"]),
@@ -231,13 +252,17 @@ FORMATS = {
         ("run/none",),
     ),
     "tdms": (("run/P", "run/t"), ("no/P",)),
+    **dict.fromkeys(OTHER_BOOKS, (("t", "P"), (0, 1))),
+    "lvm": (("X_Value", "P"), ("Comment",), (0, 2)),
+    "npz": (("t", "P"), ("y[:,1]",), ("o",)),
+    "parquet": (("t", "P"), ("o",)),
 }
 
 
 def attempt(chance, number, folder):
     """Try a file of any format."""
     return attempt_of(
-        chance.choice(["csv", "csv", "csv", "xlsx", "mat", "packed.mat", "hdf5", "tdms"]),
+        chance.choice(["csv", "csv", "csv", "xlsx", *FORMATS]),
         chance,
         number,
         folder,
@@ -251,9 +276,9 @@ def only(*kinds):
 
 def attempt_of(kind, chance, number, folder):
     """Write a file and read it; a table has finite rows, as many as its columns, or is refused."""
-    reader = READERS[kind.rsplit(".", 1)[-1]]
+    reader = READERS["xlsx" if kind in OTHER_BOOKS else kind.rsplit(".", 1)[-1]]
     whole = text(chance) if kind == "csv" else binary(kind)
-    if kind == "xlsx" and chance.random() < 0.7:
+    if kind in ("xlsx", "ods") and chance.random() < 0.7:
         whole = changed_members(whole, chance)
     elif "mat" in kind and chance.random() < 0.7:
         whole = changed_matlab(whole, chance, kind)
@@ -270,7 +295,7 @@ def attempt_of(kind, chance, number, folder):
         delimiter=chance.choice([",", ";", "tab", "whitespace"]),
         decimal=chance.choice([".", ".", ","]),
         encoding=chance.choice(["utf-8", "utf-8", "latin-1", "utf-16"]),
-        sheet=chance.choice([None, None, "S*", "second"]) if kind == "xlsx" else None,
+        sheet=chance.choice([None, None, "S*", "a"]) if reader.name == "xlsx" else None,
         root=chance.choice([None, None, "run", "train[*]"])
         if "mat" in kind or kind == "hdf5"
         else None,
@@ -293,10 +318,11 @@ def attempt_of(kind, chance, number, folder):
 
 
 def warm(_folder):
-    for kind in ("xlsx", "mat", "packed.mat", "4.mat", "hdf5", "tdms"):
+    for kind in FORMATS:
         binary(kind)
+    for reader in READERS.values():
         with suppress(MapmoreError):
-            READERS[kind.rsplit(".", 1)[-1]].read(Path("none"), TableRequest("log", (0,)))
+            reader.read(Path("none"), TableRequest("log", (0,)))
 
 
 TARGET = Target(
@@ -316,7 +342,10 @@ BINARY = tuple(
     )
     for name, library, *kinds in (
         ("MATLAB files", None, "mat", "packed.mat", "4.mat"),
-        ("workbooks", None, "xlsx"),
+        ("workbooks", None, "xlsx", *OTHER_BOOKS),
+        ("LabVIEW texts", None, "lvm"),
+        ("NumPy archives", None, "npz"),
+        ("Parquet files", None, "parquet"),
         ("TDMS files", None, "tdms"),
         ("HDF5 files", "libhdf5", "hdf5"),
     )

@@ -32,14 +32,14 @@ class TitledColumns:
 
     titles: Mapping[Column, str]
     raw: Raw
-    below: Mapping[Column, str] = field(default_factory=dict)
+    units: Mapping[Column, str] = field(default_factory=dict)
 
     def label(self, column: Column) -> ColumnTitle | None:
         """Return what the title says; its unit may stand in the line below."""
         label = read_label(self.titles.get(column, ""))
         if label is None or label.unit:
             return label
-        return replace(label, unit=unit_in(label.quantity, self.below.get(column, "")))
+        return replace(label, unit=unit_in(label.quantity, self.units.get(column, "")))
 
 
 def moves(values: Sequence[Array]) -> bool:
@@ -126,7 +126,7 @@ def _by_title(quantity: str, column: Column, table: TitledColumns) -> NamedColum
     """Return the column in the unit that its title or the line below it says."""
     label, reach = table.label(column), table.raw[column]
     bracketed = _IN_BRACKETS.search(
-        f"{table.titles.get(column, '')} [{table.below.get(column, '')}]"
+        f"{table.titles.get(column, '')} [{table.units.get(column, '')}]"
     )
     unit = bracketed[1].strip() if bracketed else ""
     if label is not None and label.unit:

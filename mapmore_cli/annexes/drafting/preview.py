@@ -4,22 +4,36 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 from mapmore_cli.annexes.drafting.filenames import UNIT
-from mapmore_cli.domain.errors import DataError
+from mapmore_cli.domain.errors import DataError, SpecError
+from mapmore_cli.spec.units import check_unit
 from mapmore_cli.storage.readers import reader_of, suffix_of
 from mapmore_cli.storage.tables import Top
 
 WIDEST, LINES = 2000, 200  # columns, and lines of a table, that `init` looks at
-MOST_HEADER_LINES, MOST_UNIT_LINES = 9, 2
 REMARKS = ("#", "%", "//", "!")  # what a line begins with that is no data
 FEW = 5  # lines
+LETTERS = "smNVAKgh1%-"  # that are units as everybody writes them
 # as microcontrollers plot: `t:12,p:3.4`
 _LABELLED = re.compile(r"\s*[A-Za-z_]\w*\s*[:=]\s*[-+]?[.\d]\S*")
+UNREAD = {
+    "zip 7z rar tar tgz zst": "unpack it",
+    "mf4 mdf": "export it as CSV, as by `asammdf.MDF(path).export('csv')`",
+    "json ndjson jsonl": "save a table, as by `pandas.json_normalize(records).to_csv(...)`",
+    "npy": "save it under a name, as by `numpy.savez('log.npz', force=force)`",
+    "pkl pickle joblib": "it could run code, and is never opened; save its arrays as CSV or .npz",
+    "bag db3 mcap": "export its topics as CSV with the tools of ROS",
+    "feather arrow orc": "save it as Parquet, as by `pandas.read_feather(path).to_parquet(...)`",
+    "db sqlite mdb accdb numbers wav c3d bin raw": "export its table as CSV",
+}
+"""Suffixes of files that may hold data and that no reader takes, and what to do."""
+
 Row = Sequence[Any]
 
 
@@ -28,19 +42,20 @@ class Preview:
     """How a file is read: by which `reader` with which `settings` of `data`, and the `titles` of
     its columns where it has a header.
 
-    `below` are the texts under the titles, as units, where the header has more lines. `sheets` are
-    those of a workbook that are laid out alike, where there is more than one and they are not all;
-    `left` are the others. `addresses` lead to the columns of a file that is a tree. `remark` says
-    that the titles stand in a remark before the numbers, which is no header to read; `told`
-    are the sheets that are read, where each tells what was held, as `2 bar`; `numeric` are the
-    places of columns of numbers.
+    - `units`: of each column as the file writes it, empty where it writes none.
+    - `sheets`: those of a workbook that are laid out alike, where there is more than one and they
+      are not all; `left` are the others; `told` those that are read, where each tells what was
+      held, as `2 bar`.
+    - `addresses`: lead to the columns of a file that is a tree.
+    - `remark`: True where the titles stand in a line that is no header to read.
+    - `numeric`: the places of columns of numbers.
     """
 
     reader: str
     width: int
     titles: tuple[str, ...] | None
     settings: dict[str, Any] = field(default_factory=dict)
-    below: tuple[str, ...] = ()
+    units: tuple[str, ...] = ()
     sheets: tuple[str, ...] = ()
     left: tuple[str, ...] = ()
     addresses: tuple[str, ...] = ()
@@ -50,30 +65,24 @@ class Preview:
 
     @property
     def columns(self) -> tuple[str | int, ...]:
-        """How the spec names the columns: by their addresses, by their titles where each has one of
-        its own, else by their indices.
+        """How the spec names the columns: by their addresses, else by the titles that one column
+        alone has, else by their 0-based indices.
         """
         if self.addresses:
             return self.addresses
-        named = (
-            self.titles is not None
-            and not self.remark
-            and all(self.titles)
-            and len(set(self.titles)) == self.width
-        )
-        return self.titles if named and self.titles is not None else tuple(range(self.width))
+        titles = () if self.titles is None or self.remark else self.titles
+        names = {title for title, count in Counter(titles).items() if title and count == 1}
+        named = tuple(title if title in names else place for place, title in enumerate(titles))
+        return named or tuple(range(self.width))
 
 
-@dataclass(frozen=True)
-class _Table:
-    """A table that was found: its layout, how many rows it has, and how many columns of other texts
-    than words.
-    """
-
-    layout: Preview
-    rows: int
-    doubtful: int
-    sheet: str | None
+def unread(path: Path) -> str | None:
+    """Return why a file that may hold data is passed over, and what to do; None for others."""
+    suffix = suffix_of(path)
+    remedy = next((how for which, how in UNREAD.items() if suffix[1:] in which.split()), None)
+    if remedy is None or reader_of(path) is not None:
+        return None
+    return f"{path.name}: no reader takes {suffix}; {remedy}"
 
 
 def preview(path: Path, least: int = 2) -> Preview:
@@ -82,189 +91,206 @@ def preview(path: Path, least: int = 2) -> Preview:
     """
     reader = reader_of(path)
     if reader is None:
-        raise DataError(
-            f"{path.name}: no reader takes {suffix_of(path) or 'files without a suffix'}",
-            "save the table as CSV",
-        )
+        what = f"{path.name}: no reader takes {suffix_of(path) or 'files without a suffix'}"
+        raise DataError(unread(path) or f"{what}; save the table as CSV")
     remedy = f"write `columns` by hand, as `pressure: {{column: {reader.column}, unit: kPa}}`"
     if reader.peek is None:
         raise DataError(f"{path.name}: its arrays have to be named", remedy)
     try:
         tops = list(reader.peek(path, LINES))
     except DataError as fault:  # what a reader tells of a file says how to save it otherwise
-        raise DataError(
-            ": ".join([fault.message, *([fault.remedy] if fault.remedy else [])])
-        ) from fault
+        raise DataError(": ".join(filter(None, [fault.message, fault.remedy]))) from fault
     if (width := max((len(row) for top in tops for row in top.rows), default=0)) > WIDEST:
         raise DataError(f"{path.name}: has {width} columns, more than {WIDEST}", remedy)
-    tables = [
-        table for table in (_table_in(top, reader.name, least) for top in tops) if table is not None
-    ]
+    tables = [table for top in tops if (table := _table_in(top, least)) is not None]
     if not tables:
-        if any(
-            _LABELLED.fullmatch(str(cell))
-            for top in tops
-            for row in top.rows[-FEW:]
-            for cell in row
-        ):
-            line = f"sed -E 's/[A-Za-z_][A-Za-z_0-9]*[:=] *//g' '{path.name}' > '{path.stem}.csv'"
-            raise DataError(
-                f"{path.name}: its cells are `name:number`; take the names off, as by: {line}"
-            )
-        lines = f" in its first {len(tops[0].rows)} lines" if tops[0].rows else ""
-        raise DataError(
-            f"{path.name}: no table of numbers was found{lines}",
-            f"save the table as CSV, or {remedy}",
+        raise _no_table(path, tops, remedy)
+    best = max(tables, key=lambda table: table.rank)
+    layouts = {table.top.sheet: table.layout(reader.name) for table in tables}
+    if best.top.sheet is None:
+        return best.layout(reader.name)
+    return _of_all_sheets(best.top.sheet, layouts, [top.sheet for top in tops])
+
+
+def _no_table(path: Path, tops: Sequence[Top], remedy: str) -> DataError:
+    last = [str(cell) for top in tops for row in top.rows[-FEW:] for cell in row]
+    if any(map(_LABELLED.fullmatch, last)):
+        line = f"sed -E 's/[A-Za-z_][A-Za-z_0-9]*[:=] *//g' '{path.name}' > '{path.stem}.csv'"
+        return DataError(
+            f"{path.name}: its cells are `name:number`; take the names off, as by: {line}"
         )
-    found = max(tables, key=lambda table: (-table.doubtful, table.rows))
-    return (
-        found.layout
-        if found.sheet is None
-        else _of_all_sheets(found, tables, [top.sheet for top in tops if top.sheet is not None])
+    lines = f" in its first {len(tops[0].rows)} lines" if tops and tops[0].rows else ""
+    return DataError(
+        f"{path.name}: no table of numbers was found{lines}", f"save the table as CSV, or {remedy}"
     )
 
 
-def _of_all_sheets(found: _Table, tables: Sequence[_Table], sheets: Sequence[str]) -> Preview:
-    """Return the layout of the sheet with the most rows, for it and all that are like it."""
-
-    def shape(layout: Preview) -> Preview:
-        return replace(layout, settings={**layout.settings, "sheet": ""}, below=())
-
-    alike = tuple(
-        str(table.sheet) for table in tables if shape(table.layout) == shape(found.layout)
-    )
-    layout = replace(found.layout, left=tuple(sheet for sheet in sheets if sheet not in alike))
+def _of_all_sheets(
+    best: str, layouts: Mapping[str | None, Preview], sheets: Sequence[str | None]
+) -> Preview:
+    """Return the layout of one sheet for it and all that are like it."""
+    shapes = {
+        sheet: replace(layout, settings={**layout.settings, "sheet": ""})
+        for sheet, layout in layouts.items()
+    }
+    alike = tuple(str(sheet) for sheet, shape in shapes.items() if shape == shapes[best])
+    left = tuple(str(sheet) for sheet in sheets if sheet not in alike)
+    layout = replace(layouts[best], left=left)
     if len(alike) == 1:
         return layout
     told = alike if all(re.search(rf"\d\s*{UNIT}", name, re.IGNORECASE) for name in alike) else ()
-    is_every = len(alike) == len(sheets)
-    settings = {**layout.settings, "sheet": "*" if is_every else alike[0]}
-    return replace(layout, settings=settings, sheets=() if is_every else alike, told=told)
+    settings = {**layout.settings, "sheet": alike[0] if left else "*"}
+    return replace(layout, settings=settings, sheets=alike if left else (), told=told)
 
 
-def _table_in(first_rows: Top, reader: str, least: int) -> _Table | None:
+@dataclass(frozen=True)
+class _FoundTable:
+    """A table in the first rows of a file: numbers in the columns `numeric` of `rows` of `wide`
+    cells, from the row `first` on.
+    """
+
+    top: Top
+    rows: Sequence[Row]
+    wide: int
+    numeric: tuple[int, ...]
+    first: int
+
+    @property
+    def columns(self) -> list[list[Any]]:
+        """The filled cells below the header, column by column."""
+        return _filled_by_column(self.rows[self.first :], self.wide)
+
+    @property
+    def rank(self) -> tuple[int, int]:
+        """The lower, the more columns of texts look like numbers, then the fewer rows there are."""
+        texts = (cells for place, cells in enumerate(self.columns) if place not in self.numeric)
+        doubtful = sum(any(map(str.isdigit, str(cells[0]))) for cells in texts if cells)
+        return -doubtful, len(self.rows) - self.first
+
+    def layout(self, reader: str) -> Preview:
+        """Return which line above the numbers has the titles, and which the units."""
+        lines = self.header_lines()
+        titled = self.line_of_titles(lines)
+        titles = [] if titled is None else lines[titled]
+        others = [tuple(lines[line]) for line in sorted(lines) if line != titled]
+        units = self.top.units or next(filter(_are_units, others), ())
+        width = 1 + max([*self.numeric, *(place for place, title in enumerate(titles) if title)])
+        header, skipped = 0, self.first
+        if titled is not None and len(self.rows[titled]) <= self.wide:
+            header, skipped = max(lines) - titled + 1, titled
+        settings = dict(self.top.settings)
+        if not self.top.addresses:
+            settings |= {} if header == 1 else {"header": header or False}
+            settings |= {"skip_rows": skipped} if skipped else {}
+        return Preview(
+            reader,
+            width,
+            (*titles, *[""] * width)[:width] if titles else None,
+            settings,
+            tuple(map(_without_brackets, units[:width])) if any(units) else (),
+            addresses=self.top.addresses,
+            remark=bool(titles) and not header,
+            numeric=self.numeric,
+        )
+
+    def header_lines(self) -> dict[int, list[str]]:
+        """Return the lines right above the numbers that may be titles or units, by their places:
+        they reach as far as the numbers, and no cell beyond these is filled.
+
+        Blank lines may stand below titles and above a line of units. The mark of a remark is no
+        cell, where it stands alone.
+        """
+        lines: dict[int, list[str]] = {}
+        last = max(place for place, cells in enumerate(self.columns) if cells)
+        for place in reversed(range(self.first)):
+            filled = _nonempty(self.rows[place])
+            if not filled:
+                if all(map(_are_units, lines.values())):
+                    continue
+                break
+            cells = ["" if cell is None else str(cell).strip() for cell in self.rows[place]]
+            if len(cells) == self.wide + 1 and cells[0] in REMARKS:
+                cells = cells[1:]
+            has_number = any(map(self.top.is_number, filled)) and not _are_units(cells)
+            if has_number or len(cells) <= last or any(cells[self.wide :]):
+                break
+            lines[place] = cells
+        return lines
+
+    def line_of_titles(self, lines: Mapping[int, list[str]]) -> int | None:
+        """Return the line with the most texts that names half of the columns of numbers, and is no
+        line of units: the first of equals, and the last of remarks, where all are remarks.
+        """
+
+        def rank(line: int) -> tuple[bool, int, int]:
+            is_remark = str(self.rows[line][0]).strip().startswith(REMARKS)
+            return not is_remark, len(_nonempty(lines[line])), line if is_remark else -line
+
+        names = {
+            line: _nonempty([cells[at] for at in self.numeric]) for line, cells in lines.items()
+        }
+        naming = [line for line in sorted(lines) if 2 * len(names[line]) >= len(self.numeric)]
+        titles = [line for line in naming if len(lines) == 1 or not _are_units(lines[line])]
+        return max(titles or naming[:1], key=rank, default=None)
+
+
+def _table_in(top: Top, least: int) -> _FoundTable | None:
     """Return the table that the last rows belong to; None where they are no numbers in enough
     columns.
 
-    Cells may be empty, a word may stand for a missing number, and whole columns may hold words.
-    Rows right before it with as many cells are the header, what stands before these is skipped. The
-    very last row may be cut off, or be a remark.
+    Cells may be empty, a word may stand for a missing number, and whole columns may hold words. The
+    very last row may be cut off; remarks below the table are left out.
     """
-    whole, width = _without_closing_lines(first_rows.rows)
-    numeric = _numeric_columns(
-        [row for row in whole[len(whole) // 2 :] if len(row) == width], first_rows.is_number
+    rows = top.rows[:-1] if len(top.rows) > 1 else top.rows
+    widths = Counter(len(row) for row in rows[len(rows) // 2 :] if _nonempty(row))
+    wide = widths.most_common(1)[0][0] if widths else 0
+    end = max((i for i, row in enumerate(rows) if len(row) == wide and _nonempty(row)), default=-1)
+    rows = rows[: end + 1]
+    numeric = tuple(
+        place
+        for place, cells in enumerate(_filled_by_column(rows[len(rows) // 2 :], wide))
+        if 2 * sum(map(top.is_number, cells)) > len(cells)
     )
-    if len(numeric) < least:
+
+    def has_numbers(row: Row) -> bool:
+        cells = _nonempty([row[place] for place in numeric]) if len(row) == wide else []
+        count = sum(map(top.is_number, cells))
+        # a line of units may have a number, as `kPa;1`
+        return count > 0 and (count == len(cells) or not _are_units([*map(str, cells)]))
+
+    filled = [place for place, row in enumerate(rows) if _nonempty(row)]
+    above = max((place for place in filled if not has_numbers(rows[place])), default=-1)
+    first = next((place for place in filled if place > above), None)
+    if len(numeric) < least or first is None:
         return None
-    blank = [not _nonempty(row) for row in whole]
-    filled = [
-        _nonempty([row[place] for place in numeric])
-        if len(row) == width or (reader == "xlsx" and len(row) > width)
-        else []
-        for row in whole
-    ]
-    numbers = [sum(map(first_rows.is_number, cells)) for cells in filled]
-    start = next((i for i in range(len(whole), 0, -1) if not (blank[i - 1] or numbers[i - 1])), 0)
-    unit_lines = range(start, min(start + MOST_UNIT_LINES, len(whole)))  # `kPa;1` has a number
-    first = next(
-        (
-            i + 1
-            for i in reversed(unit_lines)
-            if start and filled[i] and 2 * numbers[i] <= len(filled[i])
-        ),
-        start,
-    )
-    while first < len(whole) and blank[first]:
-        first += 1
-    # beyond the table a sheet may hold notes
-    least = max(numeric) + 1 if reader == "xlsx" else width
-    top = next(
-        (
-            i
-            for i in range(first, 0, -1)
-            if blank[i - 1] or not _may_be_titles(whole[i - 1], width, least)
-        ),
-        0,
-    )
-    if first == len(whole) or first - top > MOST_HEADER_LINES:
-        return None
-    counts = [len(_nonempty(row)) for row in whole[top:first]]
-    # names of a rig or a date stand in few cells
-    top += next((place for place, count in enumerate(counts) if 2 * count > max(counts)), 0)
-    header = first - top
-    above = [[*row, *(None for _ in range(width - len(row)))] for row in whole[top:first]]
-    titles = (
-        tuple("" if cell is None else str(cell).strip().strip('"') for cell in above[0])
-        if header
-        else None
-    )
-    below = tuple(
-        " ".join(str(row[place]) for row in above[1:] if row[place] is not None)
-        for place in range(width)
-    )
-    shape = {
-        **({} if header == 1 else {"header": header or False}),
-        **({"skip_rows": top} if top else {}),
-    }
-    layout = Preview(
-        reader,
-        width,
-        titles,
-        {**first_rows.settings, **shape},
-        below if header > 1 else (),
-        numeric=tuple(numeric),
-    )
-    if (
-        not header
-        and first
-        and len(whole[first - 1]) == width + 1
-        and whole[first - 1][0] in REMARKS
-    ):
-        layout = replace(layout, titles=tuple(map(str, whole[first - 1][1:])), remark=True)
-    if first_rows.addresses:
-        layout = replace(layout, settings={**first_rows.settings}, addresses=first_rows.addresses)
-    words = [
-        _nonempty([row[place] for row in whole[first:] if len(row) == width])
-        for place in range(width)
-        if place not in numeric
-    ]
-    doubtful = sum(any(mark in str(cells[0]) for mark in "0123456789") for cells in words if cells)
-    return _Table(layout, len(whole) - first, doubtful, first_rows.sheet)
+    return _FoundTable(top, rows, wide, numeric, first)
 
 
-def _may_be_titles(row: Row, width: int, least: int) -> bool:
-    """Return True for a row of as many cells as the table, or of as many filled ones as it needs at
-    `least`.
+def _filled_by_column(rows: Sequence[Row], wide: int) -> list[list[Any]]:
+    return [*map(_nonempty, zip(*(row for row in rows if len(row) == wide), strict=True))]
+
+
+def _are_units(cells: Sequence[str]) -> bool:
+    filled = _nonempty(cells)
+    return 2 * sum(map(_reads_as_unit, filled)) > len(filled)
+
+
+def _reads_as_unit(cell: str) -> bool:
+    """Return True for a unit; of single letters, which titles are as well, for those in daily
+    use.
     """
-    return len(row) == width or (
-        len(row) < width and len(row) >= least and len(_nonempty(row)) == len(row)
-    )
+    unit = _without_brackets(cell)
+    if len(unit) == 1:
+        return unit in LETTERS
+    with suppress(SpecError):
+        check_unit(unit)
+        return True
+    return False
 
 
-def _without_closing_lines(rows: Sequence[Row]) -> tuple[Sequence[Row], int]:
-    """Return the rows without the last one and without closing remarks, and the number of cells
-    that most of the later ones have.
-    """
-    whole = rows[:-1] if len(rows) > 1 else rows
-    widths = Counter(len(row) for row in whole[len(whole) // 2 :] if _nonempty(row))
-    width = widths.most_common(1)[0][0] if widths else 0
-    end = next(
-        (
-            i
-            for i in range(len(whole), 0, -1)
-            if len(whole[i - 1]) == width and _nonempty(whole[i - 1])
-        ),
-        0,
-    )
-    return whole[:end], width
-
-
-def _numeric_columns(rows: Sequence[Row], is_number: Callable[[Any], bool]) -> list[int]:
-    """Return the columns of which most cells that are filled are numbers."""
-    columns = [_nonempty(cells) for cells in zip(*rows, strict=True)]
-    return [
-        place for place, cells in enumerate(columns) if 2 * sum(map(is_number, cells)) > len(cells)
-    ]
+def _without_brackets(unit: str) -> str:
+    """Return a unit without the mark of a remark before it and the brackets around it."""
+    return re.sub(r"^[(\[{<]\s*(.*?)\s*[)\]}>]$", r"\1", unit.lstrip("# "))
 
 
 def _nonempty(row: Row) -> list[Any]:

@@ -104,11 +104,11 @@ def table_of(group: Group, folder: Path) -> TitledColumns:
                 last = fault
     if not raw:
         raise last
-    titles, below = (
+    titles, units = (
         dict(zip(layout.columns, texts, strict=False))
-        for texts in (layout.titles or (), layout.below)
+        for texts in (layout.titles or (), layout.units)
     )
-    return TitledColumns(titles, raw, below)
+    return TitledColumns(titles, raw, units)
 
 
 def _read_columns(

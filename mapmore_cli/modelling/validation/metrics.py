@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import Array
+from mapmore_cli.domain.arrays import Array, BoolArray
 from mapmore_cli.domain.recording import DIRECTION, Dataset
 from mapmore_cli.domain.results import ErrorBand, Forecast
 from mapmore_cli.domain.scores import Score
@@ -129,34 +129,38 @@ values have the narrower ones.
 """
 
 
+def judged(dataset: Dataset) -> list[BoolArray]:
+    """Return which samples of each curve a model is judged by: those held out where there are any,
+    else those that train.
+    """
+    held_out = any(curve.held_out.any() for curve in dataset.curves)
+    return [curve.held_out if held_out else curve.training for curve in dataset.curves]
+
+
 def bands(dataset: Dataset, predictions: Mapping[str, tuple[Array, ...]]) -> tuple[ErrorBand, ...]:
-    """RMSE of every model in each band, over the held-out samples where there are any, else the
-    training samples.
+    """RMSE of every model in each band, over the `judged` samples.
 
     `predictions` are by model, for every curve of the dataset. A band without samples is left out.
     """
-    some_held_out = any(curve.held_out.any() for curve in dataset.curves)
-    masks = [curve.held_out if some_held_out else curve.training for curve in dataset.curves]
+    masks = judged(dataset)
 
-    def chosen(values: Sequence[Array]) -> Array:
+    def chosen(values: Iterable[Array]) -> Array:
         return np.concatenate([own[mask] for own, mask in zip(values, masks, strict=True)])
 
-    measured = chosen([curve.columns[dataset.target] for curve in dataset.curves])
+    measured = chosen(curve.columns[dataset.target] for curve in dataset.curves)
     errors = {model: chosen(values) - measured for model, values in predictions.items()}
-    size = np.abs(measured)
-    edges = np.array(EDGES) * float(size.max(initial=0.0))
-    inside = np.digitize(size, edges[1:-1], right=True)
+    edges = np.array(EDGES) * float(np.abs(measured).max(initial=0.0))
+    inside = np.digitize(np.abs(measured), edges[1:-1], right=True)
     told = []
-    for number, (low, high) in enumerate(pairwise(edges)):
+    for number, (low, high) in enumerate(pairwise(edges.tolist())):
         rows = inside == number
-        if rows.any():
-            known = {model: error[rows & np.isfinite(error)] for model, error in errors.items()}
-            rmse = {
-                model: float(np.sqrt(np.mean(error**2))) if len(error) else math.nan
-                for model, error in known.items()
-            }
-            told.append(ErrorBand(float(low), float(high), int(rows.sum()), rmse))
-    return tuple(told)
+        known = {model: error[rows & np.isfinite(error)] for model, error in errors.items()}
+        rmse = {
+            model: float(np.sqrt(np.mean(error**2))) if len(error) else math.nan
+            for model, error in known.items()
+        }
+        told.append(ErrorBand(low, high, int(rows.sum()), rmse))
+    return tuple(band for band in told if band.samples)
 
 
 # names of the splits, and whether their samples are held out

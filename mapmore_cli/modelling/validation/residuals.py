@@ -19,6 +19,7 @@ from mapmore_cli.domain.scores import OWN, Score
 from mapmore_cli.modelling import literature
 from mapmore_cli.modelling.kinds import outside_range
 from mapmore_cli.modelling.validation.intervals import NORMAL
+from mapmore_cli.modelling.validation.metrics import judged
 
 LAGS = 25  # longest lag, samples; less where records are short
 # parts of the range of an input, each with as many samples, in which the mean residual is told
@@ -31,8 +32,8 @@ FEWEST = 20  # samples below which nothing is tested
 def residual_tests(
     model: Model, dataset: Dataset, predicted: Sequence[Array], order_by: str | None
 ) -> tuple[ResidualTest, ...]:
-    """Return the autocorrelation of the residuals and a test with each input, on the held-out
-    samples where there are any; nothing where samples are few, or errors are all alike.
+    """Return the autocorrelation of the residuals and a test with each input, on the `judged`
+    samples; nothing where these are few, or errors are all alike.
 
     `predicted` is by curve. Samples are in the order of the quantity `order_by`, and inputs are
     held against the residuals by parts of their range; where it is None, samples are in order of
@@ -40,9 +41,7 @@ def residual_tests(
     """
     residuals: list[Array] = []
     columns: dict[str, list[Array]] = {quantity.name: [] for quantity in model.inputs}
-    held_out = any(curve.held_out.any() for curve in dataset.curves)
-    for curve, values in zip(dataset.curves, predicted, strict=True):
-        wanted = curve.held_out if held_out else curve.training
+    for curve, values, wanted in zip(dataset.curves, predicted, judged(dataset), strict=True):
         errors = values - curve.columns[dataset.target]
         logs: Sequence[IntArray] = curve.logs
         if order_by is not None:

@@ -12,20 +12,17 @@ from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.recording import Dataset
 from mapmore_cli.domain.results import Validation
 from mapmore_cli.modelling.kinds import runs_over_time
-from mapmore_cli.modelling.signals.sampling import envelope
+from mapmore_cli.modelling.signals.sampling import MANY, envelope
 from mapmore_cli.modelling.validation.metrics import bands
 from mapmore_cli.modelling.validation.residuals import residual_tests
-
-MOST = 20_000
-"""Samples of a curve or a recording that figures and quantiles are made of."""
 
 
 def for_report(validation: Validation, model: Model, dataset: Dataset) -> Validation:
     """Return the validation of all samples with error bands, residual tests, and the samples that
     figures show.
 
-    Of a curve longer than `MOST` these are the least and the greatest measured value and error in
-    each of `MOST / 4` runs of samples; of a recording, those of its quantities.
+    Of a curve longer than `MANY` these are the least and the greatest measured value and error in
+    each of `MANY / 4` runs of samples; of a recording, those of its quantities.
     """
     predictions = validation.predictions
     own = next(iter(predictions.values()))
@@ -36,7 +33,7 @@ def for_report(validation: Validation, model: Model, dataset: Dataset) -> Valida
         validation, along=course, bands=bands(dataset, predictions), residual_tests=tests
     )
     recordings, curves = dataset.recordings, dataset.curves
-    if max([one.rows_kept for one in recordings] + [one.size for one in curves]) <= MOST:
+    if max([one.rows_kept for one in recordings] + [one.size for one in curves]) <= MANY:
         return made
     of_curves = [
         _extremes([y := curve.columns[dataset.target], values - y])
@@ -55,8 +52,8 @@ def for_report(validation: Validation, model: Model, dataset: Dataset) -> Valida
 
 
 def _extremes(columns: Sequence[Array]) -> IntArray:
-    """Return the numbers of at most `MOST` rows, with the extremes of every column."""
-    rows = [envelope(values, MOST // len(columns)) for values in columns]
+    """Return the numbers of at most `MANY` rows, with the extremes of every column."""
+    rows = [envelope(values, MANY // len(columns)) for values in columns]
     return np.unique(np.concatenate(rows))
 
 

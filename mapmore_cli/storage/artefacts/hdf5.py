@@ -41,7 +41,7 @@ LONG, HUGE = 4096, 1 << 20
 stay contiguous, so that any reader finds them at once; huge ones, so that they can be mapped, and
 because compressing them takes longer than all else."""
 
-MANY = 200
+UNSHARED = 200
 """Members of lists whose short arrays lie in datasets of their own; those of more lie in one."""
 
 MOST_ATTRIBUTES, LONGEST_WORD = 100, 4096
@@ -95,7 +95,7 @@ def put_arrays(file: h5py.File, arrays: Sequence[Waiting], digest: Any) -> None:
     for one in arrays:
         path = one.reference[ARRAY]
         whole = shared_path(path)
-        alone = one.value.size >= LONG or shared[whole] <= MANY
+        alone = one.value.size >= LONG or shared[whole] <= UNSHARED
         datasets.setdefault(path if alone else whole, []).append(one)
     for path, members in datasets.items():
         value, start = members[0].value, 0

@@ -1,4 +1,4 @@
-"""Delimited text, plain or gzipped, in the dialects that loggers write."""
+"""Delimited text, plain or packed, in the dialects that loggers write."""
 
 from __future__ import annotations
 
@@ -77,9 +77,9 @@ class Layout:
 def read_csv(path: Path, request: TableRequest) -> list[RawTable]:
     """Read the wanted columns of a text file.
 
-    Gzip is recognised by content, not by name; lines end in LF, CR LF or CR. Blank lines are
-    skipped (they count as header lines and as skipped rows); an empty field is NaN. Fields beyond
-    the last column may only be blank.
+    Packing (gzip, bzip2, xz) is recognised by content, not by name; lines end in LF, CR LF or CR.
+    Blank lines are skipped (they count as header lines and as skipped rows); an empty field is NaN.
+    Fields beyond the last column may only be blank.
 
     Raises
     ------
@@ -87,7 +87,7 @@ def read_csv(path: Path, request: TableRequest) -> list[RawTable]:
         Empty, damaged or binary file; a missing column; a record with too few or too many fields; a
         field that is not a number.
     """
-    with reading(request.label, "gzip file", UNREADABLE):
+    with reading(request.label, "text file", UNREADABLE):
         try:
             with open_lines(path, request.encoding, request.label) as (lines, raw):
                 return [_parse(lines, raw, request)]
@@ -337,7 +337,7 @@ def peek_csv(path: Path, most: int) -> Iterable[Top]:
     """Return the first lines of a text file, cut in every way that is usual; those with decimal
     points first.
     """
-    with reading(path.name, "gzip file", UNREADABLE):
+    with reading(path.name, "text file", UNREADABLE):
         encoding = guess_encoding(path)
         with open_lines(path, encoding, path.name, errors="replace") as (taken, _):
             lines = [line.rstrip("\r\n") for line in islice(taken, most)]

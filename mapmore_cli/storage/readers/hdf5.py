@@ -11,6 +11,8 @@ import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from contextvars import ContextVar
+from dataclasses import replace
+from functools import partial
 from importlib import import_module
 from itertools import zip_longest
 from pathlib import Path
@@ -33,6 +35,7 @@ from mapmore_cli.storage.tables.members import (
     array_of,
     group_of,
     size_in_words,
+    table_of_fields,
 )
 from mapmore_cli.storage.tables.overview import tree_reader
 
@@ -69,22 +72,20 @@ def _member(node: Any) -> Member:
     if getattr(node, "shape", None) is None:
         return EMPTY
     if fields := node.dtype.names:
-        size = size_in_words(node.shape)
-        return Member(
-            f"a table of {size}",
-            fields,
-            lambda name: Member(f"a field of {size}", values=_reader(node, name), shape=node.shape),
-        )
+        return table_of_fields(fields, node.shape, partial(_reader, node))
     said = {name: value for name in PACKING if (value := _attribute(node, name)) is not None}
     for name, value in said.items():
         if isinstance(value, str) and name != UNSIGNED:
             raise DataError(f"{node.name}: its attribute {name} is no number", "write it as one")
     read = _reader(node)
-    unit = next(filter(None, (_attribute(node, name) for name in UNIT)), "")
-    noted = Noted(str(unit), is_scaled="scale_factor" in said or "add_offset" in said)
+    noted = replace(_unit_noted(node), is_scaled="scale_factor" in said or "add_offset" in said)
     return array_of(
         (lambda selection: _meant(read(selection), said)) if said else read, node.shape, noted
     )
+
+
+def _unit_noted(node: Any) -> Noted:
+    return Noted(str(next(filter(None, (_attribute(node, name) for name in UNIT)), "")))
 
 
 def _below(group: Any, name: str) -> Member:
@@ -241,7 +242,7 @@ def _matlab_array(dataset: Any) -> Member:
         whole = (*selection, *(slice(None),) * (len(shape) - len(selection)))[::-1]
         return np.transpose(_own_values(dataset, whole)[whole])
 
-    return array_of(read, shape)
+    return array_of(read, shape, _unit_noted(dataset))
 
 
 def _class_of(node: Any) -> str:

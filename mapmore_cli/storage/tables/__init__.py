@@ -122,7 +122,8 @@ class Top:
     `is_number` tells cells that hold numbers.
 
     `addresses` are how the spec names the columns, where these lie in a tree; `sheet` is the title
-    of the sheet, in a workbook.
+    of the sheet, in a workbook; `units` are those of all columns, where the file says them apart
+    from its rows.
     """
 
     rows: Sequence[Sequence[Any]]
@@ -130,6 +131,7 @@ class Top:
     settings: Mapping[str, Any] = field(default_factory=dict)
     addresses: tuple[str, ...] = ()
     sheet: str | None = None
+    units: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -144,8 +146,8 @@ class Reader:
     - `column`: how the spec names a column, as an example.
     - `by_index`: whether columns also go by their 0-based index.
     - `peek`: reads the first rows of a file in every way that it may be meant, the likeliest first;
-      None where columns have to be named by
-      hand.
+      None where columns have to be named by hand.
+    - `begins`: how such files begin, whatever their names; empty where that is no sign.
     """
 
     name: str
@@ -155,6 +157,7 @@ class Reader:
     column: str = "force"
     by_index: bool = True
     peek: Callable[[Path, int], Iterable[Top]] | None = None
+    begins: bytes = b""
 
 
 def locate_columns(
@@ -187,7 +190,7 @@ def locate_columns(
         elif not count:
             raise DataError(
                 f"{label}: there is no column '{column}'",
-                hint or known_names(column, names, "The header has"),
+                hint or known_names(column, list(filter(None, names)), "The header has"),
             )
         else:
             places[column] = names.index(column)

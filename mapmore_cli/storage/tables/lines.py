@@ -4,17 +4,20 @@ line.
 
 from __future__ import annotations
 
+import bz2
 import codecs
 import csv
 import gzip
 import io
+import lzma
 import os
+import re
 import zlib
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from io import BufferedReader
 from pathlib import Path
-from typing import IO, TextIO, cast
+from typing import IO, Any, TextIO
 
 from mapmore_cli.domain.errors import DataError, WriteError
 from mapmore_cli.storage.atomic import written
@@ -26,17 +29,32 @@ LONGEST = 10_000_000
 
 TEXT_ERRORS = "surrogateescape"
 
-UNREADABLE = (OSError, EOFError, zlib.error)
+UNREADABLE = (OSError, EOFError, zlib.error, lzma.LZMAError)
 """What opening, reading and unpacking raise."""
+
+_UNPACKED: dict[bytes, Callable[[Any], Any]] = {
+    b"\x1f\x8b": gzip.open,
+    b"BZh": bz2.open,
+    b"\xfd7zXZ": lzma.open,
+}
+"""How packed files begin, and what unpacks them."""
+
+
+def name_of_packed(name: str) -> str:
+    """Return the name of a file without the suffix that says how it is packed: `a.csv` of
+    `a.csv.gz`.
+    """
+    return re.sub(r"\.(gz|bz2|xz)$", "", name, flags=re.IGNORECASE)
 
 
 def is_zipped(raw: BufferedReader) -> bool:
-    """Whether an open file is gzipped, by how it begins."""
-    return raw.peek(2)[:2] == b"\x1f\x8b"
+    """Whether an open file is packed by gzip, bzip2 or xz, by how it begins."""
+    return raw.peek(5).startswith(tuple(_UNPACKED))
 
 
 def _unzipped(raw: BufferedReader) -> IO[bytes]:
-    return cast(IO[bytes], gzip.GzipFile(fileobj=raw)) if is_zipped(raw) else raw
+    ways = (way for begin, way in _UNPACKED.items() if raw.peek(5).startswith(begin))
+    return next((way(raw) for way in ways), raw)
 
 
 @contextmanager
@@ -64,7 +82,7 @@ def lines_of(
     """
     label = str(path)
     with (
-        reading(label, "gzip file", UNREADABLE),
+        reading(label, "text file", UNREADABLE),
         open_lines(path, "utf-8", label, TEXT_ERRORS) as (lines, raw),
     ):
         size = os.fstat(raw.fileno()).st_size if raw.seekable() else 0  # a pipe has none
@@ -121,8 +139,15 @@ class Lines(Iterator[str]):
         return text
 
 
+def head_of(path: Path) -> bytes:
+    """Return the first bytes of a file, plain or packed; none of one that cannot be read."""
+    with suppress(*UNREADABLE), path.open("rb") as raw:
+        return _unzipped(raw).read(65536)
+    return b""
+
+
 def guess_encoding(path: Path) -> str:
-    """Return the encoding of a text file, plain or gzipped, as its beginning tells."""
+    """Return the encoding of a text file, plain or packed, as its beginning tells."""
     with path.open("rb") as raw:
         return encoding_of(_unzipped(raw).read(65536))
 

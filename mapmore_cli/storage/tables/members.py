@@ -77,6 +77,20 @@ def size_in_words(shape: Iterable[int]) -> str:
     return " x ".join(map(str, shape)) or "a single value"
 
 
+def table_of_fields(
+    fields: Sequence[str],
+    shape: tuple[int, ...],
+    values: Callable[[str], Callable[[Selection], Any]],
+) -> Member:
+    """Return an array of records, whose fields are members; `values` gives what reads a field."""
+    size = size_in_words(shape)
+    return Member(
+        f"a table of {size}",
+        fields,
+        lambda name: Member(f"a field of {size}", values=values(name), shape=shape),
+    )
+
+
 def group_of(kind: str, names: Sequence[str], member: Callable[[str], Member]) -> Member:
     """Return a group whose members are its elements as well, in natural order: run_2 before
     run_10.
@@ -93,12 +107,11 @@ def group_of(kind: str, names: Sequence[str], member: Callable[[str], Member]) -
     return Member(kind, names, member, len(names), lambda number: member(in_order[number]))
 
 
-def parse_address(text: str) -> tuple[str | Selection, ...]:
-    """Return the steps of an address: names after `.` or `/`, and 0-based indices in brackets.
-    Raises DataError.
+def parse_address(text: str, position: int = 0) -> tuple[str | Selection, ...]:
+    """Return the steps of an address from a position on: names after `.` or `/`, and 0-based
+    indices in brackets. Raises DataError.
     """
     steps: list[str | Selection] = []
-    position = 0
     while position < len(text):
         step = _STEP.match(text, position)
         if step is None or (step["separator"] and step["name"] is None):
@@ -136,7 +149,7 @@ def tables(top: Member, request: TableRequest) -> list[RawTable]:
     root = request.root or ""
     place = root.removesuffix(EVERY)
     label = f"{request.label}:{place}" if root else request.label
-    base = _follow(top, parse_address(place), root, request.label)
+    base = _follow(top, _steps_to(place, top), root, request.label)
     if place == root:
         return [_table_of_member(base, request, label)]
     if base.count is None and base.names:
@@ -163,10 +176,17 @@ def tables(top: Member, request: TableRequest) -> list[RawTable]:
 
 
 def _steps_to(column: SourceColumn, base: Member) -> tuple[str | Selection, ...]:
-    """Return the steps to a column; a name that is a member's as a whole is one step."""
+    """Return the steps to a column; a member's name is one step, whatever marks are in it."""
     if isinstance(column, int):
         return ((slice(None), column),)
-    return (column,) if column in base.names else parse_address(column)
+    steps, end = list[str](), 0
+    while begun := [
+        name for name in base.names if re.match(rf"[./]?{re.escape(name)}($|[./\[])", column[end:])
+    ]:
+        steps.append(max(begun, key=len))
+        base = base.member(steps[-1])
+        end = column.index(steps[-1], end) + len(steps[-1])
+    return (*steps, *parse_address(column, end))
 
 
 def _has_some(element: Member, request: TableRequest) -> bool:
@@ -186,7 +206,7 @@ def _table_of_member(
     columns: dict[SourceColumn, Array] = {}
     for column in request.columns:
         columns[column], noted[column] = _column(base, column, label, request.cells(column))
-    _refuse_other_clocks(noted, label)
+    refuse_other_clocks(noted, label)
     lengths = {column: len(values) for column, values in columns.items()}
     shortest, longest = min(lengths, key=lengths.__getitem__), max(lengths, key=lengths.__getitem__)
     n = lengths[shortest]
@@ -203,7 +223,7 @@ def _table_of_member(
     return RawTable(columns, np.arange(n), label, "index", element, noted=noted)
 
 
-def _refuse_other_clocks(noted: Mapping[SourceColumn, Noted], label: str) -> None:
+def refuse_other_clocks(noted: Mapping[SourceColumn, Noted], label: str) -> None:
     """Raise DataError for columns that were not sampled together, as the file itself says."""
     timed = [(column, told) for column, told in noted.items() if told.step]
     for column, told in timed[1:]:

@@ -5,10 +5,10 @@ reader that every format of trees has.
 from __future__ import annotations
 
 import re
-from collections import Counter, defaultdict
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import AbstractContextManager, suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NamedTuple
 
@@ -16,7 +16,7 @@ import numpy as np
 
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.storage.tables import RawTable, Reader, TableRequest, Top
+from mapmore_cli.storage.tables import Noted, RawTable, Reader, TableRequest, Top
 from mapmore_cli.storage.tables.cells import CellReader
 from mapmore_cli.storage.tables.members import EVERY, Member, as_numbers, tables
 
@@ -66,7 +66,7 @@ class Column:
     - `address`, `title`: how a spec names it, and its name; None for a column of a matrix.
     - `group`: the address of what it lies in.
     - `length`, `values`: its length, and its first values.
-    - `step`: seconds between its samples, 0 where the file says nothing.
+    - `noted`: what the file says of it.
     """
 
     address: str
@@ -74,7 +74,7 @@ class Column:
     group: str
     length: int
     values: Array
-    step: float = 0.0
+    noted: Noted = field(default_factory=Noted)
 
 
 def first_rows(top: Member, most: int, separator: str = "/") -> Top:
@@ -82,9 +82,8 @@ def first_rows(top: Member, most: int, separator: str = "/") -> Top:
     of at least two.
 
     Groups of the same members, and elements of an array, are recordings (`root` ends in `[*]`) of
-    which the first one is shown; members with other names may lie beside them. Logs of Simulink
-    (`X.time` beside `X.signals.values`) are one. A number named `fs` or `dt` is the log's
-    `sample_time`, where the file notes none.
+    which the first one is shown; members with other names may lie beside them. A number named `fs`
+    or `dt` is the log's `sample_time`, where the file notes none.
     """
     places = _places(top, separator)
     root, log, columns = next(
@@ -97,47 +96,65 @@ def first_rows(top: Member, most: int, separator: str = "/") -> Top:
     )
     for name in () if log else top.names:
         top.member(name)  # tells of an object that only its own program can read
-    step = next((column.step for column in log if column.step), None) or _sample_time(columns)
-    titles = [column.title for column in log]
+    steps = (column.noted.step for column in log)
+    step = next(filter(None, steps), None) or _sample_time(columns)
+    titles = [column.title or column.address for column in log]
+    is_titled = any(column.title for column in log)
     rows = zip(*(column.values.tolist() for column in log), strict=True)
     return Top(
-        [*([] if None in titles else [titles]), *rows],
+        [*([titles] if is_titled else []), *rows],
         lambda cell: isinstance(cell, float),
         {key: value for key, value in (("root", root), ("sample_time", step)) if value is not None},
         tuple(column.address for column in log),
+        units=tuple(column.noted.unit for column in log),
     )
 
 
 def _places(top: Member, separator: str) -> list[Place]:
     """Return a tree's members level by level; so many of them, as links may lead in circles."""
     places = [Place("", "", "", top)]
-    for group in places:  # which grows meanwhile
-        for name in group.member.names:
+    for address, _, _, here in places:  # which grows meanwhile
+        for name in here.names or range(here.count or 0):
             if len(places) > MOST_MEMBERS:
                 return places
-            if (member := _readable(group.member, name)) is not None:
-                address = f"{group.address}{separator}{name}" if group.address else name
-                places.append(Place(address, name, group.address, member))
+            if (member := _readable(here, name)) is not None:
+                part = f"[{name}]" if isinstance(name, int) else f"{separator}{name}"
+                title = _title_of(here, str(name), address.partition(separator)[0])
+                inner = f"{address}{part}".removeprefix(separator)
+                places.append(Place(inner, title, address, member))
     return places
 
 
-def _readable(here: Member, name: str) -> Member | None:
-    """Return a member; None where there is none, or nothing that can be read, or that an address
-    leads to.
+def _title_of(here: Member, name: str, variable: str) -> str:
+    """Return the name of a member; values that Simulink logs are called by their label, else by the
+    block or the variable that they lie in.
     """
-    if name not in here.names or re.search(r"[./\[\]]", name) or name != name.strip():
-        return None
-    try:
-        return here.member(name)
-    except DataError:
-        return None
+    if name != "values" or "dimensions" not in here.names:
+        return name
+    block = _text(here, "blockName").rpartition("/")[2]
+    return _text(here, "label") or block or variable
+
+
+def _text(here: Member, name: str) -> str:
+    """Return the text of a member; empty where it has none."""
+    member = _readable(here, name)
+    return str(member.values(())[0]) if member is not None and member.kind == "text" else ""
+
+
+def _readable(here: Member, name: str | int) -> Member | None:
+    """Return a member or an element; None where there is none, or nothing that can be read."""
+    with suppress(DataError):
+        if isinstance(name, int):
+            return here.element(name)
+        if name in here.names:
+            return here.member(name)
+    return None
 
 
 def _ways_to_read(
     places: Sequence[Place], separator: str, most: int
 ) -> Iterator[tuple[str | None, list[Column]]]:
-    """Yield `root` and the columns below it: of Simulink's logs, of recordings, and of the file."""
-    yield None, list(_simulink_columns(places, separator, most))
+    """Yield `root` and the columns below it: of recordings, and of the file."""
     for place in places:
         with suppress(DataError):
             if (first := _first_recording(place.member)) is not None:
@@ -148,7 +165,8 @@ def _ways_to_read(
 def _first_recording(here: Member) -> Member | None:
     """Return the first element of an array, or the first of two groups or more of the same names.
 
-    Beside these may be single values, and groups that have none of these names.
+    Beside these may be single values, and groups that have none of these names. Simulink's structs
+    with time are signals of one recording.
     """
     if not here.count or not here.names:
         return here.element(0) if here.count else None
@@ -157,55 +175,30 @@ def _first_recording(here: Member) -> Member | None:
         return None
     names = [frozenset(element.names) for element in elements]
     ((shared, count),) = Counter(filter(None, names)).most_common(1) or [(frozenset(), 0)]
-    if count < 2 or any(shared & own for own in names if own != shared):
+    if (
+        count < 2
+        or {"time", "signals"} <= shared
+        or any(shared & own for own in names if own != shared)
+    ):
         return None
     return elements[names.index(shared)]
 
 
-def _simulink_columns(places: Sequence[Place], separator: str, most: int) -> Iterator[Column]:
-    """Yield the columns of structs with time, titled by their labels, else by the block or the
-    variable that they lie in.
-    """
-    groups = {place.address: place for place in places}
-    for address, name, group, signals in places:
-        if name != "signals" or not group:
-            continue
-        count = min(signals.count or 0, MOST_MEMBERS)
-        elements = {f"{address}[{i}]": signals.element(i) for i in range(count)}
-        for place, signal in (elements or {address: signals}).items():
-            block = _text(signal, "blockName").rpartition("/")[2]
-            title = _text(signal, "label") or block or groups[group].name
-            values = _readable(signal, "values")
-            if values is not None and values.is_array:
-                columns = _columns_of(Place(f"{place}.values", title, "", values), most)
-                yield from (replace(column, title=title, group="") for column in columns)
-        clock = _readable(groups[group].member, "time")
-        if clock is not None and clock.is_array:
-            yield from _columns_of(Place(f"{group}{separator}time", "time", "", clock), most)
-
-
-def _text(here: Member, name: str) -> str:
-    """Return the text of a member, of characters or of their codes; empty where there is none."""
-    member = _readable(here, name)
-    if member is None or not member.is_array:
-        return ""
-    letters = np.asarray(member.values(())).reshape(-1)
-    if letters.dtype.kind == "u":
-        return "".join(map(chr, letters))
-    return str(letters[0]) if letters.dtype.kind == "U" and letters.size else ""
-
-
 def _log(columns: Sequence[Column]) -> list[Column]:
-    """Return the columns of one length that lie together, the longest of these; where none lie
-    together, those of one length anywhere.
+    """Return the columns of one length that lie together, the longest of these, and those of this
+    length in the groups around; where none lie together, those of one length anywhere.
     """
     for together in (True, False):
-        logs = defaultdict[tuple[int, str], list[Column]](list)
-        for column in columns:
-            if column.length > 1:
-                logs[column.length, column.group if together else ""].append(column)
-        if several := [log for log in logs.values() if len(log) > 1]:
-            return max(several, key=lambda log: (log[0].length, len(log)))
+        logs = Counter((one.length, one.group if together else "") for one in columns)
+        several = [log for log, count in logs.items() if count > 1 and log[0] > 1]
+        if several:
+            length, group = max(several, key=lambda log: (log[0], logs[log]))
+            log = [
+                one
+                for one in columns
+                if one.length == length and (not together or group.startswith(one.group))
+            ]
+            return log if together else sorted(log, key=lambda one: one.address)
     return []
 
 
@@ -231,11 +224,11 @@ def _columns_of(place: Place, most: int) -> Iterator[Column]:
     except DataError:
         return
     if not matrix:
-        yield Column(address, title, group, length, values.reshape(-1), member.noted.step)
+        yield Column(address, title, group, length, values.reshape(-1), member.noted)
         return
     for number, column in enumerate(values if along else values.T):
         index = f"[{number},:]" if along else f"[:,{number}]"
-        yield Column(f"{address}{index}", None, f"{address}[]", length, column)
+        yield Column(f"{address}{index}", None, group, length, column, member.noted)
 
 
 def _sample_time(columns: Iterable[Column]) -> float | None:

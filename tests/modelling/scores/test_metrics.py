@@ -3,13 +3,12 @@ errors whose cause is known.
 """
 
 import math
-from itertools import pairwise
 
 import numpy as np
 import pytest
 from common import dataset_of
 from error_parts import error_parts
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from mapmore_cli.domain.recording import Curve
@@ -118,23 +117,6 @@ def test_a_planted_part_is_found(name, error):
         assert one.limit == name
         others = [value for part, value in one.rms.items() if part != name]
         assert max(others) < 0.35 * one.rms[name]
-
-
-@settings(max_examples=25)
-@given(st.integers(0, 2**32 - 1), st.integers(1, 3))
-def test_squares_add_up_over_gaps_and_empty_predictions(seed, pieces):
-    rng = np.random.default_rng(seed)
-    error = rng.normal(0, 1, len(X)) + rng.normal(0, 3) * CYCLE
-    error[rng.integers(0, len(X), 20)] = np.nan
-    edges = [0, *sorted(rng.integers(1, len(X), pieces - 1).tolist()), len(X)]
-    found = of(error, parts=[slice(a, b) for a, b in pairwise(edges)])
-    assert [one.split for one in found] == ["train", "validate"]
-    for one, rows in zip(found, (CYCLE < 4, CYCLE >= 4), strict=True):
-        known = error[rows & np.isfinite(error)]
-        assert sum(value**2 for value in one.rms.values()) == pytest.approx(
-            np.mean(known**2), rel=0.05
-        )
-        assert one.samples <= len(known)
 
 
 def test_without_two_training_cycles_one_tells_nothing():

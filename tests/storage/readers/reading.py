@@ -2,6 +2,7 @@
 have to say.
 """
 
+import zipfile
 from contextlib import contextmanager
 
 import h5py
@@ -60,6 +61,37 @@ def workbook(path, **sheets):
             sheet.append(row)
     made.save(path)
     return made
+
+
+ODS = """<office:document-content xmlns:office="urn:oasis:names:tc:opendocument:xmlns:office:1.0"
+xmlns:table="urn:oasis:names:tc:opendocument:xmlns:table:1.0"
+xmlns:text="urn:oasis:names:tc:opendocument:xmlns:text:1.0"><office:body><office:spreadsheet>
+<table:table table:name="a">{}</table:table></office:spreadsheet></office:body>
+</office:document-content>"""
+
+
+def other_workbook(path, rows):
+    """A workbook of the sheet `a` as an older Excel or LibreOffice writes it."""
+    if path.suffix == ".xls":
+        book = pytest.importorskip("xlwt").Workbook()
+        sheet = book.add_sheet("a")
+        for row, cells in enumerate(rows):
+            for column, cell in enumerate(cells):
+                sheet.write(row, column, cell)
+        book.save(str(path))
+        return
+    content = "".join(
+        f"<table:table-row>{''.join(map(ods_cell, row))}</table:table-row>" for row in rows
+    )
+    with zipfile.ZipFile(path, "w") as archive:
+        archive.writestr("mimetype", "application/vnd.oasis.opendocument.spreadsheet")
+        archive.writestr("META-INF/manifest.xml", "<manifest/>")
+        archive.writestr("content.xml", ODS.format(content))
+
+
+def ods_cell(cell):
+    kind = '"string"' if isinstance(cell, str) else f'"float" office:value="{cell}"'
+    return f"<table:table-cell office:value-type={kind}><text:p>{cell}</text:p></table:table-cell>"
 
 
 def element(kind, content):

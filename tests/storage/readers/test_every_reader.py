@@ -96,7 +96,11 @@ def test_a_file_of_another_kind(tmp_path, reader, content):
 
 @pytest.mark.parametrize(
     ("reader", "module", "library"),
-    [("xlsx", "openpyxl", "openpyxl"), ("tdms", "nptdms", "npTDMS")],
+    [
+        ("xlsx", "python_calamine", "python-calamine"),
+        ("tdms", "nptdms", "npTDMS"),
+        ("parquet", "pyarrow.parquet", "pyarrow"),
+    ],
 )
 def test_a_library_that_is_missing(tmp_path, monkeypatch, reader, module, library):
     monkeypatch.setitem(sys.modules, module, None)

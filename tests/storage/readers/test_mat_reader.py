@@ -155,56 +155,40 @@ def test_columns_from_the_root(tmp_path, write):
     assert values(path, "P", root="runs[1]") == list(100 + T)
 
 
-WRONG = [
-    (
-        ("run.p",),
-        {},
-        ["a.mat: there is no 'p' on the way to 'run.p'", "Did you mean 'P'?", "A struct has: P, "],
-    ),
-    (("runn.P",), {}, ["no 'runn' on the way", "Did you mean 'run'?", "The file has"]),
-    (("run.P.x",), {}, ["no 'x' on the way", "It is an array of"]),
-    (("run",), {}, ["'run' is a struct, not an array", "has: P, "]),
-    (("runs.P",), {}, ["no 'P' on the way to 'runs.P'", "a struct array of 2", "[*]"]),
-    (("train",), {}, ["'train' is a cell array of", "[*]"]),
-    (("train[3].t",), {}, ["no element 3 on the way", "0 to 2"]),
-    (("y",), {}, ["'y' is an array of 5 x 3", "`y[:,0]`"]),
-    (("y[:,3]",), {}, ["'y[:,3]' reaches beyond an array of 5 x 3"]),
-    ((3,), {"root": "y"}, ["reaches beyond an array of 5 x 3"]),
-    (("y[:,0,0]",), {}, ["reaches beyond"]),
-    (("y[-1]",), {}, ["'[-1]' is no index", "0-based"]),
-    (("y[:,0",), {}, ["'y[:,0' is no address"]),
-    (("run..P",), {}, ["'run..P' is no address"]),
-    (("",), {}, ["empty address"]),
-    (("z",), {}, ["'z'", "complex"]),
-    (("run.note",), {}, ["'run.note' holds text, not real numbers"]),
-    (("nothing",), {}, ["'nothing' is empty"]),
-    (("run.P", "y[3,:]"), {}, ["different length: 'y[3,:]' has 3 samples, 'run.P' has 5", "join"]),
-    (
-        ("y[:,0]", "t"),
-        {"root": "train[*]"},
-        ["a.mat:train[1]: columns of different length: 't' has 4 samples, 'y[:,0]' has 5"],
-    ),
-    (
-        ("P",),
-        {"root": "y[*]"},
-        ["`root: y[*]` asks for every element of an array of 5 x 3", "`root: y`"],
-    ),
-    (("P",), {"root": "trains[*]"}, ["Did you mean 'train'?"]),
-]
+WRONG = """
+run.p |  | a.mat: there is no 'p' on the way to 'run.p' | Did you mean 'P'? | A struct has: P,
+runn.P |  | no 'runn' on the way | Did you mean 'run'? | The file has
+run.P.x |  | no 'x' on the way | It is an array of
+run |  | 'run' is a struct, not an array | has: P,
+runs.P |  | no 'P' on the way to 'runs.P' | a struct array of 2 | [*]
+train |  | 'train' is a cell array of | [*]
+train[3].t |  | no element 3 on the way | 0 to 2
+y |  | 'y' is an array of 5 x 3 | `y[:,0]`
+y[:,3] |  | 'y[:,3]' reaches beyond an array of 5 x 3
+3 | y | reaches beyond an array of 5 x 3
+y[:,0,0] |  | reaches beyond
+y[-1] |  | '[-1]' is no index | 0-based
+y[:,0 |  | 'y[:,0' is no address
+run..P |  | 'run..P' is no address
+ |  | empty address
+z |  | 'z' | complex
+run.note |  | 'run.note' holds text, not real numbers
+nothing |  | 'nothing' is empty
+run.P y[3,:] |  | different length: 'y[3,:]' has 3 samples, 'run.P' has 5 | join
+y[:,0] t | train[*] | a.mat:train[1]: columns of different length: 't' has 4 samples, 'y[:,0]' has 5
+P | y[*] | `root: y[*]` asks for every element of an array of 5 x 3 | `root: y`
+P | trains[*] | Did you mean 'train'?
+"""
+"""Columns, root, and parts of the message."""
 
 
 @VERSIONS
-@pytest.mark.parametrize(("columns", "request_", "parts"), WRONG, ids=lambda value: str(value)[:30])
-def test_addresses_that_lead_nowhere(
-    tmp_path,
-    write,
-    columns,
-    request_,
-    parts,
-):
-    assert refusal(parts, "mat", write(tmp_path / "a.mat"), *columns, **request_).startswith(
-        ("a.mat", "'")
-    )
+@pytest.mark.parametrize("line", WRONG.strip("\n").splitlines())
+def test_addresses_that_lead_nowhere(tmp_path, write, line):
+    columns, root, *parts = map(str.strip, line.split("|"))
+    wanted = [int(one) if one.isdigit() else one for one in columns.split(" ")]
+    told = refusal(parts, "mat", write(tmp_path / "a.mat"), *wanted, root=root or None)
+    assert told.startswith(("a.mat", "'"))
 
 
 @VERSIONS

@@ -4,7 +4,7 @@ from functools import partial
 
 import numpy as np
 import pytest
-from reading import refusal, table_of, workbook
+from reading import other_workbook, refusal, table_of, workbook
 
 from mapmore_cli.domain.errors import DataError
 
@@ -28,6 +28,22 @@ def test_named_sheet_with_rows_as_the_sheet_counts_them(book):
     np.testing.assert_array_equal(table.columns["F"], [1.5, -2, np.nan])
     np.testing.assert_array_equal(table.rows, [2, 3, 5])
     assert table.at(2) == "a.xlsx:Run1:row 5"
+
+
+@pytest.mark.parametrize("suffix", [".xls", ".ods"])
+def test_workbooks_of_other_programs(tmp_path, suffix):
+    path = tmp_path / f"a{suffix}"
+    other_workbook(path, [["t", 2026, "note"], [0, 1.5, "a"], [0.5, -2, "b"]])
+    table = read(path, "t", "2026")
+    np.testing.assert_array_equal(table.columns["2026"], [1.5, -2])
+    assert table.at(1) == "a.xlsx:a:row 3"
+    refusal(["a.xlsx:a:row 2, column note: 'a' is not a number"], "xlsx", path, "note")
+    whole = path.read_bytes()
+    for end in range(0, len(whole), 499):
+        path.write_bytes(whole[:end])
+        refusal(["a.xlsx: the file is damaged, or is no workbook"], "xlsx", path, "t")
+    path.write_text("t\tF\n1\t2\n")
+    refusal(["a.xlsx: is a text under the name of a workbook", ".txt"], "xlsx", path, "t")
 
 
 def test_without_header_after_skipped_rows(book):

@@ -9,10 +9,12 @@ import numpy as np
 import pytest
 from recorded import drafted, tree, workbook
 from scipy.io import savemat
+from test_lvm_reader import FIRST, HEAD
 
-from mapmore_cli.annexes.drafting.preview import preview
+from mapmore_cli.annexes.drafting.preview import preview, unread
 from mapmore_cli.annexes.drafting.recordings import read_draft
 from mapmore_cli.domain.errors import DataError
+from mapmore_cli.storage.readers import READERS, TableRequest
 
 N = 60
 T = 0.05 * np.arange(N)
@@ -78,15 +80,63 @@ def test_a_column_that_is_hardly_filled_hides_no_other(tmp_path):
         }
 
 
+ABOVE = {  # what stands above three columns of numbers: their names in the spec, and the units
+    "t,P,F\n\n\n": ("t P F", ""),
+    "t,P,F\n\ns,kPa,N\n": ("t P F", "s kPa N"),
+    "Time,A,B\n(ms),(V),(mV)\n\n": ("Time A B", "ms V mV"),
+    "Rig 7,by me,\n1.3.26,,\n\nt,P,F\n[s],[%],[-]\n\n": ("t P F", "s % -"),
+    "t,P,F\nclock,cell,cell\ns,bar,counts\n": ("t P F", "s bar counts"),
+    "Format 1\n\n,,Marker\n,,ID\nFrame,Time (Seconds),X\n": ("Frame Time_(Seconds) X", ""),
+    ",Motor position,Tip z\n": ("0 Motor_position Tip_z", ""),
+    ",P,F\nNo,kPa,N\n": ("0 P F", "No kPa N"),
+    "t,P,P\n": ("t 1 2", ""),
+    "Operator,me,\nSpeed,5,mm/s\nt,P,F\n": ("t P F", ""),
+    "s,bar,N\ntime,P,F\n": ("time P F", "s bar N"),
+    "#t,P,F\n": ("#t P F", ""),
+    "# of me, and you, on 1 May\n# t,P,F\n# s,kPa,N\n": ("#_t P F", "s kPa N"),
+    "": ("0 1 2", ""),
+    "\n\n": ("0 1 2", ""),
+    "t,P,F,\n": ("0 1 2", ""),
+}
+
+
+@pytest.mark.parametrize("above", ABOVE)
+def test_the_reader_skips_what_stands_above_the_numbers(tmp_path, above):
+    names, units = (text.split() for text in ABOVE[above])
+    columns = tuple(int(one) if one.isdigit() else one.replace("_", " ") for one in names)
+    numbers = np.arange(60.0).reshape(20, 3)
+    (tmp_path / "a.csv").write_text(above + as_text(numbers.tolist()))
+    layout = preview(tmp_path / "a.csv")
+    assert (layout.columns, list(layout.units)) == (columns, units)
+    settings = {**layout.settings, "header": int(layout.settings.get("header", 1))}
+    (table,) = READERS["csv"].read(tmp_path / "a.csv", TableRequest("a", columns, **settings))
+    np.testing.assert_array_equal(np.transpose([*table.columns.values()]), numbers)
+
+
 def test_a_line_of_units_that_has_a_one_and_words_beside_numbers(tmp_path):
     path = tmp_path / "a.csv"
     path.write_text("P;eps\nkPa;1\n" + "".join(f"{k};0,{k}\n" for k in range(10, 30)))
-    assert (preview(path).settings, preview(path).below) == (
+    assert (preview(path).settings, preview(path).units) == (
         {"delimiter": ";", "decimal": ",", "header": 2},
         ("kPa", "1"),
     )
     path.write_text("t;state;F\n" + "".join(f"{k},5;up;{k},25\n" for k in range(20)))
     assert preview(path).settings == {"delimiter": ";", "decimal": ","}
+    path.write_text("# t P\n# s kPa\n" + "".join(f"{k} {k}\n" for k in range(20)))
+    layout = preview(path)
+    assert (layout.columns, layout.titles, layout.units) == ((0, 1), ("t", "P"), ("s", "kPa"))
+
+
+@pytest.mark.parametrize("name", ["a.zip", "a.MF4", "a.ndjson", "a.npy", "a.pkl", "a.bag"])
+def test_what_no_reader_takes_is_named_with_what_to_do(tmp_path, name):
+    (tmp_path / name).write_bytes(b"x")
+    told = unread(tmp_path / name)
+    assert told is not None
+    assert told.startswith(f"{name}: no reader takes {name[1:].lower()}; ")
+    with pytest.raises(DataError) as caught:
+        preview(tmp_path / name)
+    assert caught.value.message == told
+    assert unread(tmp_path / "a.csv") is unread(tmp_path / "README.md") is None
 
 
 # Workbooks
@@ -217,7 +267,9 @@ def test_columns_of_a_tdms_file(tmp_path):
     nptdms = pytest.importorskip("nptdms")
     with nptdms.TdmsWriter(tmp_path / "a.tdms") as file:
         waves = [
-            nptdms.ChannelObject("Rig", name, values, {"wf_increment": 0.05})
+            nptdms.ChannelObject(
+                "Rig", name, values, {"wf_increment": 0.05, "unit_string": f"{name}a"}
+            )
             for name, values in (("P", SWING), ("F", T))
         ]
         file.write_segment([*waves, nptdms.ChannelObject("Notes", "who", ["me", "you"])])
@@ -227,6 +279,16 @@ def test_columns_of_a_tdms_file(tmp_path):
         ("P", "F"),
         {"sample_time": 0.05},
     )
+    assert found.units == ("Pa", "Fa")
+
+
+def test_labview_texts_are_known_by_how_they_begin_and_archives_by_their_arrays(tmp_path):
+    (tmp_path / "a.txt").write_text(HEAD + FIRST)
+    found = preview(tmp_path / "a.txt")
+    assert (found.reader, found.settings, found.numeric) == ("lvm", {}, (0, 1, 2))
+    assert (found.columns, found.units) == (("X_Value", "P", "F", "Comment"), ("s", "kPa", "N", ""))
+    np.savez(tmp_path / "a.npz", **{"P [kPa]": T, "y": np.column_stack([T, T]), "who": "me"})
+    assert preview(tmp_path / "a.npz").columns == ("P [kPa]", "y[:,0]", "y[:,1]")
 
 
 @pytest.mark.parametrize(

@@ -65,7 +65,7 @@ def test_a_title_that_is_missing_leaves_the_others_above_their_units(tmp_path):
     )
     write(tmp_path / "run.csv", columns, ",Druck,eps,Kraft\nNo,kPa,1,N\n")
     told = {name: one["column"] for name, one in drafted(tmp_path).data["columns"].items()}
-    assert told == {"pressure": 1, "strain": 2, "force": 3}
+    assert told == {"pressure": "Druck", "strain": "eps", "force": "Kraft"}
 
 
 def test_titles_in_a_remark_name_the_columns_by_their_places(tmp_path):
@@ -113,9 +113,9 @@ def test_what_was_commanded_is_no_target_and_no_second_pressure(tmp_path, title)
 
 def test_files_that_no_reader_takes_are_named(tmp_path):
     write(tmp_path / "run.csv", (STRAIN, force(2, STRAIN)), "strain,force_N\n")
-    (tmp_path / "run.npz").write_bytes(b"PK")
+    (tmp_path / "run.npy").write_bytes(b"PK")
     remarks = start(tmp_path, tmp_path, search=lambda one, _: one).remarks
-    assert [one for one in remarks if "run.npz: no reader takes .npz" in one]
+    assert [one for one in remarks if "run.npy: no reader takes .npy" in one]
 
 
 def test_names_of_files_say_what_tests(tmp_path):

@@ -1,0 +1,166 @@
+"""LabVIEW measurement files (.lvm): text that says its own separator and decimal point, in one
+segment or several; the first column is the time `X_Value`.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from itertools import islice, pairwise
+from pathlib import Path
+
+import numpy as np
+
+from mapmore_cli.domain.errors import DataError
+from mapmore_cli.storage.tables import (
+    Noted,
+    RawTable,
+    Reader,
+    TableRequest,
+    Top,
+    locate_columns,
+    reading,
+)
+from mapmore_cli.storage.tables.cells import holds_number, number_of, stamp_of
+from mapmore_cli.storage.tables.lines import guess_encoding, open_lines
+from mapmore_cli.storage.tables.members import refuse_other_clocks
+from mapmore_cli.storage.tables.rows import Row, table_of_rows
+
+BEGINS, TIME = "LabVIEW Measurement", "X_Value"
+KIND = f"{BEGINS} file"
+
+
+@dataclass(frozen=True)
+class LvmSegment:
+    """Rows of cells below one header: what was `said` there of each channel, by keyword, and the
+    titles of all columns.
+    """
+
+    said: Mapping[str, Sequence[str]]
+    titles: list[str]
+    rows: Sequence[Row]
+
+    def of_channel(self, keyword: str, channel: int = 0) -> str:
+        """Return what the header says of a channel; empty where it says nothing."""
+        return next(iter(self.said.get(keyword, ())[channel:]), "").strip()
+
+    @property
+    def decimal(self) -> str:
+        """What stands between the digits of the numbers."""
+        return self.of_channel("Decimal_Separator") or "."
+
+    def number(self, keyword: str, channel: int = 0) -> float:
+        """Return a number that the header says of a channel; 0 where it says none."""
+        number = number_of(self.of_channel(keyword, channel), self.decimal)
+        return number if number is not None and np.isfinite(number) else 0.0
+
+    def noted(self, place: int) -> Noted:
+        """Return what the file says of a column."""
+        if self.titles[place] == TIME:
+            return Noted("s")
+        # every channel has a column of times before it, or the first has
+        channel = place // 2 if self.of_channel("X_Columns") == "Multi" else place - 1
+        step, start = self.number("Delta_X", channel), self.number("X0", channel)
+        return Noted(self.of_channel("Y_Unit_Label", channel), step, start)
+
+    @property
+    def began(self) -> float:
+        """Seconds since 1970 that `X_Value` counts from; 0 where it counts from no date."""
+        stamp = stamp_of(f"{self.of_channel('Date')} {self.of_channel('Time')}")
+        return 0.0 if stamp is None or self.of_channel("Time_Pref") == "Absolute" else stamp[1]
+
+    def timed_rows(self, since: float) -> list[Row]:
+        """Return the rows with times that count from `since`; the header tells them where no column
+        does.
+        """
+        first, step = self.number("X0"), self.number("Delta_X")
+        places = [place for place, title in enumerate(self.titles) if title == TIME]
+        rows = list[Row]()
+        for count, (number, row) in enumerate(self.rows):
+            is_told = self.of_channel("X_Columns") == "No"
+            cells = [first + count * step, *row[1:]] if is_told else list(row)
+            for place in places:
+                time = number_of(cells[place], self.decimal) if place < len(cells) else None
+                if time is not None:
+                    cells[place] = time + (self.began - since)
+            rows.append((number, cells))
+        return rows
+
+
+def read_lvm(path: Path, request: TableRequest) -> list[RawTable]:
+    """Read the wanted columns. Segments of the same titles whose time goes on are one recording.
+
+    `X_Value` is in seconds since the first segment began. Raises DataError for no such file, a
+    missing column, or a cell that is not a number.
+    """
+    label = request.label
+    with reading(label, KIND):
+        segments = [one for one in _lvm_segments(path, label) if one.rows]
+        if not segments:
+            raise DataError(f"{label}: has no samples")
+        recordings: list[tuple[LvmSegment, list[Row]]] = []
+        for segment in segments:
+            rows = segment.timed_rows(segments[0].began)
+            before, whole = recordings[-1] if recordings else (segment, rows)
+            if before.titles == segment.titles and whole[-1][1][0] < rows[0][1][0]:
+                whole.extend(rows)
+            else:
+                recordings.append((segment, rows))
+        tables = [_one_recording(segment, rows, request) for segment, rows in recordings]
+    if len(tables) > 1:
+        tables = [replace(table, element=number) for number, table in enumerate(tables)]
+    announced, there = int(segments[-1].number("Samples")), len(segments[-1].rows)
+    told = f"{label}: its header announces {announced} samples, of which {there} are there"
+    return [replace(tables[0], doubts=(told,) if there < announced else ()), *tables[1:]]
+
+
+def _one_recording(segment: LvmSegment, rows: Sequence[Row], request: TableRequest) -> RawTable:
+    names, request = segment.titles, replace(request, decimal=segment.decimal)
+    places = locate_columns(request, names, len(names))
+    noted = {column: segment.noted(place) for column, place in places.items()}
+    refuse_other_clocks(noted, request.label)
+    return replace(table_of_rows(rows, places, names, request, request.label), noted=noted)
+
+
+def peek_lvm(path: Path, most: int) -> Iterable[Top]:
+    """Return the titles and the first rows of the first segment."""
+    with reading(path.name, KIND):
+        for segment in _lvm_segments(path, path.name, most)[:1]:
+            rows, width = segment.timed_rows(segment.began), len(segment.titles)
+            return [
+                Top(
+                    [segment.titles, *([*cells, *[""] * width][:width] for _, cells in rows)],
+                    partial(holds_number, decimal=segment.decimal),
+                    units=tuple(segment.noted(place).unit for place in range(width)),
+                )
+            ]
+    return []
+
+
+def _lvm_segments(path: Path, label: str, most: int | None = None) -> list[LvmSegment]:
+    """Return the segments in the first lines of a file, all where `most` is None; a last line that
+    has no end was cut off.
+    """
+    with open_lines(path, guess_encoding(path), label, errors="replace") as (whole, _):
+        lines = [line.rstrip("\r\n") for line in islice(whole, most) if line[-1:] in "\r\n"]
+    if not lines or not lines[0].startswith(BEGINS):
+        raise ValueError(f"it does not begin with '{BEGINS}'")
+    marks = (line[len("Separator")] for line in lines if re.match(r"Separator\W", line))
+    mark = next(marks, "\t")
+    numbered = enumerate((line.split(mark) for line in lines), start=1)
+    rows = [(number, cells) for number, cells in numbered if any(map(str.strip, cells))]
+    starts = [place for place, (_, cells) in enumerate(rows) if cells[0] == "Channels"] or [0]
+    general = {cells[0]: cells[1:] for _, cells in rows[: starts[0]]}
+    segments = []
+    for begin, end in pairwise([*starts, len(rows)]):
+        ends = [at for at in range(begin, end) if rows[at][1][0] == "***End_of_Header***"]
+        if ends and ends[-1] + 1 < end:
+            said = general | {cells[0]: cells[1:] for _, cells in rows[begin : ends[-1]]}
+            titles = [title.strip() for title in rows[ends[-1] + 1][1]]
+            segments.append(LvmSegment(said, titles, rows[ends[-1] + 2 : end]))
+    return segments
+
+
+READER = Reader("lvm", read_lvm, suffixes=(".lvm",), peek=peek_lvm, begins=BEGINS.encode())

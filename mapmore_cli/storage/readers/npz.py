@@ -1,0 +1,58 @@
+"""Archives of NumPy arrays (.npz), each by its name; fields of structured arrays are members."""
+
+from __future__ import annotations
+
+import math
+import zipfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from numpy.lib import format as npy
+
+from mapmore_cli.domain.errors import DataError
+from mapmore_cli.storage.tables import TableRequest, reading, refuse_bombs
+from mapmore_cli.storage.tables.members import Member, array_of, group_of, table_of_fields
+from mapmore_cli.storage.tables.overview import tree_reader
+
+
+@contextmanager
+def opened_npz(path: Path, label: str, _request: TableRequest | None) -> Iterator[Member]:
+    """Open an archive. An array is read when it is asked for, never as Python objects, which could
+    run code.
+
+    Raises DataError for no archive, a damaged one, and one that unpacks to far more than its size.
+    """
+    with reading(label, "NumPy archive (.npz)"), zipfile.ZipFile(path) as archive:
+        parts = {one.filename.removesuffix(".npy"): one for one in archive.infolist()}
+        yield group_of("the file", list(parts), lambda name: _npz_array(archive, parts[name], name))
+
+
+def _npz_array(archive: zipfile.ZipFile, part: zipfile.ZipInfo, name: str) -> Member:
+    refuse_bombs(f"'{name}'", part.file_size, part.compress_size)
+    with archive.open(part) as stream:
+        header = (
+            npy.read_array_header_1_0
+            if npy.read_magic(stream) == (1, 0)
+            else npy.read_array_header_2_0
+        )
+        shape, _, kind = header(stream)
+    if kind.hasobject:
+        raise DataError(
+            f"'{name}' is an array of Python objects, which are not read",
+            "save it as an array of numbers: `values.astype(float)`",
+        )
+    if math.prod(shape) * kind.itemsize > part.file_size:
+        raise ValueError(f"'{name}' is cut off")
+
+    def values() -> Any:
+        with archive.open(part) as stream:
+            return npy.read_array(stream, allow_pickle=False)
+
+    if kind.names:
+        return table_of_fields(kind.names, shape, lambda field: lambda at: values()[field][at])
+    return array_of(lambda selection: values()[selection], shape)
+
+
+READER = tree_reader("npz", opened_npz, (".npz",), "force")

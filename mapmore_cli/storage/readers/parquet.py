@@ -1,0 +1,55 @@
+"""Tables of columns in the format Parquet, read with pyarrow; a column goes by its name."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from mapmore_cli.domain.errors import DataError
+from mapmore_cli.storage.tables import (
+    Noted,
+    TableRequest,
+    optional_library,
+    reading,
+    refuse_bombs,
+)
+from mapmore_cli.storage.tables.members import Member, Selection, array_of
+from mapmore_cli.storage.tables.overview import tree_reader
+
+
+@contextmanager
+def opened_parquet(path: Path, label: str, _request: TableRequest | None) -> Iterator[Member]:
+    """Open a table. A missing value (null) is NaN.
+
+    Raises DataError for no Parquet file, a damaged one, one that declares far more values than its
+    size explains; pyarrow not installed.
+    """
+    parquet = optional_library("pyarrow.parquet", "pyarrow", label)
+    with reading(label, "Parquet file"), path.open("rb") as stream:
+        file = parquet.ParquetFile(stream)
+        refuse_bombs(f"{label}: each column", 8 * file.metadata.num_rows, path.stat().st_size)
+        fields = {field.name: field for field in file.schema_arrow}
+        kind = f"a table of {len(fields)} columns"
+        yield Member(kind, list(fields), lambda name: _parquet_column(file, fields[name]))
+
+
+def _parquet_column(file: Any, field: Any) -> Member:
+    """Return a column; DataError for one of texts, lists or structs."""
+    types = optional_library("pyarrow.types", "pyarrow", field.name)
+    kind = field.type.value_type if types.is_dictionary(field.type) else field.type
+    if not (types.is_primitive(kind) or types.is_decimal(kind) or types.is_null(kind)):
+        raise DataError(
+            f"column '{field.name}' holds values of type {kind}, not numbers",
+            "write a column of numbers, as by `frame.astype(float)` or `frame.explode`",
+        )
+
+    def values(selection: Selection) -> Any:
+        return file.read(columns=[field.name]).column(0).to_numpy()[selection]
+
+    unit = (field.metadata or {}).get(b"unit", b"").decode(errors="replace")
+    return array_of(values, (file.metadata.num_rows,), Noted(unit))
+
+
+READER = tree_reader("parquet", opened_parquet, (".parquet",), "force", by_index=False)

@@ -1,0 +1,87 @@
+"""Archives of NumPy arrays and tables in Parquet: columns by name, and what is no column."""
+
+import zipfile
+
+import numpy as np
+import pytest
+from reading import refusal, table_of
+
+pa = pytest.importorskip("pyarrow")
+parquet = pytest.importorskip("pyarrow.parquet")
+T = np.arange(5.0)
+READ = """
+npz      t            0 1 2 3 4
+npz      P_[kPa]      0 1 2 3 4
+npz      rig/y[:,1]   0 2 4 6 8
+npz      pairs.F      0 2 4 6 8
+parquet  t            0 1 nan 3 4
+parquet  rig.P_[kPa]  0 1 2 3 4
+parquet  code         0 1 2 3 4
+parquet  exact        0 1 2 3 4
+"""
+REFUSED = """
+npz      o            'o' is an array of Python objects, which are not read
+npz      z            'z' holds complex numbers
+npz      cube         'cube' is an array of 2 x 2 x 2
+npz      s            's' holds text
+npz      pairs        'pairs' is a table of 5, not an array of numbers
+npz      T            there is no 'T'
+parquet  note         column 'note' holds values of type string, not numbers
+parquet  list         column 'list' holds values of type list<element: double>, not numbers
+parquet  inner        column 'inner' holds values of type struct<x: double>, not numbers
+parquet  flag         'flag' holds TRUE and FALSE
+parquet  stamp        'stamp': a date stands here, not a number
+parquet  p            there is no 'p'
+"""
+
+
+@pytest.fixture
+def folder(tmp_path):
+    """A folder with `a.npz` and `a.parquet`."""
+    pairs = np.array([*zip(T, 2 * T, strict=True)], dtype="f8,>f4")
+    pairs.dtype.names = ("P", "F")
+    arrays = {"t": T.astype("i2"), "P_[kPa]": T[:, None], "rig/y": np.column_stack([T, 2 * T])}
+    others = {"o": np.array([1, None]), "z": T + 1j, "cube": np.zeros((2, 2, 2)), "s": ["a", "b"]}
+    np.savez(tmp_path / "a.npz", **arrays, **others, pairs=pairs)
+    columns = {"rig.P_[kPa]": T, "exact": T, "flag": T > 1, "note": [*"abcde"]}
+    columns |= {"list": [[1.0]] * 5, "inner": [{"x": 1.0}] * 5, "t": [0, 1, None, 3, 4]}
+    columns |= {"stamp": T.astype("M8[s]"), "code": pa.array(T).dictionary_encode()}
+    columns["exact"] = pa.array(T).cast(pa.decimal128(9, 2))
+    parquet.write_table(pa.table(columns), tmp_path / "a.parquet")
+    return tmp_path
+
+
+def test_columns_by_name(folder):
+    for line in READ.strip().splitlines():
+        kind, column, *cells = line.split()
+        table = table_of(kind, folder / f"a.{kind}", column)
+        np.testing.assert_array_equal(table.columns[column], [*map(float, cells)])
+    table = table_of("parquet", folder / "a.parquet", "stamp", clocks={"stamp"})
+    np.testing.assert_array_equal(table.columns["stamp"], T)
+
+
+def test_what_is_no_column_of_numbers(folder):
+    for line in REFUSED.strip().splitlines():
+        kind, column, told = line.split(maxsplit=2)
+        refusal([f"a.{kind}: ", told, "\n"], kind, folder / f"a.{kind}", column)
+
+
+def test_what_unpacks_to_far_more_than_it_has_is_not_unpacked(tmp_path, monkeypatch):
+    monkeypatch.setattr("mapmore_cli.storage.tables.BOMB_SIZE", 1_000_000)
+    np.savez_compressed(tmp_path / "a.npz", x=np.zeros(1_000_000))
+    refusal(["a.npz: 'x' unpacks from"], "npz", tmp_path / "a.npz", "x")
+    parquet.write_table(pa.table({"x": np.zeros(1_000_000)}), tmp_path / "a.parquet")
+    refusal(["a.parquet: each column unpacks"], "parquet", tmp_path / "a.parquet", "x")
+    np.save(tmp_path / "x.npy", T)
+    header = (tmp_path / "x.npy").read_bytes().replace(b"(5,), }        ", b"(500000000,), }")
+    with zipfile.ZipFile(tmp_path / "a.npz", "w") as archive:
+        archive.writestr("x.npy", header)
+    refusal(["a.npz: the file is damaged", "'x' is cut off"], "npz", tmp_path / "a.npz", "x")
+
+
+@pytest.mark.parametrize("kind", ["npz", "parquet"])
+def test_every_cut_is_noticed(folder, kind):
+    whole = (folder / f"a.{kind}").read_bytes()
+    for end in range(0, len(whole), 97):
+        (folder / "cut").write_bytes(whole[:end])
+        refusal([f"a.{kind}: the file is damaged"], kind, folder / "cut", "t")
