@@ -21,7 +21,6 @@ from mapmore_cli.storage.spool import in_a_row
 from mapmore_cli.storage.tables import (
     RawTable,
     Reader,
-    SourceColumn,
     TableRequest,
     Top,
     locate_columns,
@@ -29,8 +28,6 @@ from mapmore_cli.storage.tables import (
 )
 from mapmore_cli.storage.tables.cells import (
     NUMBER,
-    CellReader,
-    NotANumber,
     holds_number,
     shortened,
 )
@@ -42,6 +39,7 @@ from mapmore_cli.storage.tables.lines import (
     is_zipped,
     open_lines,
 )
+from mapmore_cli.storage.tables.rows import Wanted, values_of_rows, wanted_of
 
 WHITESPACE = "whitespace"
 DELIMITERS = {"tab": "\t"}
@@ -62,16 +60,13 @@ class Layout:
 
     - `request`, `delimiter`: how the file is read; None for any run of blanks.
     - `width`: the number of fields in a record.
-    - `places`, `titles`, `readers`: of the wanted columns; what the readers know of the stamps goes
-      from block to block.
+    - `wanted`: the columns; what their readers know of the stamps goes from block to block.
     """
 
     request: TableRequest
     delimiter: str | None
     width: int
-    places: tuple[int, ...]
-    titles: tuple[SourceColumn, ...]
-    readers: tuple[CellReader, ...]
+    wanted: Sequence[Wanted]
 
 
 def read_csv(path: Path, request: TableRequest) -> list[RawTable]:
@@ -144,14 +139,7 @@ def _layout(first: Sequence[str], request: TableRequest, delimiter: str | None) 
     if hint is None and names is not None and all(map(holds_number, names)):
         hint = "The first line holds numbers: give 0-based indices and say `header: false`."
     places = locate_columns(request, names, len(first), hint)
-    return Layout(
-        request,
-        delimiter,
-        len(first),
-        tuple(places.values()),
-        tuple(column if names is None else names[at] for column, at in places.items()),
-        tuple(map(request.cells, places)),
-    )
+    return Layout(request, delimiter, len(first), wanted_of(places, names, request))
 
 
 def _blocks_of(
@@ -164,7 +152,7 @@ def _blocks_of(
         last.append(text)
         values = values_of_text(text, layout)
         if values:
-            for read, column in zip(layout.readers, values, strict=True):
+            for (_, _, read), column in zip(layout.wanted, values, strict=True):
                 if read.clock and np.isfinite(column).any():
                     read.form = NUMBER
             yield [np.arange(row + 1, row + len(values[0]) + 1), *values]
@@ -197,7 +185,8 @@ def values_of_text(text: str, layout: Layout) -> list[Array]:
     request, delimiter = layout.request, layout.delimiter
     if (
         any(
-            read.clock and (read.format or read.form not in ("", NUMBER)) for read in layout.readers
+            read.clock and (read.format or read.form not in ("", NUMBER))
+            for _, _, read in layout.wanted
         )
         or (request.thousands is not None and request.thousands in text)
         or text.startswith("\ufeff")  # which PyArrow skips
@@ -225,7 +214,7 @@ def _parsed_columns(text: bytes, delimiter: str, layout: Layout) -> list[Any]:
     import pyarrow
     from pyarrow import csv as arrow
 
-    wanted = list(map(str, layout.places))
+    wanted = [str(place) for _, place, _ in layout.wanted]
     try:
         table = arrow.read_csv(
             pyarrow.BufferReader(text),
@@ -254,18 +243,10 @@ def values_of_records(records: Sequence[Numbered], layout: Layout) -> list[Any]:
     Raises DataError for a record with too few or too many fields; a field that is not a number;
     with row and column.
     """
-    wanted = list(zip(layout.places, layout.titles, layout.readers, strict=True))
-    values = np.empty((len(wanted), len(records)))
-    for place, (row, record) in enumerate(records):
-        cells = _of_width(row, record, layout)
-        for column, (at, title, read) in enumerate(wanted):
-            try:
-                values[column, place] = read(cells[at])
-            except NotANumber as odd:
-                raise odd.at(
-                    f"{layout.request.label}:row {row}, column {title}", separator_hint(cells)
-                ) from None
-    return [np.array([row for row, _ in records]), *values]
+    rows = ((row, _of_width(row, record, layout)) for row, record in records)
+    label = layout.request.label
+    numbers, columns = values_of_rows(rows, layout.wanted, label, separator_hint)
+    return [numbers, *columns]
 
 
 def _of_width(row: int, record: list[str], layout: Layout) -> list[str]:
