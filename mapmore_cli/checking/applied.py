@@ -16,6 +16,7 @@ from mapmore_cli.checking.rules import (
     samples,
     units,
 )
+from mapmore_cli.domain.arrays import give_back
 from mapmore_cli.domain.errors import DataError, SpecError
 from mapmore_cli.domain.recording import Dataset
 from mapmore_cli.ingestion.dataset import build_dataset
@@ -64,7 +65,11 @@ def issues_of(
         *(OF_CURVES if curves else ()),
         *(OF_CHECK if curves and hints else ()),
     )
-    found = [issue for rule in rules for issue in rule(subject)]
+    found: list[Issue] = []
+    for rule in rules:
+        found += rule(subject)
+        for column in (x for one in dataset.recordings for x in one.columns.values()):
+            give_back(column)
     return [issue for issue in found if hints or issue.severity != "hint"]
 
 

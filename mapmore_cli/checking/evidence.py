@@ -11,11 +11,11 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.ndimage import median_filter
 
-from mapmore_cli.domain.arrays import Array, IntArray
+from mapmore_cli.domain.arrays import Array, IntArray, extremes
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.domain.recording import Recording
+from mapmore_cli.domain.recording import Recording, united
 from mapmore_cli.modelling.signals.rates import rate
-from mapmore_cli.modelling.signals.sampling import MANY, correlation
+from mapmore_cli.modelling.signals.sampling import correlation, even_share
 from mapmore_cli.spec.units import convert
 
 FEWEST = 30  # samples, below which what they show may be chance
@@ -92,15 +92,14 @@ def same_signals(columns: Sequence[Array]) -> list[list[int]]:
     Columns of different lengths, as where one lacks values, are not compared.
     """
     families: list[list[int]] = []
+    shares: dict[int, Array] = {}
     for place, column in enumerate(columns):
-        if len(column) < FEWEST or not np.ptp(column):
+        if len(column) < FEWEST or not np.ptp(extremes(column)):
             continue
-        every = -(-len(column) // MANY)
+        shares[place] = even_share(column)
         same = [one for one in families if len(columns[one[0]]) == len(column)]
         alike = [
-            one
-            for one in same
-            if abs(correlation(columns[one[0]][::every], column[::every])) >= 1 - ROUNDING
+            one for one in same if abs(correlation(shares[one[0]], shares[place])) >= 1 - ROUNDING
         ]
         alike[0].append(place) if alike else families.append([place])
     return [family for family in families if len(family) > 1]
@@ -167,13 +166,8 @@ def unequal(recordings: Sequence[Recording], inputs: Sequence[str], target: str)
     usable = [one for one in recordings if one.rows_kept >= FEWEST]
     if not usable:
         return None
-    ends = {
-        name: (
-            min(float(one.columns[name].min()) for one in usable),
-            max(float(one.columns[name].max()) for one in usable),
-        )
-        for name in (*inputs, target)
-    }
+    names = (*inputs, target)
+    ends = united([{name: extremes(one.columns[name]) for name in names} for one in usable])
     ranges = {name: high - low for name, (low, high) in ends.items()}
     moving = {
         name: ranges[name] for name in inputs if ranges[name] > LITTLE * max(map(abs, ends[name]))

@@ -59,6 +59,21 @@ def in_blocks(*columns: Any, overlap: int = 0) -> Iterator[tuple[Any, ...]]:
             give_back(column)
 
 
+def extremes(column: Array, mask: BoolArray | None = None) -> tuple[float, float]:
+    """Return the least and the largest value of a column, (n,), or of those where `mask`; NaN where
+    one is NaN. Raises ValueError where there is no value.
+    """
+    blocks = blocks_where(column, mask)
+    ends = np.array([(x.min(), x.max()) for x in blocks if x.size]).reshape(-1, 2)
+    return float(ends[:, 0].min()), float(ends[:, 1].max())
+
+
+def blocks_where(column: Array, mask: BoolArray | None = None) -> Iterator[Array]:
+    """Yield the values of a column where `mask`, all without one, block by block."""
+    columns = (column,) if mask is None else (column, mask)
+    return (values[where[0]] if where else values for values, *where in in_blocks(*columns))
+
+
 def give_back(column: Any) -> None:
     """Let go of the memory that a column mapped from a file takes; its values are read from the
     file again where they are needed.

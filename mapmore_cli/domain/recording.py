@@ -9,7 +9,7 @@ from typing import Annotated
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import BoolArray, Columns, IntArray, Number, Ranges
+from mapmore_cli.domain.arrays import BoolArray, Columns, IntArray, Number, Ranges, extremes
 from mapmore_cli.domain.declared import Count, Label, QuantityName, one_of
 
 STATIC_FORCE, DAMPING = "static_force", "damping"
@@ -132,9 +132,9 @@ class Curve:
 
     def limits(self, name: str) -> tuple[float, float]:
         """Range of a quantity over the training samples, and over what was measured for them."""
-        x = self.columns[name][self.training]
-        low, high = self.measured.get(name, (x.min(), x.max()))
-        return min(float(x.min()), low), max(float(x.max()), high)
+        least, largest = extremes(self.columns[name], self.training)
+        low, high = self.measured.get(name, (least, largest))
+        return min(least, low), max(largest, high)
 
     @property
     def logs(self) -> tuple[IntArray, ...]:

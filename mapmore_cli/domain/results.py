@@ -10,7 +10,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 
 from mapmore_cli.domain.arrays import Array, BoolArray, Columns
-from mapmore_cli.domain.declared import Label
+from mapmore_cli.domain.declared import Label, QuantityName
 from mapmore_cli.domain.fits import FormulaFit, MemoryFit, SegmentFit
 from mapmore_cli.domain.recording import Dataset, Quantity
 from mapmore_cli.domain.scores import Score, ScoreTable
@@ -134,7 +134,7 @@ class Validation:
     warnings: Annotated[
         tuple[str, ...], "what must be known of the run's own model before its scores are read"
     ] = ()
-    along: Annotated[str, "the quantity that varies within a curve"] = ""
+    along: Annotated[QuantityName, "the quantity that varies within a curve"] = ""
     bands: Annotated[tuple[ErrorBand, ...], "errors by the size of what was measured"] = ()
     residual_tests: Annotated[tuple[ResidualTest, ...], "tests of the own model's residuals"] = ()
     shown: Annotated[

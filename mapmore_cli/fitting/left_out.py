@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import Array, BoolArray
+from mapmore_cli.domain.arrays import Array, BoolArray, extremes
 from mapmore_cli.domain.errors import DataError, FitError, SpecError
 from mapmore_cli.domain.models import LeftOut, LeftOutKind, Model
 from mapmore_cli.domain.recording import Curve, Dataset
@@ -163,7 +163,7 @@ def residuals(
             "leave it out, or ask for the intervals of the parts",
         )
     y = np.concatenate([curve.columns[dataset.target][curve.training] for curve in dataset.curves])
-    low, high = float(y.min()), float(y.max())
+    low, high = extremes(y)
     astray = 0.0
     errors: dict[str, list[Array]] = {}
     for name, outs in parts.items():

@@ -12,7 +12,7 @@ from typing import Literal
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import Array, BoolArray, Columns
+from mapmore_cli.domain.arrays import Array, BoolArray, Columns, extremes
 from mapmore_cli.domain.errors import DataError, SpecError
 from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.recording import DAMPING, STATIC_FORCE, Curve, Quantity, Recording, united
@@ -270,11 +270,7 @@ def join_branches(part: LevelPart, cycles: Cycles, target: str) -> LevelPart:
     with located(f"{where} ({part.size} samples)"):
         branches = split_cycles(part.columns[over], others, cycles.samples)
     columns = {over: branches.over, **branches.static(), "hysteresis": branches.hysteresis(target)}
-    measured = {
-        name: (float(x.min()), float(x.max()))
-        for name, x in part.columns.items()
-        if name in columns
-    }
+    measured = {name: extremes(x) for name, x in part.columns.items() if name in columns}
     return LevelPart(
         part.recording, part.level, columns, np.linspace(0, 1, cycles.samples), part.log, measured
     )

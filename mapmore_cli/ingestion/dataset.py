@@ -11,7 +11,7 @@ from pathlib import Path, PurePosixPath
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import BoolArray
+from mapmore_cli.domain.arrays import BoolArray, extremes
 from mapmore_cli.domain.errors import DataError, SpecError
 from mapmore_cli.domain.recording import DAMPING, STATIC_FORCE, Dataset, Quantity, Recording
 from mapmore_cli.fitting.stage import Progress
@@ -41,7 +41,7 @@ from mapmore_cli.ingestion.samples import (
 from mapmore_cli.modelling.signals.cycles import last_cycles
 from mapmore_cli.spec.sections.data import Between, Data, Holdout
 from mapmore_cli.spec.sections.logs import FileEntry
-from mapmore_cli.storage.spool import by_blocks, counted
+from mapmore_cli.storage.spool import by_blocks
 
 FEW = 10  # samples kept, below which a recording is worth a warning
 MUCH = 0.5  # fraction dropped, above which it is
@@ -156,7 +156,7 @@ def _mended(
     """
     samples = without_missing(samples, data, data.missing)
     constants = {
-        name: counted(partial(np.full_like, fill_value=value, dtype=float), samples.size)
+        name: np.broadcast_to(np.float64(value), samples.size)
         for name, value in source.constants.items()
     }
     whole = clocked(samples.with_columns(constants), data, units)
@@ -214,7 +214,7 @@ LEAST, MOST = (
 def _check_sizes(samples: Samples, units: Mapping[str, str]) -> None:
     """Refuse quantities of a size that cannot be computed with."""
     for name, column in samples.columns.items():
-        largest = max(float(np.max(column)), -float(np.min(column)))
+        largest = max(map(abs, extremes(column)))
         if largest > MOST or 0 < largest < LEAST:
             size = f"the largest {name} is {largest:.3g} {units.get(name, '')}".rstrip()
             remedy = (

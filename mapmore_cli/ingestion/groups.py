@@ -12,7 +12,7 @@ from scipy.optimize import least_squares
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.recording import Curve
-from mapmore_cli.modelling.signals.sampling import MANY
+from mapmore_cli.modelling.signals.sampling import even_share
 from mapmore_cli.spec.sections.data import Groups
 
 ORDER = 3
@@ -157,11 +157,9 @@ def _training(
     (n,) each.
     """
     columns = {
-        name: np.concatenate([curve.columns[name][curve.training] for curve in curves])
+        name: even_share(np.concatenate([curve.columns[name][curve.training] for curve in curves]))
         for name in curves[0].columns
     }
-    step = -(-len(columns[target]) // MANY)
-    columns = {name: values[::step] for name, values in columns.items()}
     usable = np.logical_and.reduce([np.isfinite(values) for values in columns.values()])
     columns = {name: values[usable] for name, values in columns.items()}
     return (

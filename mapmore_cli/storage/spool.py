@@ -11,7 +11,7 @@ from __future__ import annotations
 import mmap
 import tempfile
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from contextvars import ContextVar
 from itertools import chain
 from pathlib import Path
@@ -46,41 +46,44 @@ def spooling_in(folder: Path) -> Iterator[None]:
         _folder.reset(token)
 
 
-def in_a_row(blocks: Iterable[Any]) -> Any:
-    """Return the values of all blocks, (b, ...) each and at least one, one after the other. Raises
-    WriteError where the disk is full.
+def in_a_row(blocks: Iterable[Sequence[Any]]) -> list[Any]:
+    """Return columns one after the other of their parts, (b,) each, which come in blocks, at least
+    one. Raises WriteError where the disk is full.
     """
     held: list[Any] = []
     size, rest, folder = 0, iter(blocks), _folder.get()
     for block in rest:
         held.append(block)
-        size += block.nbytes
-        if folder is not None and size > LONG and len(_mapped) < MOST:
-            return _in_a_file(chain(held, rest), block.dtype, block.shape[1:], folder)
-    return held[0] if len(held) == 1 else np.concatenate(held)
+        size += max(part.nbytes for part in block)
+        if folder is not None and size > LONG and len(_mapped) + len(block) <= MOST:
+            kinds = [part.dtype for part in block]
+            return _in_files(chain(held, rest), kinds, folder)
+    return list(map(np.concatenate, zip(*held, strict=True)))
 
 
-def _in_a_file(blocks: Iterable[Any], dtype: Any, shape: tuple[int, ...], folder: Path) -> Any:
-    with tempfile.TemporaryFile(dir=folder) as file:
+def _in_files(blocks: Iterable[Sequence[Any]], kinds: Sequence[Any], folder: Path) -> list[Any]:
+    with ExitStack() as opened:
+        files = [opened.enter_context(tempfile.TemporaryFile(dir=folder)) for _ in kinds]
         for block in blocks:
             with refusals_told(folder):
-                file.write(np.ascontiguousarray(block).data)
-                file.flush()
-        content = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
-    _mapped.add(content)
-    return np.frombuffer(content, dtype).reshape(-1, *shape)
+                for file, part in zip(files, block, strict=True):
+                    file.write(np.ascontiguousarray(part).data)
+                    file.flush()
+        contents = [mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) for file in files]
+    _mapped.update(contents)
+    return list(map(np.frombuffer, contents, kinds))
 
 
 def by_blocks(function: Callable[..., Any], *columns: Any) -> Any:
     """`function(*columns)`, where each row, or each choice of rows, depends on these rows alone."""
-    return in_a_row(function(*block) for block in in_blocks(*columns))
+    return in_a_row([function(*block)] for block in in_blocks(*columns))[0]
 
 
 def counted(function: Callable[[Any], Any], size: int) -> Any:
     """Return `function` of the row numbers from 0 to `size`, where each row depends on its number
     alone.
     """
-    return in_a_row(function(np.arange(rows.start, rows.stop)) for rows in row_blocks(size))
+    return in_a_row([function(np.arange(rows.start, rows.stop))] for rows in row_blocks(size))[0]
 
 
 def chosen(column: Any, mask: Any) -> Any:
@@ -93,5 +96,5 @@ def joined(columns: Sequence[Any]) -> Any:
     return (
         columns[0]
         if len(columns) == 1
-        else in_a_row(block for column in columns for (block,) in in_blocks(column))
+        else in_a_row(block for column in columns for block in in_blocks(column))[0]
     )

@@ -82,6 +82,18 @@ def test_short_arrays_of_many_recordings_share_a_dataset(tmp_path):
             artefacts.read_dataset(path)
 
 
+def test_a_column_of_a_recording_and_its_curve_is_stored_once(tmp_path):
+    path, force = tmp_path / "ingest.h5", np.arange(5000.0)
+    recording = Recording("r", "r.csv", {"force": force}, force.size, {})
+    curve = Curve("r", None, {"force": force}, np.zeros(force.size, dtype=bool), ("r",))
+    quantities = {"force": Quantity("force", "N")}
+    dataset = Dataset("force", None, quantities, (recording,), (curve,))
+    artefacts.write_dataset(path, dataset)
+    with h5py.File(path) as file:
+        assert file["recordings/000/columns/force"] == file["curves/000/columns/force"]
+    assert same(artefacts.read_dataset(path), dataset)
+
+
 @pytest.mark.parametrize("kind", KINDS)
 def test_what_is_written_is_read_back(kind, tmp_path):
     write, _, every = KINDS[kind]

@@ -40,7 +40,7 @@ from mapmore_cli.annexes.motion.simulation import (
     spread,
 )
 from mapmore_cli.annexes.motion.solvers import NEAREST, SOLVERS
-from mapmore_cli.domain.arrays import Array
+from mapmore_cli.domain.arrays import Array, extremes
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.modelling.memory.records import Record
 
@@ -138,7 +138,7 @@ def _outline(records: Sequence[Record], recipe: MotionRecipe) -> Motion:
         dead_band=recipe.dead_band,
         drives=recipe.drives,
         sections=sections,
-        limits=(float(u.min()), float(u.max())),
+        limits=extremes(u),
         start=recipe.start,
     )
 

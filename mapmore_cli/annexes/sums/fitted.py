@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import numpy as np
-
 from mapmore_cli.annexes.sums.body import Part
 from mapmore_cli.annexes.sums.joint import (
     Summand,
@@ -15,7 +13,7 @@ from mapmore_cli.annexes.sums.joint import (
     split,
     sum_of,
 )
-from mapmore_cli.domain.arrays import Array
+from mapmore_cli.domain.arrays import Array, extremes
 from mapmore_cli.domain.errors import FitError
 from mapmore_cli.domain.fits import FormulaFit
 from mapmore_cli.domain.models import CurveRange, Formula, Model
@@ -98,7 +96,7 @@ def formula_parts(summands: Sequence[Summand], joint: FormulaFit, dataset: Datas
     parts = []
     for number, (one, fit) in enumerate(zip(summands, split(joint, summands), strict=True), 1):
         inputs = one.own_inputs(training)
-        limits = {name: (float(np.min(x)), float(np.max(x))) for name, x in inputs.items()}
+        limits = {name: extremes(x) for name, x in inputs.items()}
         quantities = tuple(
             Quantity(name, _unit(one.inputs.get(name, name), dataset)) for name in sorted(inputs)
         )

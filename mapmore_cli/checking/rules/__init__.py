@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from mapmore_cli.checking.findings import Issue
-from mapmore_cli.domain.arrays import Array
+from mapmore_cli.domain.arrays import Array, extremes
 from mapmore_cli.domain.recording import Dataset, Recording
 from mapmore_cli.spec.experiment import ExperimentSpec
 from mapmore_cli.spec.units import convert
@@ -57,8 +57,8 @@ class Subject:
 
     def span(self, name: str) -> tuple[float, float]:
         """Return the least and the largest value of a quantity that every recording has."""
-        columns = [one.columns[name] for one in self.recordings if one.rows_kept]
-        return float(min(map(np.min, columns))), float(max(map(np.max, columns)))
+        ends = [extremes(one.columns[name]) for one in self.recordings if one.rows_kept]
+        return min(low for low, _ in ends), max(high for _, high in ends)
 
     def largest(self, name: str, unit: str | None = None) -> float:
         """Return the largest absolute value of a quantity; 0 where a recording lacks it."""

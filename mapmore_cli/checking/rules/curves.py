@@ -12,7 +12,7 @@ import numpy as np
 from mapmore_cli.checking.evidence import LITTLE, SOME
 from mapmore_cli.checking.names import POSITIONS
 from mapmore_cli.checking.rules import Issue, Subject
-from mapmore_cli.domain.arrays import Array
+from mapmore_cli.domain.arrays import Array, blocks_where, extremes
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.recording import Dataset
 from mapmore_cli.fitting.kinds.choices import level_of
@@ -20,6 +20,7 @@ from mapmore_cli.fitting.kinds.pieces import cuts_of
 from mapmore_cli.modelling.memory.records import records_of, time_step
 from mapmore_cli.modelling.pieces.recipe import Cuts
 from mapmore_cli.modelling.pieces.segmentation import cut_by_course
+from mapmore_cli.modelling.signals.sampling import MANY, even_share
 from mapmore_cli.modelling.validation.repeatability import WORTH, floors
 from mapmore_cli.spec.check_study import formula_called
 from mapmore_cli.spec.sections.dictionary import entries_of, texts_in
@@ -126,8 +127,8 @@ def _inputs_of_model(subject: Subject) -> list[str]:
 
 
 def _split_values(dataset: Dataset, name: str, held_out: bool) -> Array:
-    """Return a quantity's samples on one side of the split; of the level quantity, the levels
-    themselves.
+    """Return a quantity's samples on one side of the split, of a long curve an even share and the
+    extremes; of the level quantity, the levels themselves.
     """
     parts = []
     for curve in dataset.curves:
@@ -136,7 +137,9 @@ def _split_values(dataset: Dataset, name: str, held_out: bool) -> Array:
             if name != dataset.level or curve.level is None
             else np.full(curve.size, curve.level)
         )
-        parts.append(values[curve.held_out == held_out])
+        part = np.concatenate([*blocks_where(values, curve.held_out == held_out)])
+        is_long = len(part) > MANY
+        parts.append(np.append(even_share(part), extremes(part)) if is_long else part)
     return np.concatenate(parts)
 
 

@@ -11,7 +11,8 @@ import numpy as np
 from mapmore_cli.checking.evidence import FEWEST, ROUNDING, same_signals, unequal
 from mapmore_cli.checking.findings import Severity
 from mapmore_cli.checking.rules import Issue, Subject
-from mapmore_cli.domain.arrays import Array
+from mapmore_cli.domain.arrays import Array, extremes
+from mapmore_cli.modelling.signals.sampling import even_share
 
 
 def computed_from(subject: Subject) -> Iterator[Issue]:
@@ -43,8 +44,9 @@ def computed_from(subject: Subject) -> Iterator[Issue]:
 
 def _slope_of_line(x: Array, y: Array) -> float | None:
     """Return the slope of a straight line that tells `y`; None where none does."""
-    if len(x) < FEWEST or not np.ptp(x) or not np.ptp(y):
+    if len(x) < FEWEST or not np.ptp(extremes(x)) or not np.ptp(extremes(y)):
         return None
+    x, y = even_share(x), even_share(y)
     off = x - x.mean()
     slope = float(off @ y / (off @ off))
     left = np.abs(y - y.mean() - slope * off).max()

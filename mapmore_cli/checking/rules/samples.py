@@ -10,8 +10,10 @@ from mapmore_cli.checking import evidence
 from mapmore_cli.checking.evidence import LITTLE, MUCH
 from mapmore_cli.checking.findings import Severity
 from mapmore_cli.checking.rules import Issue, Subject
+from mapmore_cli.domain.arrays import extremes, give_back
 from mapmore_cli.domain.recording import Recording
 from mapmore_cli.domain.scores import FAR_FROM_ZERO
+from mapmore_cli.modelling.signals.sampling import even_share
 
 FAR_MORE = 10  # times any other number, of samples at one end
 # what hardly stops by itself at one number: its sensor does
@@ -92,7 +94,7 @@ def clipped(subject: Subject) -> Iterator[Issue]:
         largest = subject.largest(name)
         for recording in (one for one in subject.recordings if one.rows_kept):
             values = recording.columns.get(name, np.zeros(0))
-            ends = (("above", values.min()), ("below", values.max())) if values.size else ()
+            ends = zip(("above", "below"), extremes(values), strict=True) if values.size else ()
             for side, end in ends:
                 count = int(np.count_nonzero(values == end))
                 rests = abs(end) < MUCH * largest  # a slack muscle pulls with nothing for long
@@ -101,7 +103,8 @@ def clipped(subject: Subject) -> Iterator[Issue]:
                 others = np.unique(values[values != end], return_counts=True)[1]
                 if not others.size or count <= FAR_MORE * others.max():
                     continue
-                yield _clipped(subject, recording, name, side, float(end), count)
+                yield _clipped(subject, recording, name, side, end, count)
+            give_back(values)
 
 
 def _clipped(
@@ -147,8 +150,8 @@ def recorded_twice(subject: Subject) -> Iterator[Issue]:
     for recording in (recording for recording in subject.recordings if recording.rows_kept):
         # what is set for a file does not make it another
         measured = sorted(recording.columns.keys() & subject.spec.data.columns)
-        samples = (hash(recording.columns[name].tobytes()) for name in measured)
-        twin = known.setdefault((*measured, *samples), recording)
+        samples = (hash(even_share(recording.columns[name]).tobytes()) for name in measured)
+        twin = known.setdefault((recording.rows_kept, *measured, *samples), recording)
         if twin is recording:
             continue
         leak = (twin.id in held_out) != (recording.id in held_out)

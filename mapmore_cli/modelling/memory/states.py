@@ -11,7 +11,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import Array, BoolArray, Columns
+from mapmore_cli.domain.arrays import Array, BoolArray, Columns, extremes
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.fits import MemoryModel, StateSet
 from mapmore_cli.modelling.expressions.operator import Setting, along
@@ -158,7 +158,7 @@ def _range(values: Array, name: str) -> tuple[float, float]:
             f"`{name}` has no value on any training sample",
             "use fewer steps of delay, or longer recordings",
         )
-    return float(values.min()), float(values.max())
+    return extremes(values)
 
 
 def _pooled(values: Sequence[Array], training: Sequence[BoolArray]) -> Array:

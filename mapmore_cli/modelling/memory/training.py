@@ -17,7 +17,7 @@ from itertools import chain, product
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import Array, BoolArray, IntArray
+from mapmore_cli.domain.arrays import Array, BoolArray, IntArray, extremes
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.fits import Identified, MemoryFit, MemoryModel, StateSet
 from mapmore_cli.modelling.expressions import Name, parse, substitute, to_text
@@ -209,7 +209,7 @@ class TrainingData:
                 f"{recipe.max_terms} term(s)",
                 "keep more samples, or lower fit.max_terms",
             )
-        self.limits = (float(self.data.y.min()), float(self.data.y.max()))
+        self.limits = extremes(self.data.y)
         self.selector = selector(self.data, recipe)
 
     def fit(self, choice: TermChoice, point: Coefficients | None = None) -> MemoryFit:

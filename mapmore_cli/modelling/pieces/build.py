@@ -12,7 +12,7 @@ from itertools import product
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mapmore_cli.domain.arrays import Array, Columns, IntArray
+from mapmore_cli.domain.arrays import Array, Columns, IntArray, extremes, give_back
 from mapmore_cli.domain.declared import taken
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.fits import (
@@ -82,7 +82,11 @@ def _anchored(X: Array, y: Array, variables: tuple[str, ...], right: tuple[bool,
     # mean over the samples nearest to the anchor; all at the same distance count, so the order of
     # rows does not matter
     if variables:
-        far = (np.abs(X - anchor) * slope).max(axis=1)
+        far = np.zeros(len(y))
+        for x, at, steepness in zip(X.T, anchor, slope, strict=True):
+            distance = x - at
+            np.abs(distance, out=distance)
+            np.maximum(far, np.multiply(distance, steepness, out=distance), out=far)
         nearest = max(1, int(np.ceil(END_FRACTION * len(y))))
         y_anchor = float(y[far <= np.partition(far, nearest - 1)[nearest - 1]].mean())
     place = ",".join("right" if r else "left" for r in right) or "-"
@@ -125,7 +129,7 @@ def segment(
         if len(rows) <= recipe.fit.max_terms:
             return float("inf")
         trial = Segment(f"{curve.id}/trial", curve.id, (), rows)
-        trial_fit = fit_segment(trial, samples_at(fitted[curve.id], rows), terms, recipe)
+        trial_fit = fit_segment(trial, fitted[curve.id].columns, terms, recipe)
         return trial_fit.selection.sse * trial_fit.scaling.y_slope**2
 
     return tuple(segment_curve(curve, recipe.cuts, recipe.target, cost) for curve in training)
@@ -151,18 +155,16 @@ def fit(
     fits = []
     for segmented in segmentation:
         for one in segmented.segments:
-            fits.append(
-                fit_segment(one, samples_at(fitted[segmented.curve], one.rows), terms, recipe)
-            )
+            fits.append(fit_segment(one, fitted[segmented.curve].columns, terms, recipe))
             tick()
     return tuple(fits)
 
 
 def fit_segment(
-    segment: Segment, samples: Columns, terms: Sequence[Expression], recipe: Recipe
+    segment: Segment, columns: Columns, terms: Sequence[Expression], recipe: Recipe
 ) -> SegmentFit:
     """Choose and fit the terms of one segment, for every placement of its scaling; the least
-    training SSE wins, the first of equals.
+    training SSE wins, the first of equals. `columns` are those of its curve.
 
     All placements share the slope of y, so their scaled SSE compare. Rows are sorted first: the
     numbers then do not depend on the order in which a logger wrote them.
@@ -176,16 +178,19 @@ def fit_segment(
         what = f"segment {segment.id}: {n} training sample(s), too few for {most} term(s)"
         raise DataError(what, f"{ways}, or set fit.max_terms below {max(2, n)}")
     variables = quantities_in(terms)
-    X = np.column_stack([samples[name] for name in variables]) if variables else np.empty((n, 0))
-    y = samples[recipe.target]
-    order = np.lexsort((y, *X.T[::-1]))
-    X, y = X[order], y[order]
+    samples = samples_at(columns, segment.rows, (*variables, recipe.target))
+    order = np.lexsort([samples[name] for name in (recipe.target, *variables[::-1])])
+    X, y = np.empty((n, len(variables)), order="F"), samples[recipe.target][order]
+    for place, name in enumerate(variables):
+        X[:, place] = samples.pop(name)[order]
+    del samples, order  # of a long record they take more than all else
+    give_back(segment.rows)
     best: SegmentFit | None = None
     for scaling in placements(recipe.fit.scaling, X, y, variables):
         z = scaled_inputs(scaling, dict(zip(variables, X.T, strict=True)))
-        x = X * scaling.slope + scaling.intercept
-        ends = zip(variables, x.min(axis=0).tolist(), x.max(axis=0).tolist(), strict=True)
-        written = placed(recipe.dictionary, tuple(ends))
+        written = placed(
+            recipe.dictionary, tuple((name, *extremes(values)) for name, values in z.items())
+        )
         try:
             selection = _selected_terms(
                 terms if written == recipe.dictionary else list(map(parse, written)),
@@ -243,7 +248,7 @@ def fuse(
     for s in sorted(segmentation, key=lambda s: (s.level is not None, s.level)):
         curve, rows = training[s.curve], {one.id: one.rows for one in s.segments}
         segments = tuple(
-            _segment_function(f, samples_at(curve, rows[f.id]), s.variables)
+            _segment_function(f, samples_at(curve.columns, rows[f.id], s.variables))
             for f in result.segments
             if f.curve == s.curve
         )
@@ -287,10 +292,8 @@ def build(
     )
 
 
-def _segment_function(
-    fit: SegmentFit, samples: Columns, variables: Sequence[str]
-) -> SegmentFunction:
-    limits = {name: (float(samples[name].min()), float(samples[name].max())) for name in variables}
+def _segment_function(fit: SegmentFit, samples: Columns) -> SegmentFunction:
+    limits = {name: extremes(values) for name, values in samples.items()}
     return taken(
         SegmentFunction,
         fit.selection,

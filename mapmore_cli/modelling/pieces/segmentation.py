@@ -2,13 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from itertools import pairwise, product
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import Array, BoolArray, IntArray
+from mapmore_cli.domain.arrays import (
+    Array,
+    BoolArray,
+    Columns,
+    IntArray,
+    blocks_where,
+    extremes,
+    give_back,
+    in_blocks,
+)
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.fits import Segment, SegmentedCurve
 from mapmore_cli.domain.recording import DIRECTION, Curve, united
@@ -32,7 +41,7 @@ def gradient_boundaries(x: Array, y: Array, count: int) -> Array:
     """
     from scipy.signal import find_peaks
 
-    low, high = float(x.min()), float(x.max())
+    low, high = extremes(x)
     window = WINDOW * (high - low)
     apart = window * (1 - ROUNDING)
     at, change = slope_change(x, y, window)
@@ -115,9 +124,13 @@ def optimal_partition(
     return tuple(reversed(places))
 
 
-def samples_at(curve: Curve, rows: IntArray) -> dict[str, Array]:
-    """Columns of a curve at the given rows."""
-    return {name: column[rows] for name, column in curve.columns.items()}
+def samples_at(columns: Columns, rows: IntArray, names: Iterable[str]) -> dict[str, Array]:
+    """Return some columns of a curve at the given rows."""
+    samples = {}
+    for name in names:
+        samples[name] = columns[name][rows]
+        give_back(columns[name])
+    return samples
 
 
 IntervalCost = Callable[[Curve, IntArray], float]
@@ -131,9 +144,9 @@ MOST_SAMPLES = 500
 
 
 def cut_points(
-    curve: Curve, rows: IntArray, name: str, target: str, cut: Cut, cost: IntervalCost
+    curve: Curve, training: BoolArray, name: str, target: str, cut: Cut, cost: IntervalCost
 ) -> Array:
-    """Segment locations `seg_i` of one variable over the range of the given rows, both ends
+    """Segment locations `seg_i` of one variable over the range of the samples that train, both ends
     included, (count + 1,).
 
     Given breakpoints that lie outside of the curve's own range are left out: a low-pressure curve
@@ -141,37 +154,45 @@ def cut_points(
     """
     if isinstance(cut, CutByDirection):
         return np.array([-1.0, 0.0, 1.0])
-    x, y = curve.columns[name][rows], curve.columns[target][rows]
-    low, high = float(x.min()), float(x.max())
+    x, y = curve.columns[name], curve.columns[target]
+    low, high = extremes(x, training)
     if low == high:
         return np.array([low, high])
     match cut.method:
         case "even":
-            return joined_segments(np.linspace(low, high, cut.segments + 1), x, cut.least)
+            return joined_segments(np.linspace(low, high, cut.segments + 1), x, cut.least, training)
         case "breakpoints":
             return joined_segments(
-                np.array([low, *(b for b in cut.at or () if low < b < high), high]), x, cut.least
+                np.array([low, *(b for b in cut.at or () if low < b < high), high]),
+                x,
+                cut.least,
+                training,
             )
         case "gradient":
-            return np.array([low, *gradient_boundaries(x, y, cut.segments), high])
+            inner = gradient_boundaries(x[training], y[training], cut.segments)
+            return np.array([low, *inner, high])
         case "optimal":
-            order = np.lexsort((y, x))
+            rows = np.flatnonzero(training)
+            order = np.lexsort((y[rows], x[rows]))
             thinned = rows[order[:: -(-len(rows) // MOST_SAMPLES)]]
             return _optimal_points(
                 curve, thinned, name, np.linspace(low, high, CELLS + 1), cut, cost
             )
 
 
-def joined_segments(boundaries: Array, x: Array, least: int) -> Array:
+def joined_segments(
+    boundaries: Array, x: Array, least: int, training: BoolArray | None = None
+) -> Array:
     """Return the boundaries of one variable without those that must go for every segment to hold
-    `least` samples.
+    `least` samples, of those in `training` where it is given.
 
     The segment with the fewest is joined to the neighbour that has fewest, the left one of equals,
     until none has too few: a curve may be sparse somewhere.
     """
     kept = boundaries.tolist()
     while len(kept) > 2:
-        counts = [int(rows.sum()) for rows in _members(x, kept)]
+        parts = blocks_where(x, training)
+        counts = np.sum([[*map(np.sum, _members(part, kept))] for part in parts], axis=0)
         i = int(np.argmin(counts))
         if counts[i] >= least:
             break
@@ -250,25 +271,27 @@ def segment_curve(
 
     Raises DataError where a segment holds no sample, or the curve has too few for the cut.
     """
-    rows = np.flatnonzero(curve.training)
-    values = samples_at(curve, rows)
+    training = curve.training
     boundaries = {
-        name: cut_points(curve, rows, name, target, cut, cost) for name, cut in cuts.items()
+        name: cut_points(curve, training, name, target, cut, cost) for name, cut in cuts.items()
     }
-    inside = [list(enumerate(_members(values[name], boundaries[name]), 1)) for name in cuts]
-    every = np.ones(len(rows), dtype=np.bool_)
-    masks = {
-        tuple(i for i, _ in places): np.logical_and.reduce([every, *(own for _, own in places)])
-        for places in product(*inside)
-    }
+    cells: dict[tuple[int, ...], list[IntArray]] = {}
+    start, inputs = 0, [curve.columns[name] for name in cuts]
+    for trains, *values in in_blocks(training, *inputs):
+        both = zip(values, boundaries.values(), strict=True)
+        inside = [enumerate(_members(x, ends), 1) for x, ends in both]
+        for places in product(*inside):
+            mask = np.logical_and.reduce([trains, *(own for _, own in places)])
+            cells.setdefault(tuple(i for i, _ in places), []).append(start + np.flatnonzero(mask))
+        start += len(trains)
     segments = [
-        Segment(segment_id(curve.id, tuple(cuts), cell), curve.id, cell, rows[mask])
-        for cell, mask in masks.items()
+        Segment(segment_id(curve.id, tuple(cuts), cell), curve.id, cell, rows)
+        for cell, rows in ((cell, np.concatenate(cells.pop(cell))) for cell in [*cells])
     ]
     if empty := [segment.id for segment in segments if not len(segment.rows)]:
         remedy = "use fewer segments, move the breakpoints, or keep more samples of this curve"
         raise DataError(f"segment {empty[0]}: no training sample lies in it", remedy)
-    limits = {name: curve.limits(name) for name in values}
+    limits = {name: curve.limits(name) for name in curve.columns}
     return SegmentedCurve(
         curve.id, curve.level, tuple(cuts), tuple(boundaries.values()), limits, tuple(segments)
     )

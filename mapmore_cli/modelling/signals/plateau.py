@@ -9,7 +9,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import Array, BoolArray, IntArray
+from mapmore_cli.domain.arrays import Array, BoolArray, IntArray, extremes
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.recording import Curve
 
@@ -92,7 +92,7 @@ def find_plateau(time: Array, pressure: Array, others: Mapping[str, Array]) -> t
 
     Raises DataError where the pressure never rises, or nothing rests after it has.
     """
-    low, high_end = float(pressure.min()), float(pressure.max())
+    low, high_end = extremes(pressure)
     upper = pressure > (low + high_end) / 2
     noise = float(np.median(np.abs(np.diff(pressure)))) if len(pressure) > 1 else 0.0
     # Medians: inertia and suction make the pressure overshoot when it rises, and more so when it

@@ -11,7 +11,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import Array, BoolArray, Columns, IntArray, in_blocks
+from mapmore_cli.domain.arrays import Array, BoolArray, Columns, IntArray, give_back, in_blocks
 
 
 def correlation(first: Array, second: Array) -> float:
@@ -55,8 +55,17 @@ def spread_repeated(time: Array) -> Array:
 
 # of a time step: more than this apart from an even grid, samples are not evenly spaced. Stamps are
 # often rounded so far
-MANY = 20_000  # samples that stand for a longer record where all are not needed
 UNEVEN = 1e-3
+
+MANY = 20_000  # samples that stand for a longer record where all are not needed
+
+
+def even_share(values: Array) -> Array:
+    """Return at most `MANY` samples of a record, evenly chosen from all of it."""
+    share = values[:: max(1, -(-len(values) // MANY))].copy()
+    give_back(values)
+    return share
+
 
 ROUNDING = 1e-9  # relative: a step of exactly the limit is no gap, however it was rounded
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import Array, IntArray, Ranges
+from mapmore_cli.domain.arrays import Array, IntArray, Ranges, extremes
 from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.recording import Dataset
 from mapmore_cli.domain.results import Validation
@@ -73,7 +73,7 @@ def along(model: Model, dataset: Dataset) -> str:
     measured quantity.
     """
     ranges = [
-        {name: (float(x.min()), float(x.max())) for name, x in curve.columns.items()}
+        {name: extremes(x) for name, x in curve.columns.items()}
         for curve in dataset.curves
         if curve.size
     ]

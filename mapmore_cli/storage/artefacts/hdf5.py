@@ -10,17 +10,13 @@ from __future__ import annotations
 
 import json
 import math
-import mmap
-import os
 import signal
 import threading
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from io import FileIO
-from pathlib import Path
 from typing import Any, NamedTuple
-from weakref import WeakValueDictionary
 
 import h5py
 import numpy as np
@@ -87,11 +83,15 @@ class Waiting(NamedTuple):
 
 
 def put_arrays(file: h5py.File, arrays: Sequence[Waiting], digest: Any) -> None:
-    """Store arrays, and take them into a checksum. Short ones of many members share a dataset,
-    since one for each would take longer than all else; their references are changed.
+    """Store arrays, and take them into a checksum. A long one that is there twice, as a column of a
+    recording and of its curve, is stored once and linked.
+
+    Short ones of many members share a dataset, since one for each would take longer than all else;
+    their references are changed.
     """
     shared = Counter(shared_path(one.reference[ARRAY]) for one in arrays if one.value.size < LONG)
     datasets: dict[str, list[Waiting]] = {}
+    once: dict[tuple[int, str], str] = {}
     for one in arrays:
         path = one.reference[ARRAY]
         whole = shared_path(path)
@@ -104,6 +104,13 @@ def put_arrays(file: h5py.File, arrays: Sequence[Waiting], digest: Any) -> None:
             for one in members:
                 one.reference.update({ARRAY: path, FROM: start, SHAPE: [*one.value.shape]})
                 start += one.value.size
+        elif value.size >= LONG:
+            _, unit = members[0].label
+            if other := once.pop((id(value), unit), None):
+                digest.update(as_link(path, other))
+                file[path] = file[other]
+                continue
+            once[id(value), unit] = path
         dtype = TYPES[value.dtype.type]
         add_to_hash(digest, path, value, dtype)
         put_array(file, path, value, dtype, *members[0].label)
@@ -124,6 +131,19 @@ def add_to_hash(digest: Any, path: str, value: Any, dtype: str) -> None:
         digest.update(np.ascontiguousarray(block, dtype=dtype).data)
 
 
+def as_link(path: str, other: str) -> bytes:
+    """Return what a checksum takes in of an array that is the same as another one."""
+    return f"{path} = {other}\n".encode()
+
+
+def address_of(file: h5py.File, path: str) -> Any:
+    """Return where in its file an object lies: two links to one object lead to one place; None
+    where there is none.
+    """
+    with stored_at(path):
+        return h5o.get_info(file[path].id).addr if path in file else None
+
+
 def take_array(file: h5py.File, path: str, dtype: str, ndim: int) -> NDArray[Any]:
     """Return an array; a huge one is mapped from the file. Raises Invalid for another type or
     shape.
@@ -131,25 +151,11 @@ def take_array(file: h5py.File, path: str, dtype: str, ndim: int) -> NDArray[Any
     with stored_at(path):
         found = file.get(path)
         if isinstance(found, h5py.Dataset) and (found.dtype, found.ndim) == (np.dtype(dtype), ndim):
-            return _mapped(found) if found.size >= HUGE and found.chunks is None else found[()]
+            if found.size < HUGE or found.chunks is not None:
+                return np.asarray(found[()])
+            place, shape = found.id.get_offset(), found.shape
+            return np.asarray(np.memmap(file.filename, dtype, "r", place, shape))
     raise Invalid(path, f"is no array of {ndim} dimensions of {np.dtype(dtype).name}")
-
-
-_mappings: WeakValueDictionary[tuple[int, ...], mmap.mmap] = WeakValueDictionary()
-"""One for each file, which all of its columns share: a mapping keeps its file open."""
-
-
-def _mapped(dataset: h5py.Dataset) -> NDArray[Any]:
-    """Return the values of a contiguous dataset where they lie in its file, without reading
-    them.
-    """
-    with Path(dataset.file.filename).open("rb") as file:
-        now = os.fstat(file.fileno())
-        key = (now.st_dev, now.st_ino, now.st_mtime_ns, now.st_size)
-        content = _mappings.get(key) or mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
-    _mappings[key] = content
-    place, count = dataset.id.get_offset(), math.prod(dataset.shape)
-    return np.frombuffer(content, dataset.dtype, count, place).reshape(dataset.shape)
 
 
 def root_text(file: h5py.File, name: str) -> str | None:
@@ -197,16 +203,16 @@ def look_over(file: h5py.File, size: int, ratio: int = RATIO) -> None:
     """Raise Invalid for a file that is no plain tree of numbers and texts, or that unpacks to far
     more than its `size` in bytes.
 
-    Refused are links of all kinds but one hard link to every object, data in other files (external
-    storage, virtual datasets), filters other than gzip and byte shuffle, types other than numbers
-    and texts of a declared length, attributes that are more than a few numbers or one text, and
-    groups too deep.
+    Refused are links of all kinds but one hard link to every object, two to a dataset, data in
+    other files (external storage, virtual datasets), filters other than gzip and byte shuffle,
+    types other than numbers and texts of a declared length, attributes that are more than a few
+    numbers or one text, and groups too deep.
     """
     most = room = ROOM + ratio * size
     links: list[tuple[bytes, int]] = []
     with stored_at(""):
         file.id.links.visit(lambda name, info: links.append((name, info.type)), info=True)
-        seen = {h5o.get_info(file.id).addr}
+        seen = Counter([h5o.get_info(file.id).addr])
     _check_attributes(h5g.open(file.id, b"/"), "")
     for name, kind in links:
         where = name.decode(errors="replace")
@@ -215,9 +221,9 @@ def look_over(file: h5py.File, size: int, ratio: int = RATIO) -> None:
         with stored_at(where):
             node = h5o.open(file.id, name)
             info = h5o.get_info(node)
-        if info.addr in seen:
-            raise Invalid(where, "is linked more than once")
-        seen.add(info.addr)
+        if seen[info.addr] > (info.type == h5o.TYPE_DATASET):
+            raise Invalid(where, "is linked too often")
+        seen[info.addr] += 1
         if info.type not in (h5o.TYPE_GROUP, h5o.TYPE_DATASET):
             raise Invalid(where, "is neither a group nor a dataset")
         if name.count(b"/") > DEEPEST:

@@ -4,24 +4,23 @@ from __future__ import annotations
 
 import csv
 import re
-import warnings
 from collections import deque
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from io import BufferedReader
-from itertools import chain, islice, product, repeat
+from io import BufferedReader, StringIO
+from itertools import chain, islice, product
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.storage.spool import by_blocks, in_a_row
+from mapmore_cli.storage.spool import in_a_row
 from mapmore_cli.storage.tables import (
     RawTable,
     Reader,
-    SourceColumn,
     TableRequest,
     Top,
     locate_columns,
@@ -29,26 +28,26 @@ from mapmore_cli.storage.tables import (
 )
 from mapmore_cli.storage.tables.cells import (
     NUMBER,
-    CellReader,
-    NotANumber,
     holds_number,
     shortened,
 )
 from mapmore_cli.storage.tables.lines import (
     UNREADABLE,
+    Lines,
     csv_records,
     guess_encoding,
     is_zipped,
     open_lines,
 )
+from mapmore_cli.storage.tables.rows import Wanted, values_of_rows, wanted_of
 
 WHITESPACE = "whitespace"
 DELIMITERS = {"tab": "\t"}
 MARKS = {";": "a semicolon", "\t": "a tab"}
 
-CHUNK = 8192
-"""Lines held as text at one time; where one of them is out of order, all of them are read record by
-record.
+CHUNK = 1 << 19
+"""Characters that are read at a time; where one of them is out of order, all of them are read
+record by record.
 """
 
 Numbered = tuple[int, list[str]]
@@ -61,16 +60,13 @@ class Layout:
 
     - `request`, `delimiter`: how the file is read; None for any run of blanks.
     - `width`: the number of fields in a record.
-    - `places`, `titles`, `readers`: of the wanted columns; what the readers know of the stamps goes
-      from block to block.
+    - `wanted`: the columns; what their readers know of the stamps goes from block to block.
     """
 
     request: TableRequest
     delimiter: str | None
     width: int
-    places: tuple[int, ...]
-    titles: tuple[SourceColumn, ...]
-    readers: tuple[CellReader, ...]
+    wanted: Sequence[Wanted]
 
 
 def read_csv(path: Path, request: TableRequest) -> list[RawTable]:
@@ -103,8 +99,8 @@ def read_csv(path: Path, request: TableRequest) -> list[RawTable]:
             ) from error
 
 
-def _parse(lines: Iterator[str], raw: BufferedReader, request: TableRequest) -> RawTable:
-    zipped, last = is_zipped(raw), deque[str](maxlen=50)
+def _parse(lines: Lines, raw: BufferedReader, request: TableRequest) -> RawTable:
+    zipped, last = is_zipped(raw), deque[str](maxlen=2)
     deque(islice(lines, request.skip_rows), maxlen=0)
     delimiter = DELIMITERS.get(request.delimiter, request.delimiter)
     split_at = None if delimiter == WHITESPACE else delimiter
@@ -115,16 +111,13 @@ def _parse(lines: Iterator[str], raw: BufferedReader, request: TableRequest) -> 
     layout = _layout(first[1], request, split_at)
     *_, (row, _) = [first, *islice(records, max(request.header - 1, 0))]
     leading = [] if request.header else [values_of_records([first], layout)]
-    blocks = chain(leading, _blocks_of_lines(lines, row, layout, raw, last))
+    blocks = chain(leading, _blocks_of(lines, row, layout, raw, last))
     begin = next(blocks, None)
     if begin is None:
         raise DataError(f"{request.label}: the file has a header but no data")
-    table = in_a_row(chain([begin], blocks))
-    # what was spooled stays where it is
-    columns = np.ascontiguousarray(table.T) if table.flags.writeable else table.T
-    rows = by_blocks(lambda numbers: numbers.astype(np.int64), columns[0])
-    whole = RawTable(dict(zip(request.columns, columns[1:], strict=True)), rows, request.label)
-    return whole if zipped else _without_cut_number(whole, last, layout)
+    rows, *columns = in_a_row(chain([begin], blocks))
+    whole = RawTable(dict(zip(request.columns, columns, strict=True)), rows, request.label)
+    return whole if zipped else _without_cut_number(whole, "".join(last), layout)
 
 
 def _records(
@@ -146,34 +139,28 @@ def _layout(first: Sequence[str], request: TableRequest, delimiter: str | None) 
     if hint is None and names is not None and all(map(holds_number, names)):
         hint = "The first line holds numbers: give 0-based indices and say `header: false`."
     places = locate_columns(request, names, len(first), hint)
-    return Layout(
-        request,
-        delimiter,
-        len(first),
-        tuple(places.values()),
-        tuple(column if names is None else names[at] for column, at in places.items()),
-        tuple(map(request.cells, places)),
-    )
+    return Layout(request, delimiter, len(first), wanted_of(places, names, request))
 
 
-def _blocks_of_lines(
-    lines: Iterator[str], row: int, layout: Layout, raw: BufferedReader, last: deque[str]
-) -> Iterator[Array]:
-    """Yield numbers and values of the lines after `row`, (n, 1 + columns), block by block; `last`
-    gets the last lines.
+def _blocks_of(
+    lines: Lines, row: int, layout: Layout, raw: BufferedReader, last: deque[str]
+) -> Iterator[list[Any]]:
+    """Yield numbers and values of the lines after `row`, (n,) each, block by block; `last` gets the
+    last blocks of text.
     """
-    while block := list(islice(lines, CHUNK)):
-        last.extend(block)
-        end, values = row + len(block), values_of_lines(block, layout)
-        if values is not None:
-            for read, column in zip(layout.readers, values.T, strict=True):
+    while text := lines.block(CHUNK, row):
+        last.append(text)
+        values = values_of_text(text, layout)
+        if values:
+            for (_, _, read), column in zip(layout.wanted, values, strict=True):
                 if read.clock and np.isfinite(column).any():
                     read.form = NUMBER
-            yield np.column_stack([np.arange(row + 1, end + 1), values])
-            row = end
+            yield [np.arange(row + 1, row + len(values[0]) + 1), *values]
+            row += len(values[0])
         else:
-            filled: list[Numbered] = []
-            later = _records(chain(block, lines), layout.delimiter, layout.request.label, row)
+            taken = _lines_in(text)
+            end, filled = row + len(taken), list[Numbered]()
+            later = _records(chain(taken, lines), layout.delimiter, layout.request.label, row)
             for row, cells in later:
                 filled += [(row, cells)] if cells else []
                 if row >= end:
@@ -183,64 +170,96 @@ def _blocks_of_lines(
         layout.request.progress(raw.tell())
 
 
-def values_of_lines(lines: Sequence[str], layout: Layout) -> Array | None:
-    """Return the wanted columns, (n, columns), where every line is one record of full width with
-    only plain numbers in them; else None.
+def _lines_in(text: str) -> list[str]:
+    return StringIO(text, newline="").readlines()
 
-    NumPy's parser takes a twentieth of the time of `values_of_records`, and every number that it
-    accepts is the same number there.
+
+def values_of_text(text: str, layout: Layout) -> list[Array]:
+    """Return the wanted columns, (n,) each, where every line is one record of full width that has
+    only plain numbers and empty fields there; else none.
+
+    PyArrow reads them in a thirtieth of the time of `values_of_records`, and gives the same doubles
+    to the last bit. It takes blank lines for records and `nan(ind)` for a number, so that lines
+    without any number, and NaN that no empty field explains, are left to the other.
     """
-    request, delimiter, text = layout.request, layout.delimiter, "".join(lines)
+    request, delimiter = layout.request, layout.delimiter
     if (
         any(
-            read.clock and (read.format or read.form not in ("", NUMBER)) for read in layout.readers
+            read.clock and (read.format or read.form not in ("", NUMBER))
+            for _, _, read in layout.wanted
         )
         or (request.thousands is not None and request.thousands in text)
-        or (request.decimal != "." and "." in text)
+        or text.startswith("\ufeff")  # which PyArrow skips
     ):
-        return None
-    if delimiter is not None:
-        if set(map(str.count, lines, repeat(delimiter))) != {layout.width - 1}:
-            return None
+        return []
+    if delimiter is None:
+        delimiter = "\t"
+        text = re.sub(r"(?<![^\r\n])\t|\t(?![^\r\n])", "", re.sub(r"[ \t]+", delimiter, text))
+    if '"' in text:
+        mark = re.escape(delimiter)
+        text = re.sub(rf'(?<![^{mark}\r\n])"([^"{mark}\r\n]*)"(?![^{mark}\r\n])', r"\1", text)
         if '"' in text:
-            mark = re.escape(delimiter)
-            quoted = re.compile(rf'(?<![^{mark}])"([^"{mark}\r\n]*)"(?=[{mark}\r\n]|$)')
-            lines = [quoted.sub(r"\1", line) for line in lines]
-            if '"' in "".join(lines):
-                return None
-    if request.decimal != ".":
-        lines = [line.replace(request.decimal, ".") for line in lines]
-    columns = None if delimiter is None else layout.places
+            return []
+    columns = _parsed_columns(text.encode(), delimiter, layout)
+    values = list(map(_numbers_in, columns))
+    absent = [np.isnan(column) for column in values]
+    empty = sum(column.null_count for column in columns)
+    if np.count_nonzero(absent) != empty or (empty and np.logical_and.reduce(absent).any()):
+        return []
+    return values
+
+
+def _numbers_in(column: Any) -> Array:
+    """Return the numbers of a column as PyArrow holds them, NaN for a null. Its own `to_numpy`
+    imports pandas where that is installed, which takes longer than to read a small file.
+    """
+    (chunk,) = column.chunks
+    valid, data = chunk.buffers()
+    values = np.frombuffer(data, count=len(chunk))
+    if valid is None:
+        return values
+    bits = np.frombuffer(valid, np.uint8)
+    return np.where(np.unpackbits(bits, count=len(chunk), bitorder="little"), values, np.nan)
+
+
+def _parsed_columns(text: bytes, delimiter: str, layout: Layout) -> list[Any]:
+    """Return the wanted columns as PyArrow parses them; none where it refuses the text."""
+    import pyarrow
+    from pyarrow import csv as arrow
+
+    wanted = [str(place) for _, place, _ in layout.wanted]
     try:
-        with warnings.catch_warnings(action="ignore"):  # of lines that hold nothing
-            values = np.loadtxt(lines, comments=None, ndmin=2, delimiter=delimiter, usecols=columns)
-    except (ValueError, TypeError):
-        return None
-    if len(values) != len(lines) or (columns is None and values.shape[1] != layout.width):
-        return None
-    return values if columns else values[:, layout.places]
+        table = arrow.read_csv(
+            pyarrow.BufferReader(text),
+            arrow.ReadOptions(
+                use_threads=False,
+                block_size=len(text) + 1,
+                column_names=list(map(str, range(layout.width))),
+            ),
+            arrow.ParseOptions(delimiter=delimiter, quote_char=False, ignore_empty_lines=False),
+            arrow.ConvertOptions(
+                column_types=dict.fromkeys(wanted, pyarrow.float64()),
+                include_columns=wanted,
+                null_values=[""],
+                decimal_point=layout.request.decimal,
+            ),
+        )
+    except pyarrow.ArrowInvalid:
+        return []
+    return list(table.columns)
 
 
-def values_of_records(records: Sequence[Numbered], layout: Layout) -> Array:
-    """Return line numbers and wanted columns of records without blank ones, (n, 1 + columns); an
-    empty field is NaN.
+def values_of_records(records: Sequence[Numbered], layout: Layout) -> list[Any]:
+    """Return line numbers and wanted columns of records without blank ones, (n,) each; an empty
+    field is NaN.
 
     Raises DataError for a record with too few or too many fields; a field that is not a number;
     with row and column.
     """
-    wanted = list(zip(layout.places, layout.titles, layout.readers, strict=True))
-    values = np.empty((len(records), 1 + len(wanted)))
-    for place, (row, record) in enumerate(records):
-        cells = _of_width(row, record, layout)
-        values[place, 0] = row
-        for column, (at, title, read) in enumerate(wanted, start=1):
-            try:
-                values[place, column] = read(cells[at])
-            except NotANumber as odd:
-                raise odd.at(
-                    f"{layout.request.label}:row {row}, column {title}", separator_hint(cells)
-                ) from None
-    return values
+    rows = ((row, _of_width(row, record, layout)) for row, record in records)
+    label = layout.request.label
+    numbers, columns = values_of_rows(rows, layout.wanted, label, separator_hint)
+    return [numbers, *columns]
 
 
 def _of_width(row: int, record: list[str], layout: Layout) -> list[str]:
@@ -275,15 +294,16 @@ def separator_hint(record: Sequence[str]) -> str | None:
     return None
 
 
-def _without_cut_number(table: RawTable, lines: Sequence[str], layout: Layout) -> RawTable:
+def _without_cut_number(table: RawTable, end: str, layout: Layout) -> RawTable:
     """Return the table without a last line that has no end, and fewer digits in its last number
     than the lines before it, which have equally many: 254.126 was cut to 2.
 
     Raises DataError for such a line where missing values are errors.
     """
     request = layout.request
-    if not lines or lines[-1].endswith(("\n", "\r")):
+    if not end or end.endswith(("\n", "\r")):
         return table
+    lines = _lines_in(end)[-50:]
     *before, last = [line.split(layout.delimiter)[-1].strip() for line in lines if line.strip()]
     digits = {len(cell.partition(request.decimal)[2]) for cell in before}
     few = len(before) < 10 or len(digits) != 1

@@ -11,7 +11,6 @@ from mapmore_cli.domain.errors import DataError
 from mapmore_cli.storage.tables import (
     Noted,
     TableRequest,
-    optional_library,
     reading,
     refuse_bombs,
 )
@@ -24,9 +23,10 @@ def opened_parquet(path: Path, label: str, _request: TableRequest | None) -> Ite
     """Open a table. A missing value (null) is NaN.
 
     Raises DataError for no Parquet file, a damaged one, one that declares far more values than its
-    size explains; pyarrow not installed.
+    size explains.
     """
-    parquet = optional_library("pyarrow.parquet", "pyarrow", label)
+    from pyarrow import parquet
+
     with reading(label, "Parquet file"), path.open("rb") as stream:
         file = parquet.ParquetFile(stream)
         refuse_bombs(f"{label}: each column", 8 * file.metadata.num_rows, path.stat().st_size)
@@ -37,7 +37,8 @@ def opened_parquet(path: Path, label: str, _request: TableRequest | None) -> Ite
 
 def _parquet_column(file: Any, field: Any) -> Member:
     """Return a column; DataError for one of texts, lists or structs."""
-    types = optional_library("pyarrow.types", "pyarrow", field.name)
+    from pyarrow import types
+
     kind = field.type.value_type if types.is_dictionary(field.type) else field.type
     if not (types.is_primitive(kind) or types.is_decimal(kind) or types.is_null(kind)):
         raise DataError(

@@ -15,7 +15,6 @@ import re
 import zlib
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
-from functools import partial
 from io import BufferedReader
 from pathlib import Path
 from typing import IO, Any, TextIO
@@ -61,7 +60,7 @@ def _unzipped(raw: BufferedReader) -> IO[bytes]:
 @contextmanager
 def open_lines(
     path: Path, encoding: str, label: str, errors: str = "strict"
-) -> Iterator[tuple[Iterator[str], BufferedReader]]:
+) -> Iterator[tuple[Lines, BufferedReader]]:
     """Open the lines of a file, plain or gzipped, which end in LF, CR LF or CR; and the file
     itself.
     """
@@ -70,7 +69,7 @@ def open_lines(
     with path.open("rb") as raw:
         packed = os.fstat(raw.fileno()).st_size if is_zipped(raw) else None
         with io.TextIOWrapper(_unzipped(raw), encoding, errors, newline="") as text:
-            yield bounded_lines(text, label, packed), raw
+            yield Lines(text, label, packed), raw
 
 
 def lines_of(
@@ -98,23 +97,46 @@ def as_text(binary: IO[bytes]) -> TextIO:
     return io.TextIOWrapper(binary, encoding="utf-8-sig", errors=TEXT_ERRORS, newline="")
 
 
-def bounded_lines(text: TextIO, label: str, packed: int | None = None) -> Iterator[str]:
-    """Yield the lines of a text with their ends; `packed` is the size of a packed file.
+class Lines(Iterator[str]):
+    """The lines of a text with their ends, one by one or many at a time; `packed` is the size of a
+    packed file.
 
     Raises DataError for a line that is too long for a table, and for text that is hundreds of times
     larger than its file.
     """
-    size = 0
-    for number, line in enumerate(iter(partial(text.readline, LONGEST), ""), start=1):
+
+    def __init__(self, text: TextIO, label: str, packed: int | None = None) -> None:
+        self._text, self._label, self._packed = text, label, packed
+        self._size = self._row = 0
+
+    def __next__(self) -> str:
+        if line := self._line():
+            self._row += 1
+            return self._counted(line)
+        raise StopIteration
+
+    def block(self, characters: int, row: int) -> str:
+        """Return so many characters behind line `row`, and the rest of the last line; no text at
+        the end.
+        """
+        self._row, begin = row, self._text.read(characters)
+        return self._counted(begin + self._line(begin))
+
+    def _line(self, before: str = "") -> str:
+        line = self._text.readline(LONGEST)
         if len(line) == LONGEST:
+            row = self._row + before.count("\n") + 1
             raise DataError(
-                f"{label}:row {number}: is longer than {LONGEST // 10**6} million characters",
+                f"{self._label}:row {row}: is longer than {LONGEST // 10**6} million characters",
                 "give a table",
             )
-        if packed is not None:
-            size += len(line)
-            refuse_bombs(f"{label}: the file", size, packed)
-        yield line
+        return line
+
+    def _counted(self, text: str) -> str:
+        if self._packed is not None:
+            self._size += len(text)
+            refuse_bombs(f"{self._label}: the file", self._size, self._packed)
+        return text
 
 
 def head_of(path: Path) -> bytes:

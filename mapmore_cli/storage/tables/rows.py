@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
+from mapmore_cli.domain.arrays import Array, IntArray
 from mapmore_cli.storage.tables import RawTable, SourceColumn, TableRequest
-from mapmore_cli.storage.tables.cells import NotANumber
+from mapmore_cli.storage.tables.cells import CellReader, NotANumber
 
 Row = tuple[int, Sequence[Any]]
 """Number in the file, from 1, and the cells."""
+
+Wanted = tuple[SourceColumn, int, CellReader]
+"""Title of a column, its 0-based place, and what reads its cells."""
 
 
 def table_of_rows(
@@ -27,18 +31,38 @@ def table_of_rows(
     `names` are the titles of all columns, None where there are none. Raises NotANumber, with row
     and column, for a cell that is no number.
     """
+    numbers, columns = values_of_rows(rows, wanted_of(places, names, request), label)
+    return RawTable(dict(zip(places, columns, strict=True)), numbers, label)
+
+
+def wanted_of(
+    places: Mapping[SourceColumn, int], names: Sequence[str] | None, request: TableRequest
+) -> list[Wanted]:
+    """Return how the columns at these places are read, under their `names` where they have some."""
+    return [
+        (column if names is None else names[place], place, request.cells(column))
+        for column, place in places.items()
+    ]
+
+
+def values_of_rows(
+    rows: Iterable[Row],
+    wanted: Sequence[Wanted],
+    label: str,
+    hint: Callable[[Sequence[Any]], str | None] = lambda _row: None,
+) -> tuple[IntArray, Array]:
+    """Return the numbers of the rows, (n,), and the values of the `wanted` columns, (k, n).
+
+    Raises NotANumber, with row and column, and the `hint` that a row gives.
+    """
     numbers: list[int] = []
     values: list[float] = []
-    wanted = [(column, place, request.cells(column)) for column, place in places.items()]
     for number, row in rows:
         numbers.append(number)
-        for column, place, read in wanted:
+        for title, place, read in wanted:
             try:
                 values.append(read(row[place] if place < len(row) else ""))
             except NotANumber as odd:
-                title = column if names is None else names[place]
-                raise odd.at(f"{label}:row {number}, column {title}") from None
+                raise odd.at(f"{label}:row {number}, column {title}", hint(row)) from None
     columns = np.array(values).reshape(len(numbers), len(wanted)).T
-    return RawTable(
-        dict(zip(places, columns, strict=True)), np.array(numbers, dtype=np.int64), label
-    )
+    return np.array(numbers, dtype=np.int64), columns

@@ -99,7 +99,6 @@ def test_a_file_of_another_kind(tmp_path, reader, content):
     [
         ("xlsx", "python_calamine", "python-calamine"),
         ("tdms", "nptdms", "npTDMS"),
-        ("parquet", "pyarrow.parquet", "pyarrow"),
     ],
 )
 def test_a_library_that_is_missing(tmp_path, monkeypatch, reader, module, library):
