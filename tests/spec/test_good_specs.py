@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from common import rows_of
 from spec_examples import (
     DAMPING,
     GOOD,
@@ -132,26 +133,22 @@ def test_the_resolved_text_loads_to_the_same_spec(tmp_path, study):
 @pytest.mark.parametrize(
     ("old", "new"),
     [
+        *rows_of("""
+target: static                        target: hysteresis
+at: [80, 150, 250, 350]               at: auto
+at: [80, 150, 250, 350]               at: [0.8 bar, 1.5 bar, 250, 350000 Pa], within: 35
+split: {validate: {pressure: [250]}}  split: {leave_one_level_out: true}
+split: {validate: {pressure: [250]}}  split: {validate: {recordings: [load_cycle_150]}}
+split: {validate: {pressure: [250]}}  split: {validate: {last: 50 %}}
+{pressure: [250]}                     {pressure: [260]}
+against: [sarosi, polynomial_2]       against: []
+samples: 200}                         samples: 0x20}
+"""),
         (
             "segment:\n  strain: {method: even, count: 4}",
             "segment: {pressure: none, strain: {method: even, count: 1}}",
         ),
         ("segment:\n  strain: {method: even, count: 4}", "segment: {pressure: levels}"),
-        ("target: static", "target: hysteresis"),
-        ("at: [80, 150, 250, 350]", "at: auto"),
-        ("at: [80, 150, 250, 350]", "at: [0.8 bar, 1.5 bar, 250, 350000 Pa], within: 35"),
-        ("split: {validate: {pressure: [250]}}", "split: {leave_one_level_out: true}"),
-        (
-            "split: {validate: {pressure: [250]}}",
-            "split: {validate: {recordings: [load_cycle_150]}}",
-        ),
-        ("split: {validate: {pressure: [250]}}", "split: {validate: {last: 50 %}}"),
-        (
-            "{pressure: [250]}",
-            "{pressure: [260]}",
-        ),  # whether it names 250, the scatter of the samples says
-        ("against: [sarosi, polynomial_2]", "against: []"),
-        ("samples: 200}", "samples: 0x20}"),
     ],
 )
 def test_variants_of_the_static_study_load(tmp_path, old, new):

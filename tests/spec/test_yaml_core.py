@@ -1,5 +1,6 @@
 """YAML 1.2 core scalars, positions, duplicate keys, and input that means harm."""
 
+import json
 import math
 import time
 from dataclasses import replace
@@ -8,6 +9,7 @@ from pathlib import Path
 
 import pytest
 import yaml
+from common import rows_of
 from hypothesis import given
 from hypothesis import strategies as st
 from spec_examples import STATIC, refusal
@@ -28,22 +30,58 @@ def tree(text):
 
 @pytest.mark.parametrize(
     ("text", "value"),
-    [
-        ("1e-3", 0.001), ("1E5", 1e5), ("1.5e+3", 1500.0), (".5", 0.5), ("5.", 5.0), ("-0.0", -0.0),
-            ("+1.0", 1.0), ("12e03", 12000.0),
-        ("010", 10), ("-7", -7), ("+7", 7), ("0o10", 8), ("0x1F", 31), ("0", 0),
-        ("no", "no"), ("yes", "yes"), ("on", "on"), ("off", "off"), ("y", "y"), ("n", "n"), ("No",
-            "No"),
-        ("true", True), ("True", True), ("FALSE", False), ("tRUE", "tRUE"),
-        ("null", None), ("Null", None), ("~", None), ("", None), ("nULL", "nULL"),
-        ("1:30", "1:30"), ("190:20:30", "190:20:30"), ("2024-01-31", "2024-01-31"),
-            ("2024-01-31T10:00:00Z", "2024-01-31T10:00:00Z"),
-        ("1_000", "1_000"), ("0b101", "0b101"), ("0o8", "0o8"), ("1e", "1e"), ("e5", "e5"), (".",
-            "."), ("1.2.3", "1.2.3"), ("=", "="),
-        ("٣", "٣"), ("<<", "<<"), (".inf", math.inf), ("-.INF", -math.inf), ("'1'", "1"), ('"true"',
-            "true"), ("!!str 12", "12"),
-        ("!!float 3", 3.0), ("!!int 3", 3),
-    ],
+    [*rows_of("""
+1e-3                  0.001
+1E5                   100000.0
+1.5e+3                1500.0
+.5                    0.5
+5.                    5.0
+-0.0                  -0.0
++1.0                  1.0
+12e03                 12000.0
+010                   10
+-7                    -7
++7                    7
+0o10                  8
+0x1F                  31
+0                     0
+no                    "no"
+yes                   "yes"
+on                    "on"
+off                   "off"
+y                     "y"
+n                     "n"
+No                    "No"
+true                  true
+True                  true
+FALSE                 false
+tRUE                  "tRUE"
+null                  null
+Null                  null
+~                     null
+nULL                  "nULL"
+1:30                  "1:30"
+190:20:30             "190:20:30"
+2024-01-31            "2024-01-31"
+2024-01-31T10:00:00Z  "2024-01-31T10:00:00Z"
+1_000                 "1_000"
+0b101                 "0b101"
+0o8                   "0o8"
+1e                    "1e"
+e5                    "e5"
+.                     "."
+1.2.3                 "1.2.3"
+=                     "="
+٣                     "٣"
+<<                    "<<"
+.inf                  Infinity
+-.INF                 -Infinity
+'1'                   "1"
+"true"                "true"
+!!str 12              "12"
+!!float 3             3.0
+!!int 3               3
+""", json.loads), ('', None)],
 )  # fmt: skip
 def test_scalars_of_yaml_1_2(text, value):
     read = written(tree(f"k: {text}"))["k"]
