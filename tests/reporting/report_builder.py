@@ -12,7 +12,7 @@ from mapmore_cli.domain.fits import FormulaFit
 from mapmore_cli.domain.models import Equation
 from mapmore_cli.domain.recording import Curve, Dataset, Quantity, Recording
 from mapmore_cli.domain.results import FitResult, Forecast, PiecesFit, Validation
-from mapmore_cli.domain.scores import FIGURES
+from mapmore_cli.domain.scores import FIGURES, Score
 from mapmore_cli.modelling.kinds import predict
 from mapmore_cli.modelling.pieces import build as pieces
 from mapmore_cli.modelling.pieces.recipe import Cuts, Fuse, Recipe
@@ -262,3 +262,21 @@ class Page(HTMLParser):
 
     def named(self, tag):
         return [attrs for name, attrs in self.tags if name == tag]
+
+
+def score(model, nrmse, split="validate", curve="all"):
+    """A score of a model that errs by so much of 100 N."""
+    return Score(
+        model,
+        "force",
+        split,
+        curve,
+        10,
+        nrmse * 100,
+        nrmse,
+        100.0,
+        f"max|force| over {split}",
+        1.0,
+        0.01,
+        0.9,
+    )

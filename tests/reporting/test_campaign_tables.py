@@ -6,9 +6,9 @@ from dataclasses import replace
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from report_builder import Page
+from report_builder import Page, score
 
-from mapmore_cli.domain.scores import REPEATABILITY, Published, Score
+from mapmore_cli.domain.scores import REPEATABILITY, Published
 from mapmore_cli.reporting.campaign import (
     CampaignScores,
     campaign_tables,
@@ -21,20 +21,7 @@ from mapmore_cli.reporting.report import render_campaign
 
 
 def row(model, rmse, split="validate"):
-    return Score(
-        model,
-        "static",
-        split,
-        "all",
-        10,
-        rmse,
-        rmse / 100,
-        100,
-        "max|force| over validate",
-        rmse,
-        rmse / 100,
-        0.9,
-    )
+    return score(model, rmse / 100, split)
 
 
 def rows(**errors):

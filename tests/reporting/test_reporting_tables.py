@@ -3,13 +3,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from report_builder import of_pieces, tables_of
+from report_builder import of_pieces, score, tables_of
 
 from mapmore_cli.domain.fits import FormulaFit
 from mapmore_cli.domain.models import FoldError
 from mapmore_cli.domain.recording import Dataset, Quantity, Recording
 from mapmore_cli.domain.results import PiecesFit
-from mapmore_cli.domain.scores import Published, Score
+from mapmore_cli.domain.scores import Published
 from mapmore_cli.reporting.score_tables import score_table, verdict_sentence
 from mapmore_cli.reporting.tables import levels_table, recordings_table, same_models, terms_table
 
@@ -257,23 +257,6 @@ def test_formulas_that_are_one_model_are_named_once_each_pair():
     assert same_models([("a", fit("a", 2.0)), ("b", fit("b", 2.001))]) == ()
     # one formula, fitted in two ways
     assert same_models([("a", fit("a", 2.0)), ("a again", fit("a", 2.0))]) == ()
-
-
-def score(model, nrmse, split="validate", curve="all"):
-    return Score(
-        model,
-        "force",
-        split,
-        curve,
-        10,
-        nrmse * 100,
-        nrmse,
-        100.0,
-        f"max|force| over {split}",
-        1.0,
-        0.01,
-        0.9,
-    )
 
 
 BEST = "the best competitor (Sárosi) reaches"
