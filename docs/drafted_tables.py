@@ -20,16 +20,16 @@ from tempfile import TemporaryDirectory
 
 from pages import DOCS, read_rows, write_tables
 
-from mapmore_cli.annexes.drafting.answers import Answers, read_columns, read_hold
+from mapmore_cli.annexes.drafting.answers import Answers, answers_of
 from mapmore_cli.annexes.drafting.draft import Draft
-from mapmore_cli.annexes.drafting.start import start
+from mapmore_cli.annexes.drafting.proof import proven
+from mapmore_cli.annexes.drafting.start import Search, start
 from mapmore_cli.domain.errors import MapmoreError, UsageError
 from mapmore_cli.domain.scores import OWN, deciding
 from mapmore_cli.pipeline.inspection import inspect
 from mapmore_cli.pipeline.runner import bring_up_to_date
 from mapmore_cli.reporting.table import Column, Table
 from mapmore_cli.spec.loader import LoadedSpec, load
-from mapmore_cli.spec.units import parse_quantity
 from mapmore_cli.storage.run_folder import RunFiles
 
 PAGE = DOCS / "init-and-check.md"
@@ -55,48 +55,55 @@ def data_folder() -> Path:
 
 
 SAID: Mapping[str, str] = {
-    "printed_cylinder": '--columns "time:ms,_,_,_,displacement:mm,pressure:bar,force:N"',
-    "single_bellows": '--columns "time=Time:ms,force=Force:N*-1,pressure=Pressure:psi,'
-    'strain=Tensile strain (Displacement):%"',
-    "textile_arm": '--columns "time=0:s,pressure=4:psi,x=14:m" --target x',
+    "antagonist_pam": "--target force_N --inputs p1_kPa,p2_kPa,x_mm,dx_mm_s",
+    "bellows_tensile": "--target force_N_total --inputs pressure_kPa_smoothed,strain_pct "
+    "--hold strain",
     "bender": '--columns "time=0:s,p1=1:mbar,p2=3:mbar,angle=11:deg"',
-    "festo_10mm_isometric": '--columns "force:N,pressure:kPa,time:s" --hold strain:%',
-    "festo_20mm": '--columns "force:N*1.7444-18.595,pressure:kPa,time:s" --length 228mm',
-    "pwm_finger": '--columns "time=time:s,p1=left_pressure:kPa,p2=right_pressure:kPa,q=q"',
-    "mr_damper": '--columns "time=Tout:s,displacement=dist:mm,force=forc:N"',
-    "drive": '--columns "time=t:s,input=vir:V,position=qm:m"',
+    "coiled_isotonic_loops": "--target position_mm --inputs pressure_psi,load",
     "coiled_isotonic_steps": '--columns "time=2:s,pressure=3:psi,displacement=4:mm"',
-    "regulator_only": '--columns "time=t_s:s,command=cmd_kPa:kPa,outlet=veab_sensor_kPa:kPa"',
+    "drive": "--target qm:m --inputs vir:V",
+    "festo_10mm_isometric": '--columns "force:N,pressure:kPa,time:s" --hold strain=kinked:%',
+    "festo_20mm": '--columns "force:N*1.7444-18.595,pressure:kPa,time:s" --hold displacement:mm '
+    "--length 228mm",
+    "mr_damper": "--target forc:N --inputs dist:mm",
+    "printed_cylinder": '--columns "time:ms,_,_,_,displacement:mm,pressure:bar,force:N"',
+    "pwm_finger": "--target q --inputs left_pressure:kPa,right_pressure:kPa",
+    "regulator_only": "--target veab_sensor_kPa --inputs cmd_kPa",
+    "single_bellows": '--columns "time=Time:ms,force=Force:N*-1,pressure=Pressure:psi,'
+    'strain=Tensile strain (Displacement):%" --hold strain',
+    "system_identification": "--target y --inputs input",
+    "textile_arm": '--columns "time=0:s,pressure=4:psi,x=14:m" --target x',
 }
-"""What a person who knows the rig would say on the line, by folder."""
+"""What a person who knows the columns would say on the line, by folder."""
 
 
 def said_on_the_line(words: str) -> Answers:
     """Return the answers that options on the line give."""
     given = shlex.split(words)
-    options = dict(zip(given[::2], given[1::2], strict=True))
-    return Answers(
-        read_columns(options["--columns"]),
-        options.get("--target"),
-        read_hold(options["--hold"]) if "--hold" in options else None,
-        length=parse_quantity(options["--length"], "m") if "--length" in options else None,
-    )
+    options = {key.removeprefix("--"): value for key, value in batched(given)}
+    return answers_of(**options)
 
 
-def rows_of(folder: Path) -> list[Row]:
+def batched(words: list[str]) -> zip[tuple[str, str]]:
+    """Return options with their values."""
+    return zip(words[::2], words[1::2], strict=True)
+
+
+def rows_of(folder: Path, budget: float = 20.0) -> list[Row]:
     """Return a row for each spec that `init` proposes for a folder, without a word and with
     answers, or one that says why there is none.
     """
-    rows = _rows(folder, Answers(), "nothing")
+    search = partial(proven, budget=budget)
+    rows = _rows(folder, Answers(), "nothing", search)
     if folder.name in SAID:
-        rows += _rows(folder, said_on_the_line(SAID[folder.name]), SAID[folder.name])
+        rows += _rows(folder, said_on_the_line(SAID[folder.name]), SAID[folder.name], search)
     return rows
 
 
-def _rows(folder: Path, answers: Answers, said: str) -> list[Row]:
+def _rows(folder: Path, answers: Answers, said: str, search: Search) -> list[Row]:
     with TemporaryDirectory() as place:
         try:
-            drafts = start(folder, Path(place), answers=answers).drafts
+            drafts = start(folder, Path(place), answers=answers, search=search).drafts
         except UsageError:
             return [(folder.name, said, "-", "asks", *"-" * (len(COLUMNS) - 4))]
         return [
@@ -106,8 +113,7 @@ def _rows(folder: Path, answers: Answers, said: str) -> list[Row]:
 
 def proposed(draft: Draft) -> Row:
     """Name, target, levels and open questions of a draft."""
-    target = draft.spec["target"]
-    told = target if isinstance(target, str) else target["column"]
+    told = draft.spec["target"]
     levels = draft.data.get("levels")
     held = f"{len(levels['at'])} levels of {levels['of']}" if levels else "nothing"
     found = draft.found.found.words if draft.found is not None else "not searched"

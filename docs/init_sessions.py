@@ -26,12 +26,16 @@ QUESTION = " > "
 PATIENCE = 900.0  # s
 WIDTH = "140"
 SAID: Mapping[str, tuple[str, ...]] = {
-    "printed_cylinder": ("time=0:ms,displacement=4:mm,pressure=5:bar,force=6:N",),
+    "printed_cylinder": ("force=6:N", "displacement=4:mm,pressure=5:bar"),
     "single_bellows": (),
-    "textile_arm": ("time=0:s,pressure=4:psi,x=14:m",),
-    "bender": ("time=0:s,p1=1:mbar,p2=3:mbar,angle=11:deg",),
+    "textile_arm": ("x=14:m", "pressure=4:psi", "time=0:s"),
+    "bender": ("angle=11:deg", "p1=1:mbar,p2=3:mbar", "time=0:s"),
 }
 """What a person who knows the rig answers, in turn; Enter where the answers have run out."""
+ON_THE_LINE: Mapping[str, tuple[str, ...]] = {
+    "single_bellows": ("--columns", "pressure=Pressure:psi")
+}
+"""What the person says with the command: nothing asks for the unit of a second log."""
 
 
 def session(folder: Path, data: Path, answers: Sequence[str], *more: str) -> tuple[str, int, int]:
@@ -89,7 +93,8 @@ def transcript(name: str, folder: Path) -> str:
     with TemporaryDirectory() as place:
         there = Path(place)
         (there / name).symlink_to(folder)
-        shown, asked, code = session(there, Path(name), SAID[name])
+        options = ON_THE_LINE.get(name, ())
+        shown, asked, code = session(there, Path(name), SAID[name], *options)
         if code:
             raise RuntimeError(shown)
         command = [sys.executable, "-m", "mapmore_cli", "run", "asked.yaml", "--json", "-q"]
@@ -104,7 +109,8 @@ def transcript(name: str, folder: Path) -> str:
     answered = f"{asked} answer{'s' if asked != 1 else ''}"
     questions = f"{open_} open question{'s' if open_ != 1 else ''}"
     told = f"{answered}; run: NRMSE {100 * own['nrmse']:.2g} % held out, {questions}."
-    return f"{told}\n\n$ mapmore init {name} --name asked -o asked.yaml\n{as_text(shown)}\n"
+    line = " ".join(["mapmore init", name, "--name asked -o asked.yaml", *options])
+    return f"{told}\n\n$ {line}\n{as_text(shown)}\n"
 
 
 if __name__ == "__main__":

@@ -3,18 +3,25 @@
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 from cli_samples import OWN, PROJECT, by_place, options, thinned
+
+from mapmore_cli.spec.loader import load
 
 pytestmark = pytest.mark.usefixtures("quick_families")
 
 
 @pytest.fixture
 def rig(tmp_path):
-    """A folder with the load cycles of both shipped muscles, in fewer samples."""
+    """A folder with the load cycles of both shipped muscles, in fewer samples, those of one with
+    other titles.
+    """
     for muscle in ("mckibben", "peano"):
         (tmp_path / "rig" / muscle).mkdir(parents=True)
         thinned(PROJECT / "datasets" / muscle, tmp_path / "rig" / muscle, 10)
+    for path in (tmp_path / "rig" / "peano").iterdir():
+        path.write_text(path.read_text().replace("t,P,eps,F", "t,P,strain,F", 1))
     return tmp_path / "rig"
 
 
@@ -30,7 +37,7 @@ def test_a_spec_for_the_shipped_recordings_checks_and_runs(
 
 @pytest.mark.parametrize(
     "source",
-    ["festo_datasheet", pytest.param("bellows_tensile/four1.csv.gz", marks=pytest.mark.long)],
+    ["festo_datasheet", pytest.param("pgm_mckibben", marks=pytest.mark.long)],
 )
 def test_a_spec_for_measured_recordings_checks_and_runs(source, tmp_path, mapmore, measured_data):
     assert started(mapmore, measured_data / source, tmp_path) == []
@@ -69,7 +76,8 @@ def test_nothing_is_replaced_without_force(tmp_path, mapmore, rig):
     mapmore("init", rig / "mckibben", "-o", spec, code=7, says="--force")
     assert spec.read_text() == "mine"
     mapmore("init", rig / "mckibben", "-o", spec, "--force", code=0)
-    assert spec.read_text().startswith("# Started by `mapmore init`")
+    assert spec.read_text().splitlines()[1].startswith("# Started by `mapmore init`")
+    assert (tmp_path / "mapmore.schema.json").read_text().startswith("{")
 
 
 @pytest.mark.parametrize("name", ["a/b", "", "-x y"])
@@ -122,3 +130,43 @@ def test_one_that_exists_stops_no_other_and_each_has_a_page(tmp_path, mapmore, r
     page = Path("mckibben.html").read_text()
     assert "What drives against what follows" in page
     assert page.count('class="thumbnail"') >= 4
+
+
+def test_several_outputs_are_a_fragment_a_spec_each_and_a_campaign(tmp_path, mapmore, monkeypatch):
+    t = 0.02 * np.arange(500)
+    drive = np.sin(t) * np.cos(0.3 * t)
+    columns = (t, drive, np.tanh(drive), drive**3 + 0.2 * drive)
+    (tmp_path / "rig").mkdir()
+    head = "time [s],motor [deg],Tip x [mm],Tip z [mm]"
+    np.savetxt(
+        tmp_path / "rig" / "a.csv", np.transpose(columns), delimiter=",", header=head, comments=""
+    )
+    monkeypatch.chdir(tmp_path)
+    mapmore("init", "rig", "--target", "Tip x,Tip z", "--budget", "1s", "--name", "arm", code=0)
+    assert {path.name for path in tmp_path.glob("*.yaml")} == {
+        *("arm.yaml", "_arm.yaml", "arm-Tip_x.yaml", "arm-Tip_z.yaml")
+    }
+    assert "Tip_z" not in Path("_arm.yaml").read_text()
+    assert "Tip_z" not in Path("arm-Tip_x.yaml").read_text()
+    done = json.loads(mapmore("batch", "arm.yaml", "--json", code=0).stdout)
+    assert [run["name"] for run in done["runs"]] == ["arm-Tip_x", "arm-Tip_z"]
+    mapmore("init", "rig", "--target", "Tip x,Tip z", "-o", "-", code=2, says="no one text")
+
+
+@pytest.mark.parametrize(("paper", "terms"), [("m1", 2), ("m2", 1)])
+def test_the_settings_of_a_paper(tmp_path, mapmore, paper, terms):
+    """`--like` writes what `configs/` has for that paper, each key with a comment."""
+    spec = tmp_path / "a.yaml"
+    mapmore("init", PROJECT / "datasets/mckibben", "-o", spec, "--like", paper, code=0)
+    drafted = load(spec).spec
+    published = load(PROJECT / f"configs/{paper}" / f"{LIKE[paper]}.yaml").spec
+    for section in ("segment", "dictionary", "fuse"):
+        assert getattr(drafted, section) == getattr(published, section)
+    assert drafted.fit.max_terms == terms
+    lines = spec.read_text().splitlines()
+    for key in ("segment:", "dictionary:", "fit:", "fuse:"):
+        place = next(i for i, line in enumerate(lines) if line.startswith(key))
+        assert "#" in lines[place] or "#" in lines[place - 1]
+
+
+LIKE = {"m1": "dmsp-20-88-m1-static", "m2": "dmsp-20-88-static"}

@@ -1,31 +1,39 @@
-"""What a person says of a folder: on the line (`--columns ...`), or when asked."""
+"""What a person says of a folder on the line: `--columns`, `--target`, `--inputs`, `--hold` ..."""
 
 from __future__ import annotations
 
+import math
 import re
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import NamedTuple
 
-import numpy as np
-
-from mapmore_cli.annexes.drafting.columns import TitledColumns
-from mapmore_cli.annexes.drafting.draft import Column, Draft, NamedColumn, Note, range_of
-from mapmore_cli.annexes.drafting.groups import Group
-from mapmore_cli.domain.arrays import Array
+from mapmore_cli.annexes.drafting.draft import NamedColumn
 from mapmore_cli.domain.errors import SpecError, UsageError
-from mapmore_cli.spec.units import CANONICAL, check_unit, convert
+from mapmore_cli.spec.units import CANONICAL, check_unit, convert, parse_quantity
 
 FORM = (
     'write `--columns "time:ms,_,pressure:bar,force:N"` by place, or `name=title:unit`; `_` '
     "leaves a column out"
 )
+# columns of arrays have a comma and a colon in brackets: `tip[:,0]:mm`
+_COMMA = re.compile(r",(?![^\[(]*[\])])")
+_ENTRY = re.compile(r"(.*?):([^:\]]*)", re.DOTALL)
 _QUANTITY = re.compile(r"[A-Za-z_]\w*", re.ASCII)
 _NUMBER = r"\d+(?:\.\d+)?(?:[eE][+-]?\d+)?"
 _UNIT = re.compile(
     rf"(?P<unit>.*?)(?:\*(?P<scale>[+-]?{_NUMBER}))?(?P<offset>[+-]{_NUMBER})?", re.DOTALL
 )
-WIDTH = 40  # characters of a course
-BLOCKS = "▁▂▃▄▅▆▇█"
+
+
+class Hold(NamedTuple):
+    """The quantity that was held, the word of its numbers in names, and their unit; `none` says
+    that nothing was held.
+    """
+
+    name: str
+    word: str = ""
+    unit: str = ""
 
 
 @dataclass(frozen=True)
@@ -36,83 +44,113 @@ class Answers:
     ----------
     columns
         All columns that are used, by quantity. Where some are named, no other is used.
-    target
-        The quantity to predict.
+    targets
+        What is to be predicted. The keys are names of columns, titles or words of these, unless the
+        person gives a name to a column.
+    inputs
+        What drives, in the same way; None for all that moves.
     hold
-        The quantity that was held, and the unit of its numbers in names of files; `none` says that
-        nothing was.
+        The quantity that was held.
     group
-        What the words of names tell apart, which else are studies of their own: files are one
-        study, and the quantity of that name numbers its groups; `none` pools them.
+        What the words of names tell apart: it numbers the groups.
     length
         Of the muscle, m.
+    like
+        The paper whose settings are taken.
+    settled
+        Columns that were open questions, as they were answered; None for a time that is none.
     """
 
     columns: Mapping[str, NamedColumn] = field(default_factory=dict)
-    target: str | None = None
-    hold: tuple[str, str] | None = None
+    targets: Mapping[str, NamedColumn] = field(default_factory=dict)
+    inputs: Mapping[str, NamedColumn] | None = None
+    hold: Hold | None = None
     group: str | None = None
     length: float | None = None
-
-    def about(self, group: Group) -> dict[str, NamedColumn]:
-        """Return the columns that files have, of those that were said; none by their places where
-        the files have fewer.
-        """
-        here, width = group.layout.columns, group.layout.width
-        places = [one.column for one in self.columns.values() if isinstance(one.column, int)]
-        return {
-            name: replace(told, column=here[told.column]) if isinstance(told.column, int) else told
-            for name, told in self.columns.items()
-            if told.column in here or (isinstance(told.column, int) and max(places) < width)
-        }
+    like: str | None = None
+    settled: Mapping[str, NamedColumn | None] = field(default_factory=dict)
 
 
-NOTHING_SAID = Answers()
+def answers_of(**said: str | None) -> Answers:
+    """Return what the options say, by their names; UsageError for what cannot be."""
+    given = {key: text for key, text in said.items() if text is not None}
+    group = given.get("group")
+    if group is not None and not _QUANTITY.fullmatch(group):
+        raise UsageError(
+            f"--group: {group!r} is no name of a quantity",
+            "say what the names of files tell apart, as specimen",
+        )
+    return Answers(
+        read_columns(given["columns"]) if "columns" in given else {},
+        read_names("--target", given["target"]) if "target" in given else {},
+        read_names("--inputs", given["inputs"]) if "inputs" in given else None,
+        read_hold(given["hold"]) if "hold" in given else None,
+        None if group == "none" else group,
+        read_size("--length", given["length"], "m", "88mm") if "length" in given else None,
+        given.get("like"),
+    )
+
+
+def read_size(option: str, text: str, unit: str, example: str) -> float:
+    """Return a positive quantity that was said on the line."""
+    try:
+        value = parse_quantity(text, unit)
+    except SpecError as fault:
+        raise UsageError(
+            f"{option}: {fault.message}", fault.remedy or f"write it as {example}"
+        ) from fault
+    if not 0 < value < math.inf:
+        raise UsageError(f"{option}: {text} is not positive", f"write it as {example}")
+    return value
 
 
 def read_columns(text: str) -> dict[str, NamedColumn]:
     """Read `time:ms,_,force:N` by place, or `force=Load:N` by title or place; UsageError for what
     is neither.
     """
+    return read_names("--columns", text, are_places=True)
+
+
+def read_names(option: str, text: str, are_places: bool = False) -> dict[str, NamedColumn]:
+    """Read `tip`, `Tip z:mm`, `7` or `tip=Tip z:mm`: columns by their names, titles or places.
+
+    With `are_places`, a name without a column is that of the column at its place in the text.
+    """
     told: dict[str, NamedColumn] = {}
-    for place, entry in enumerate(one.strip() for one in text.split(",")):
+    for place, entry in enumerate(one.strip() for one in _COMMA.split(text)):
         if entry in ("", "_", "-"):
             continue
-        name, equals, rest = entry.partition("=")
-        where, _, unit = rest.rpartition(":") if equals and ":" in rest else (rest, "", "")
-        if not equals:
-            name, _, unit = entry.partition(":")
-        name = name.strip()
+        name, column = _read_entry(option, entry, are_places)
         if name in told:
             raise UsageError(
-                f"--columns: {name} is said twice",
+                f"{option}: {name} is said twice",
                 "give each column a name of its own, as `p1` and `p2`",
             )
-        column: Column = place
-        if equals:
-            column = int(where) if where.strip().isdigit() else where.strip()
-        told[name] = _told_column("--columns", name, column, unit)
-    if len(told.keys() - {"time"}) < 2:
-        raise UsageError(
-            "--columns: two columns are needed, one that drives and one that follows", FORM
-        )
+        if column.column == "":
+            column = column.at(place if are_places else int(name) if name.isdigit() else name)
+        told[name] = column
+    if not told:
+        raise UsageError(f"{option}: no column is named", f"name one, as `{option} force`")
     return told
 
 
-def read_hold(text: str) -> tuple[str, str]:
-    """Read `strain`, `strain:%` or `none`; UsageError for what is no quantity with a unit."""
-    name, _, unit = text.partition(":")
-    held = _told_column("--hold", name.strip(), 0, unit)
-    return name.strip(), held.unit
-
-
-def _told_column(option: str, name: str, column: Column, text: str) -> NamedColumn:
-    """Return the column in a unit such as `bar`, `N*1.744-18.6` (scale and offset) or ``;
-    UsageError for a unit that cannot be.
+def read_hold(text: str) -> Hold:
+    """Read `strain`, `strain:%`, `strain=kinked:%` or `none`; UsageError for what is no quantity
+    with a unit.
     """
-    if not _QUANTITY.fullmatch(name):
-        raise UsageError(f"{option}: {name[:40]!r} is no name of a quantity", FORM)
-    match = _UNIT.fullmatch(text.strip())
+    name, held = _read_entry("--hold", text, is_quantity=True)
+    return Hold(name, str(held.column), held.unit)
+
+
+def _read_entry(option: str, entry: str, is_quantity: bool) -> tuple[str, NamedColumn]:
+    """Return the name and the column of `name=column:unit`; the column is empty where it is not
+    said. Raises UsageError for a unit that cannot be, and for a name that is no quantity's where it
+    has to be one.
+    """
+    parts = _ENTRY.fullmatch(entry)
+    said, unit = (entry, "") if parts is None else parts.groups()
+    name, equals, where = (one.strip() for one in said.partition("="))
+    match = _UNIT.fullmatch(unit.strip())
     assert match is not None  # everything matches
     try:
         if match["unit"]:
@@ -120,98 +158,11 @@ def _told_column(option: str, name: str, column: Column, text: str) -> NamedColu
             convert(1.0, match["unit"], CANONICAL.get(name, match["unit"]))
     except SpecError as fault:
         raise UsageError(f"{option}: {name}: {fault.message}", fault.remedy or FORM) from fault
-    return NamedColumn(
-        column, match["unit"], scale=float(match["scale"] or 1), offset=float(match["offset"] or 0)
+    if (equals or is_quantity) and not _QUANTITY.fullmatch(name):
+        raise UsageError(f"{option}: {name[:40]!r} is no name of a quantity", FORM)
+    return name, NamedColumn(
+        int(where) if where.isdigit() else where,
+        match["unit"],
+        scale=float(match["scale"] or 1),
+        offset=float(match["offset"] or 0),
     )
-
-
-# Questions
-# --------------------------------------------------------------------------------------------------
-
-Ask = Callable[["Question"], str]
-"""Returns what a person answers; it is asked again where the answer cannot be."""
-
-
-@dataclass(frozen=True)
-class Option:
-    """An answer or a column: its `text`, what is known of it, and its course."""
-
-    text: str
-    why: str = ""
-    course: str = ""
-
-
-@dataclass(frozen=True)
-class Question:
-    """One thing that the data cannot tell: `form` says how to answer, and `check` raises UsageError
-    for an answer that cannot be.
-    """
-
-    text: str
-    options: tuple[Option, ...]
-    form: str
-    check: Callable[[str], object]
-
-
-def course(values: Sequence[Array]) -> str:
-    """Return a column over its samples, 40 characters wide, of all recordings one after the
-    other.
-    """
-    pooled = np.concatenate(values)
-    places = np.linspace(0, len(pooled) - 1, min(WIDTH, len(pooled))).astype(int)
-    shares = (pooled[places] - pooled.min()) / (float(np.ptp(pooled)) or 1.0)
-    return "".join(BLOCKS[int((len(BLOCKS) - 1) * share + 0.5)] for share in shares.tolist())
-
-
-def asked_columns(table: TitledColumns, ask: Ask) -> dict[str, NamedColumn]:
-    """Ask which columns are used, and what they are."""
-
-    def read(reply: str) -> dict[str, NamedColumn]:
-        columns = read_columns(reply)
-        for told in columns.values():
-            if told.column not in table.raw:
-                raise UsageError(
-                    f"there is no column {told.column} of numbers",
-                    f"name some of {', '.join(map(str, table.raw))}",
-                )
-        return columns
-
-    options = tuple(
-        Option(f"column {column}", range_of(values), course(values))
-        for column, values in table.raw.items()
-    )
-    form = "NAME=COLUMN:UNIT of each that is used, as time=0:s,pressure=4:psi,angle=2"
-    return read(ask(Question("Which columns are used, and what are they?", options, form, read)))
-
-
-def asked_target(names: Sequence[str], ask: Ask) -> str:
-    """Ask which of the names is to be predicted."""
-
-    def read(reply: str) -> str:
-        reply = reply.strip()
-        if reply.isdigit() and 1 <= int(reply) <= len(names):
-            return names[int(reply) - 1]
-        if reply not in names:
-            raise UsageError(f"{reply!r} is none of them", f"say one of {', '.join(names)}")
-        return reply
-
-    options = tuple(map(Option, names))
-    return read(ask(Question("What is to be predicted?", options, "a number or a name", read)))
-
-
-def asked_rest(draft: Draft, ask: Ask) -> Draft:
-    """Ask once whether what is open is right; where it is, the marks go."""
-    if not draft.open:
-        return draft
-    options = tuple(Option(".".join(map(str, loc)), note.why) for loc, note in draft.open.items())
-    question = Question("Is this right?", options, "Enter for yes, else no: it stays marked", _yes)
-    if not _yes(ask(question)):
-        return draft
-    return replace(draft, notes={loc: Note(note.why) for loc, note in draft.notes.items()})
-
-
-def _yes(reply: str) -> bool:
-    reply = reply.strip().casefold()
-    if reply not in ("", "y", "n", "yes", "no"):
-        raise UsageError(f"{reply!r} is neither yes nor no", "say yes or no")
-    return reply in ("", "y", "yes")

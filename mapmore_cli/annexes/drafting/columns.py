@@ -7,139 +7,189 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from mapmore_cli.annexes.drafting.draft import Column, NamedColumn, Raw, range_of
 from mapmore_cli.checking.evidence import same_signals
-from mapmore_cli.checking.names import POSITIONS, ColumnTitle, read_label, unit_in
+from mapmore_cli.checking.names import POSITIONS, read_label
 from mapmore_cli.domain.arrays import Array
-from mapmore_cli.domain.errors import DataError, SpecError, UsageError
+from mapmore_cli.domain.errors import UsageError
 from mapmore_cli.ingestion.clock import MOST_GLITCHES
-from mapmore_cli.spec.units import CANONICAL, check_unit, default_unit
+from mapmore_cli.spec.units import CANONICAL, default_unit, unit_of
 
-_CALLED = ("pressure", *POSITIONS, "force", "load")
-"""Quantities that columns are called by where their titles say so."""
-_IN_BRACKETS = re.compile(r"[\[(]\s*([^\W\d_][^\])]*|%)\s*[\])]")
+_KINDS = {"pressure": "pressure", "force": "force", "load": "force"} | dict.fromkeys(
+    POSITIONS, "position"
+)
+"""What columns are called where their titles say so, and what kind of quantity that is."""
+_BRACKETS = re.compile(r"[\[(]\s*([^\])]+?)\s*[\])]")
+_LETTER = re.compile(r"(?<![^\W_])[A-Za-z](?![^\W_])")
+_NUMBERED_PRESSURE = re.compile(r"p(?:ressure)?_?[A-Za-z0-9]", re.IGNORECASE)
+_BEHIND = re.compile(r"(?:[_,/]|\bin)\s*([^\s_,/]+)$")
+_NO_MEASUREMENT = {
+    *("simulated", "simulation", "sim", "model", "modelled", "predicted", "prediction", "fitted"),
+    *("estimated", "estimate", "theoretical", "calculated", "residual"),
+}
+"""Words of titles of what somebody computed."""
 
 
 @dataclass(frozen=True)
-class TitledColumns:
-    """The columns of numbers of some files, the titles of those that have one, and the texts below
-    these.
+class TitledColumn:
+    """A column of some files, and what its title and the files say of it.
+
+    Attributes
+    ----------
+    column, place
+        How the spec names it, and its place in the files, from 0.
+    title
+        Empty where it has none.
+    values
+        One array `(n,)` for each file; none for a column of texts.
+    quantity
+        The quantity that its title names; empty for none.
+    plain
+        Whether nothing else stands in the title.
+    unit, source
+        The unit that is known, and what says it; empty for none.
     """
 
-    titles: Mapping[Column, str]
-    raw: Raw
-    units: Mapping[Column, str] = field(default_factory=dict)
+    column: Column
+    place: int
+    title: str
+    values: Sequence[Array]
+    quantity: str
+    plain: bool
+    unit: str
+    source: str
 
-    def label(self, column: Column) -> ColumnTitle | None:
-        """Return what the title says; its unit may stand in the line below."""
-        label = read_label(self.titles.get(column, ""))
-        if label is None or label.unit:
-            return label
-        return replace(label, unit=unit_in(label.quantity, self.units.get(column, "")))
+    @property
+    def kind(self) -> str:
+        """One word for all positions, and for forces and loads; empty for other quantities."""
+        return _KINDS.get(self.quantity, "")
+
+    @property
+    def called(self) -> str:
+        """How messages call it."""
+        return self.title or (
+            self.column if isinstance(self.column, str) else f"column {self.column}"
+        )
+
+    @property
+    def described(self) -> str:
+        """Its name with its range, and its unit where that is known."""
+        return f"{self.called}  {range_of(self.values, self.unit or '1')}"
+
+    @property
+    def name(self) -> str:
+        """The name that the title gives, without its unit."""
+        bare = _BRACKETS.sub(lambda match: "" if unit_of(match[1]) else match[0], self.title)
+        behind = _BEHIND.search(bare)
+        bare = bare[: behind.start()] if behind is not None and unit_of(behind[1]) else bare
+        name = re.sub(r"\W+", "_", bare, flags=re.ASCII).strip("_")[:40]
+        name = name if name[:1].isalpha() else "column"
+        return name if name not in ("column", *CANONICAL) else f"{name}_{self.place}"
+
+    @property
+    def moves(self) -> bool:
+        """Whether its values are not all one."""
+        return len(self.values) > 0 and float(np.ptp(np.concatenate(self.values))) > 0
+
+    @property
+    def switches(self) -> bool:
+        """Whether it takes two values alone, as a flag."""
+        return len(np.unique(np.concatenate(self.values))) == 2
+
+    @property
+    def rises(self) -> bool:
+        """Whether it goes on in every file, but for a few steps back."""
+        return self.moves and all(
+            len(one) > 1 and np.ptp(one) > 0 and np.mean(np.diff(one) < 0) <= MOST_GLITCHES
+            for one in self.values
+        )
+
+    @property
+    def counts(self) -> bool:
+        """Whether it goes up by one from row to row."""
+        return all(len(one) > 1 and (np.diff(one) == 1).all() for one in self.values)
+
+    def as_quantity(self, name: str) -> NamedColumn:
+        """Return the column as a quantity, in the unit that the title or the file says.
+
+        A canonical quantity without a unit is in the model's, which is a question.
+        """
+        if self.unit or name not in CANONICAL:
+            why = f"{self.source or 'title'}; {range_of(self.values, self.unit or '1')}"
+            return NamedColumn(self.column, self.unit or "1", why)
+        usual = default_unit(name) if name != "time" else _unit_of_clock(self.values)
+        if usual == "1":
+            return NamedColumn(self.column, usual, f"title; {range_of(self.values)}")
+        said = "its title says no unit" if self.title else "it rises all the time"
+        why = f"{said}: is it {usual}? {range_of(self.values)}"
+        return NamedColumn(self.column, usual, why, sure=False)
 
 
-def moves(values: Sequence[Array]) -> bool:
-    """Return True where not all values are one."""
-    return float(np.ptp(np.concatenate(values))) > 0
+Table = Mapping[Column, TitledColumn]
+"""All columns of some files, in their order."""
 
 
-def is_clock(values: Sequence[Array]) -> bool:
-    """Return True for what goes on in every file, but for a few steps back."""
-    return all(np.ptp(one) > 0 and np.mean(np.diff(one) < 0) <= MOST_GLITCHES for one in values)
-
-
-def named_by_titles(table: TitledColumns) -> dict[str, NamedColumn]:
-    """Return the columns that move, by quantity where titles name one, else by their titles.
-
-    Where several titles name one quantity, the one with a unit has its name, then the plainer; of
-    equal ones each keeps its title. A copy of another column is left out, and so is what goes on
-    like a clock and is not the time.
-    """
-    labels = {column: table.label(column) for column in table.raw}
-    clocks = [
-        column
-        for column, values in table.raw.items()
-        if is_clock(values) and ((label := labels[column]) is None or label.quantity == "time")
-    ]
-    titled = [column for column in clocks if labels[column] is not None]
-    kept = _without_copies(table, [column for column in table.raw if column not in clocks])
-    best: dict[str, Column] = {"time": titled[0]} if titled else {}
-    for quantity in _CALLED:
-        alike = [one for one in kept if (label := labels[one]) and label.quantity == quantity]
-        ranks = [_rank(labels[one]) for one in alike]
-        if alike and ranks.count(min(ranks)) == 1:
-            best[quantity] = alike[ranks.index(min(ranks))]
-    if "force" not in best and "load" in best:  # testers call the force a load
-        best["force"] = best.pop("load")
-    quantities = {column: quantity for quantity, column in best.items()}
-    names = {}
-    for column in [*titled[:1], *kept]:
-        name = quantities.get(column) or _identifier(table.titles.get(column, ""), column)
-        names[name if name not in names else f"column_{column}"] = column
+def read_titles(
+    titles: Mapping[Column, str], raw: Raw, units: Mapping[Column, str] | None = None
+) -> Table:
+    """Return the columns of files, with what their titles and the files' own `units` say."""
+    said = units or {}
     return {
-        name: _by_title(name if column in quantities else "", column, table)
-        for name, column in names.items()
+        column: _read_title(
+            column, place, titles.get(column, ""), raw.get(column, ()), said.get(column, "")
+        )
+        for place, column in enumerate({**titles, **raw})
     }
 
 
-def _rank(label: ColumnTitle | None) -> tuple[bool, bool]:
-    return label is None or label.unit is None, label is None or not label.plain
-
-
-def _without_copies(table: TitledColumns, columns: Sequence[Column]) -> list[Column]:
-    """Return the columns that move, and of copies of one signal the best named; a title that names
-    another quantity is believed.
+def _read_title(
+    column: Column, place: int, title: str, values: Sequence[Array], line: str
+) -> TitledColumn:
+    """Return a column whose title names no quantity where its unit is one of something else, as
+    volts of a force.
     """
-    moving = [column for column in columns if moves(table.raw[column])]
-    copies: set[Column] = set()
-    for family in same_signals([np.concatenate(table.raw[column]) for column in moving]):
-        members = [moving[place] for place in family]
-        best = min(members, key=lambda one: (*_rank(table.label(one)), _telling(table, one)))
-        copies |= {
-            one for one in members if one != best and _kind(table, one) in ("", _kind(table, best))
-        }
-    return [column for column in moving if column not in copies]
+    label = read_label(title)
+    texts = [*_BRACKETS.findall(title), *_BEHIND.findall(title), line]
+    unit = next((one for text in texts if (one := unit_of(text))), "")
+    quantity, plain = "", False
+    if label is not None:
+        like = CANONICAL.get(label.quantity) if label.quantity != "input" else None
+        own = label.unit or next((one for text in texts if (one := unit_of(text, like))), "")
+        if own or not unit:
+            quantity, plain, unit = label.quantity, label.plain, own
+    source = "" if not unit else "the file's units" if unit_of(line) else "title"
+    return TitledColumn(column, place, title, values, quantity, plain, unit, source)
 
 
-def _kind(table: TitledColumns, column: Column) -> str:
-    """Return the quantity that a title names, one word for all positions; empty for none."""
-    label = table.label(column)
-    quantity = label.quantity if label is not None else ""
-    return "position" if quantity in POSITIONS else quantity if quantity in _CALLED else ""
+def find(table: Table, wanted: Column, option: str) -> TitledColumn:
+    """Return the column of a place, a title, or a word that one title alone has.
+
+    Raises UsageError, which lists the columns, for what is none, or several.
+    """
+    numbers = [one for one in table.values() if one.values]
+    rules = [lambda one: one.column == wanted, lambda one: one.place == wanted]
+    if isinstance(wanted, str):
+        parts = words(wanted)
+        rules += [
+            lambda one: words(one.title) == parts,
+            lambda one: bool(parts) and {*parts} <= {*words(one.title)},
+            lambda one: one.name == wanted,
+        ]
+    near = next(filter(None, ([*filter(rule, numbers)] for rule in rules)), [])
+    if len(near) != 1:
+        what = "several columns are" if near else "no column of numbers is"
+        several = ", ".join(one.called for one in near or numbers)
+        raise UsageError(f"{option}: {what} called {wanted}", f"say one of {several}, or its place")
+    return near[0]
 
 
-def _telling(table: TitledColumns, column: Column) -> int:
-    label = table.label(column)
-    return POSITIONS.index(label.quantity) if label and label.quantity in POSITIONS else 0
-
-
-def _identifier(title: str, column: Column) -> str:
-    name = re.sub(r"\W+", "_", title, flags=re.ASCII).strip("_")[:40]
-    return name if name[:1].isalpha() and name not in CANONICAL else f"column_{column}"
-
-
-def _by_title(quantity: str, column: Column, table: TitledColumns) -> NamedColumn:
-    """Return the column in the unit that its title or the line below it says."""
-    label, reach = table.label(column), table.raw[column]
-    bracketed = _IN_BRACKETS.search(
-        f"{table.titles.get(column, '')} [{table.units.get(column, '')}]"
-    )
-    unit = bracketed[1].strip() if bracketed else ""
-    if label is not None and label.unit:
-        why = f"by its title; {range_of(reach, label.unit)}"
-        return NamedColumn(column, label.unit, why)
-    if not quantity:
-        unit = unit if _is_unit(unit) else "1"
-        return NamedColumn(column, unit, range_of(reach, unit))
-    usual = default_unit(quantity) if quantity != "time" else _unit_of_clock(reach)
-    doubt = f"says no unit: is it {usual}?"
-    if bracketed:
-        doubt = f"says {unit}: give the calibration of its sensor, as {quantity}:{usual}*2.5-1.25"
-    return NamedColumn(column, usual, f"its title {doubt} {range_of(reach)}", sure=False)
+def words(text: str) -> list[str]:
+    """Return the words and numbers of a text in small letters."""
+    return [word.casefold() for word in re.findall(r"[^\W\d_]+|\d+", text)]
 
 
 def _unit_of_clock(values: Sequence[Array]) -> str:
@@ -149,72 +199,188 @@ def _unit_of_clock(values: Sequence[Array]) -> str:
     return "ms" if is_whole and 1 <= step <= 100 else "s"
 
 
-def _is_unit(text: str) -> bool:
-    try:
-        check_unit(text)
-    except SpecError:
-        return False
-    return bool(text)
+# By titles
+# --------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Known:
+    """The columns by the names that their titles give, the clock first, and why others are left
+    out.
+    """
+
+    columns: dict[str, NamedColumn]
+    left_out: dict[Column, str]
+
+
+def known_by_titles(table: Table) -> Known:
+    """Return the columns that move, by quantity where titles name one, else by their titles.
+
+    Where several titles name one quantity, each keeps its title, but for the plain one. A copy of
+    another column, what was computed by a model, and what goes on like a clock and is not the time
+    are left out.
+    """
+    clock = _clock_of(table)
+    rest = [one for one in table.values() if one is not clock]
+    left_out = {one.column: why for one in rest if (why := _why_unused(one, clock is not None))}
+    left_out |= _copies([one for one in rest if one.column not in left_out])
+    kept = [one for one in rest if one.column not in left_out]
+    quantities = _plain_names(kept)
+    columns = {} if clock is None else {"time": clock.as_quantity("time")}
+    for one in kept:
+        name = quantities.get(one.column, one.name)
+        name = f"column_{one.place}" if name in {*columns, "time"} else name
+        columns[name] = one.as_quantity(name)
+    return Known(columns, left_out)
+
+
+def _clock_of(table: Table) -> TitledColumn | None:
+    """Return the first column that rises and is the time by its title or unit; without titles, the
+    first that rises.
+    """
+    rising = [one for one in table.values() if one.rises]
+    if any(one.title for one in table.values()):
+        rising = [
+            one
+            for one in rising
+            if one.quantity == "time" or (not one.quantity and unit_of(one.unit, "s"))
+        ]
+    return next(iter(rising), None)
+
+
+def _why_unused(one: TitledColumn, has_clock: bool) -> str:
+    """Return why a column is no quantity of the study; empty where it may be one."""
+    if not one.values:
+        return "holds no numbers"
+    if not one.moves:
+        return "never changes"
+    if one.quantity == "time":
+        return "is a second clock" if has_clock else "its clock is set back"
+    if _NO_MEASUREMENT & {*words(one.title)}:
+        return "was computed, as its title says"
+    return "counts its rows" if not one.quantity and one.counts else ""
+
+
+def _copies(columns: Sequence[TitledColumn]) -> dict[Column, str]:
+    """Return what is a copy of which column: the one whose title and unit say more is kept."""
+    copies: dict[Column, str] = {}
+    for family in same_signals([np.concatenate(one.values) for one in columns]):
+        members = [columns[place] for place in family]
+        best = min(members, key=_silence)
+        for one in members:
+            if one is not best and one.kind in ("", best.kind):
+                copies[one.column] = f"is a copy of {best.called}"
+    return copies
+
+
+def _silence(one: TitledColumn) -> tuple[bool, bool, bool, int]:
+    """Return a key that is smaller the more a title says; of positions, strain says most."""
+    rank = POSITIONS.index(one.quantity) if one.quantity in POSITIONS else 0
+    return not one.quantity, not one.unit, not one.plain, rank
+
+
+def _plain_names(columns: Sequence[TitledColumn]) -> dict[Column, str]:
+    """Return the quantity of each column whose title says it, where no other says it as plainly."""
+    names: dict[Column, str] = {}
+    for quantity in _KINDS:
+        said = {one.column: _plainness(one) if one.quantity == quantity else 0 for one in columns}
+        best = [column for column, rank in said.items() if rank == max(said.values()) > 0]
+        if len(best) == 1:
+            names[best[0]] = quantity
+    if "force" not in names.values():  # testers call the force a load
+        names = {one: "force" if name == "load" else name for one, name in names.items()}
+    return names
+
+
+def _plainness(one: TitledColumn) -> int:
+    """Return 2 for a title that names a quantity and nothing else, 1 for one that names it among
+    other words and has a unit of it; 0 for others, as a letter among words, or an `x` without unit.
+    """
+    if one.plain:
+        return 0 if not one.unit and one.quantity in ("displacement", "length") else 2
+    bare = read_label(_LETTER.sub("", one.title))
+    return int(bool(one.unit) and bare is not None and bare.quantity == one.quantity)
+
+
+# By a person
+# --------------------------------------------------------------------------------------------------
 
 
 def named_by_person(
-    told: Mapping[str, NamedColumn], table: TitledColumns
+    said: Mapping[str, NamedColumn],
+    table: Table,
+    option: str,
+    known: Mapping[str, NamedColumn],
 ) -> dict[str, NamedColumn]:
-    """Return the columns that a person has named; DataError for one that holds no numbers.
+    """Return the columns that a person names, by the names that they have already, by those that
+    the person gives, or by their titles.
 
     A unit that was not said is that of the title, else the model's.
     """
-    columns = {}
-    for name, one in told.items():
-        if one.column not in table.raw:
-            raise DataError(
-                f"column {one.column} holds no numbers", f"name another column for {name}"
-            )
-        label = table.label(one.column)
-        titled = label.unit if label is not None and label.quantity == name else None
-        unit = one.unit or titled or default_unit(name)
-        why = f"{one.why}; {range_of(table.raw[one.column], unit)}"
-        columns[name] = replace(one, unit=unit, why=why)
+    columns: dict[str, NamedColumn] = {}
+    names = {one.column: name for name, one in known.items()}
+    for name, one in said.items():
+        is_named = option == "--columns" or not one.refers_to(name)
+        wanted = known[name].column if name in known and not is_named else one.column
+        titled = find(table, wanted, option)
+        name = name if is_named else names.get(titled.column, titled.name)
+        usual = titled.as_quantity(name) if is_named else known.get(name, titled.as_quantity(name))
+        told = one if is_named or one.unit else usual
+        unit = told.unit or usual.unit
+        sure = usual.sure or bool(one.unit) or option == "--columns"
+        why = f"you; {range_of(titled.values, unit)}" if sure else usual.why
+        columns[name] = replace(told, column=titled.column, unit=unit, sure=sure, why=why)
     return columns
 
 
-def target_of(names: Sequence[str], is_driven: bool) -> str | None:
-    """Return what is to be predicted where the names of columns leave no choice; None where they
-    do.
+def target_of(kinds: Mapping[str, str], is_driven: bool) -> str | None:
+    """Return what is to be predicted where plain titles leave no choice; None where they do.
 
-    It is the one force, else the one position where something drives, else the one column that is
-    no pressure and was not commanded. `is_driven` says that names of files tell a pressure.
+    It is the one force, else the one position that something drives, else the one column that
+    neither drives nor is a position. `kinds` are those of `kind_to_predict`, by name; `is_driven`
+    says that names of files tell what drives.
     """
-    labels = {name: read_label(name) for name in names if name != "time"}
-    kinds = {name: "" if label is None else label.quantity for name, label in labels.items()}
-    drives = [name for name, kind in kinds.items() if kind in ("pressure", "input", "time")]
-    positions = [name for name, kind in kinds.items() if kind in POSITIONS]
-    candidates = (
-        [name for name, kind in kinds.items() if kind in ("force", "load")],
-        positions if drives or is_driven else [],
-        [name for name in kinds if name not in drives and name not in positions],
-    )
-    if len(kinds) + is_driven < 2:
+    of: dict[str, list[str]] = {}
+    for name, kind in kinds.items():
+        of.setdefault(kind, []).append(name)
+    forces, positions, others = (of.get(kind, []) for kind in ("force", "position", ""))
+    is_driven = is_driven or "drive" in of
+    if "unclear" in of or len(others) > 1 or (others and (forces or positions)):
         return None
-    for some in candidates:
-        if some:
-            called = [name for name in some if name in _CALLED]
-            return some[0] if len(some) == 1 else called[0] if len(called) == 1 else None
-    return None
+    if others:
+        return others[0] if "drive" in of else None
+    if forces:
+        return forces[0] if len(forces) == 1 and (is_driven or positions) else None
+    return positions[0] if len(positions) == 1 and is_driven else None
 
 
-def refuse_choice(table: TitledColumns, where: str) -> UsageError:
+def kind_to_predict(name: str, titled: TitledColumn | None) -> str:
+    """Return `force`, `position` or `drive` for a column whose title says this plainly; empty where
+    it says nothing, and `unclear` where it says more.
+
+    What takes two values was set. Without a column, the name decides: a person gave it.
+    """
+    if titled is None:
+        label = read_label(name)
+        quantity, is_plain = ("", True) if label is None else (label.quantity, True)
+    else:
+        quantity, is_plain = titled.quantity, titled.plain or titled.quantity in ("", "input")
+        is_plain |= quantity == "pressure" and _NUMBERED_PRESSURE.fullmatch(name) is not None
+    if not quantity and titled is not None and titled.switches:
+        return "drive"
+    if not is_plain:
+        return "unclear"
+    return "drive" if quantity in ("pressure", "input") else _KINDS.get(quantity, quantity)
+
+
+def refuse_choice(table: Table, where: str, path: str) -> UsageError:
     """Return the error for columns of which nobody says what is to be predicted: it lists them."""
-    lines = [
-        f"  {column}  {table.titles.get(column, '') if isinstance(column, int) else ''} "
-        f"{range_of(values)}"
-        for column, values in table.raw.items()
-        if moves(values)
-    ]
-    return UsageError(
-        "\n".join(
-            [f"{where}: titles do not say what is to be predicted. Columns that move:", *lines]
-        ),
-        'name the columns and the target, as: mapmore init PATH --columns "time=...:s,'
-        'pressure=...:bar,angle=...:deg" --target angle',
+    how = (
+        f"mapmore init {path} --target ... --inputs ...  (titles, or numbers of the list)"
+        if any(one.title for one in table.values())
+        else f"mapmore init {path} --target force=6:N --inputs displacement=4:mm,pressure=5:bar"
+        "  (numbers of the list)"
     )
+    rows = [f"  {one.place}  {one.described}" for one in table.values() if one.moves]
+    what = f"{where}: titles do not say what is to be predicted. Columns that move:"
+    return UsageError("\n".join([what, *rows]), f"complete this: {how}")

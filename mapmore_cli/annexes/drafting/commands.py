@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-import math
+import json
 import sys
+from collections.abc import Sequence
+from enum import StrEnum
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -12,11 +14,19 @@ import typer
 
 from mapmore_cli.cli import console
 from mapmore_cli.cli.progress import Reporter
-from mapmore_cli.domain.errors import SpecError, UsageError, WriteError
+from mapmore_cli.domain.errors import UsageError, WriteError
 from mapmore_cli.storage.atomic import write_text
 
 if TYPE_CHECKING:
-    from mapmore_cli.annexes.drafting.answers import Question
+    from mapmore_cli.annexes.drafting.draft import Draft
+    from mapmore_cli.annexes.drafting.questions import Question
+
+
+class Paper(StrEnum):
+    """A paper whose settings a draft may have."""
+
+    m1 = "m1"
+    m2 = "m2"
 
 
 def init(
@@ -46,7 +56,11 @@ def init(
         ),
     ] = None,
     target: Annotated[
-        str | None, typer.Option(metavar="NAME", help="The quantity to predict.")
+        str | None, typer.Option(metavar="LIST", help="The column to predict; several with commas.")
+    ] = None,
+    inputs: Annotated[
+        str | None,
+        typer.Option(metavar="LIST", help="The columns that drive it; else all that move."),
     ] = None,
     hold: Annotated[
         str | None, typer.Option(metavar="NAME", help="What was held, as strain:%, or none.")
@@ -54,8 +68,11 @@ def init(
     group: Annotated[
         str | None,
         typer.Option(
-            metavar="NAME", help="What names tell apart, as specimen: one study of groups."
+            metavar="NAME", help="What names tell apart, as specimen: each is scored by itself."
         ),
+    ] = None,
+    like: Annotated[
+        Paper | None, typer.Option(help="Take the settings of a paper; nothing is searched.")
     ] = None,
     budget: Annotated[
         str,
@@ -69,46 +86,67 @@ def init(
 ) -> None:
     """Start a spec from recordings.
 
-    Titles and units say what columns are, or --columns; the structure of the model is searched on
-    training data. A folder with recordings of several studies gives a spec for each; with -o, one
-    for the largest.
+    Titles, units and you say what columns are: by --columns, --target, --inputs, or when asked. The
+    structure of the model is searched on training data. Each layout of files is a study.
     """
-    from mapmore_cli.annexes.drafting.answers import Answers, read_columns, read_hold
-    from mapmore_cli.annexes.drafting.draft import draft_page
+    from mapmore_cli.annexes.drafting.answers import answers_of, read_size
     from mapmore_cli.annexes.drafting.proof import proven
     from mapmore_cli.annexes.drafting.start import start
 
     _check_name(name)
-    if group is not None and not (group.isascii() and group.isidentifier()):
-        raise UsageError(
-            f"--group: {group!r} is no name of a quantity",
-            "say what the names of files tell apart, as specimen, or none",
-        )
-    answers = Answers(
-        {} if columns is None else read_columns(columns),
-        target,
-        None if hold is None else read_hold(hold),
-        group,
-        None if length is None else _given("--length", length, "m", "88mm"),
+    answers = answers_of(
+        columns=columns,
+        target=target,
+        inputs=inputs,
+        hold=hold,
+        group=group,
+        length=length,
+        like=None if like is None else like.value,
     )
-    seconds = _given("--budget", budget, "s", "60s")
+    seconds = read_size("--budget", budget, "s", "60s")
     folder = Path() if output is None or output == console.STANDARD else output.parent
     asking = ask if sys.stdin.isatty() and sys.stderr.isatty() and not (yes or quiet) else None
     with Reporter(quiet) as reporter:
         search = partial(proven, budget=seconds, progress=reporter.progress)
-        found = start(path, folder, name, output is not None, answers, asking, search)
-        for remark in found.remarks:
+        drafted = start(path, folder, name, output is not None, answers, asking, search)
+        for remark in drafted.remarks:
             reporter.say(f"left out: {remark}")
-        if output == console.STANDARD:
-            print(found.drafts[0].text(), end="")
-            return
-        specs = {output or Path(f"{draft.name}.yaml"): draft for draft in found.drafts}
-        for path, draft in specs.items():
-            if draft.raw and (force or not path.exists()):
-                write_text(path.with_suffix(".html"), draft_page(draft))
-                reporter.say(f"To look at its columns: {path.with_suffix('.html')}")
-        _write({path: draft.text() for path, draft in specs.items()}, force)
-        reporter.say(f"Next: mapmore check {next(iter(specs))}")
+        _write(drafted.drafts, output, force, reporter)
+
+
+def _write(drafts: Sequence[Draft], output: Path | None, force: bool, reporter: Reporter) -> None:
+    """Write the files of all drafts that do not exist yet, or all with `force`, and print the paths
+    of the specs; then refuse where one was there.
+    """
+    from mapmore_cli.annexes.drafting.draft import SCHEMA
+    from mapmore_cli.annexes.drafting.outputs import as_files
+    from mapmore_cli.annexes.drafting.page import draft_page
+    from mapmore_cli.spec.schema import json_schema
+
+    if output == console.STANDARD:
+        if len(drafts) > 1:
+            raise UsageError(f"-o -: {len(drafts)} specs are no one text", "name a file by -o")
+        print(drafts[0].text(), end="")
+        return
+    files = as_files(drafts, output)
+    taken = [path for path in files if path.exists() and not force]
+    for path, (text, draft) in files.items():
+        if path in taken:
+            continue
+        if draft.raw and not path.name.startswith("_"):
+            write_text(path.with_suffix(".html"), draft_page(draft))
+            reporter.say(f"To look at its columns: {path.with_suffix('.html')}")
+        write_text(path, text)
+        print(path)
+    first = next(iter(files))
+    if not (schema := first.with_name(SCHEMA)).exists():
+        write_text(schema, json.dumps(json_schema(), indent=2) + "\n")
+    if taken:
+        raise WriteError(
+            f"{', '.join(map(str, taken))}: exists already",
+            "say --force to replace it, or -o to write elsewhere; others were written",
+        )
+    reporter.say(f"Next: mapmore {'batch' if files[first][1].of else 'check'} {first}")
 
 
 def ask(question: Question) -> str:
@@ -118,12 +156,16 @@ def ask(question: Question) -> str:
     from rich.console import Console
     from rich.markup import escape
 
+    from mapmore_cli.annexes.drafting.questions import BACK, Stopped
+
     terminal = Console(stderr=True, highlight=False)
     terminal.print(f"\n[bold]{escape(question.text)}[/bold]")
-    for number, option in enumerate(question.options, start=1):
-        terminal.print(f"  {number} [bold]{escape(option.text)}[/bold]  {option.course}")
-        if option.why:
-            terminal.print(f"    [dim]{escape(option.why)}[/dim]")
+    width = max((len(option.number) for option in question.options), default=0)
+    for option in question.options:
+        terminal.print(
+            f"  {escape(option.number):>{width}}  [bold]{escape(option.text)}[/bold]"
+            + (f"\n  {'':>{width}}  {option.course}" if option.course else "")
+        )
     while True:
         terminal.print(f"[dim]{escape(question.form)}[/dim] > ", end="")
         try:
@@ -131,26 +173,14 @@ def ask(question: Question) -> str:
         except EOFError:
             return ""
         try:
-            question.check(reply)
+            if reply.strip() != BACK:
+                question.take(reply.strip())
+        except Stopped:
+            return reply
         except UsageError as fault:
             terminal.print(f"[red]{escape(fault.message)}[/red]: {escape(fault.remedy or '')}")
             continue
         return reply
-
-
-def _given(option: str, text: str, unit: str, example: str) -> float:
-    """Return a positive quantity that was said on the line."""
-    from mapmore_cli.spec.units import parse_quantity
-
-    try:
-        value = parse_quantity(text, unit)
-    except SpecError as fault:
-        raise UsageError(
-            f"{option}: {fault.message}", fault.remedy or f"write it as {example}"
-        ) from fault
-    if not 0 < value < math.inf:
-        raise UsageError(f"{option}: {text} is not positive", f"write it as {example}")
-    return value
 
 
 def _check_name(name: str | None) -> None:
@@ -165,20 +195,3 @@ def _check_name(name: str | None) -> None:
             f"--name: {name!r} is no name for a study",
             "use letters, digits, `.`, `_` and `-`, as bench-2",
         ) from fault
-
-
-def _write(texts: dict[Path, str], force: bool) -> None:
-    """Write every file that does not exist yet, or all with `force`, and print their paths; then
-    refuse where one was there.
-    """
-    taken = [path for path in texts if path.exists() and not force]
-    for path, text in texts.items():
-        if path not in taken:
-            write_text(path, text)
-            print(path)
-    if taken:
-        told = ", ".join(map(str, taken))
-        raise WriteError(
-            f"{told}: exists already",
-            "say --force to replace it, or -o to write elsewhere; others were written",
-        )

@@ -2,37 +2,28 @@
 
 from __future__ import annotations
 
-import json
-import math
-import re
 import textwrap
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.foreign import printable
-from mapmore_cli.spec.yaml_loader import escaped, tag_of
+from mapmore_cli.spec.loader import MODELINE
+from mapmore_cli.spec.yaml_loader import dump, escaped
 
 if TYPE_CHECKING:
     from mapmore_cli.domain.results import Search
 
-TAIL = "# report: {formats: [html, pdf, tex]}  # for a paper: panels as PDF, tables for LaTeX"
+SCHEMA = "mapmore.schema.json"
+"""The file beside a draft by which editors complete and check it."""
 HEAD = (
     "# Started by `mapmore init`. Look first at what is marked CHECK, "
     "then run `mapmore check` on this file."
 )
 WIDEST = 132
-_BLOCKS = {
-    ("data",),
-    *(("data", key) for key in ("files", "columns", "derive", "keep")),
-    ("segment",),
-    ("dictionary",),
-    ("validate",),
-}
-_BARE = re.compile(r"[A-Za-z_]\w*", re.ASCII)
+_BLOCKS = {("data",), ("data", "columns")}
+_ORDER = ("extends", "schema_version", "name", "muscle", "data", "units", "target")
 
 Column = str | int
 """How a spec names a column: by its title or address, or by its place."""
@@ -52,10 +43,18 @@ class NamedColumn:
 
     column: Column
     unit: str = ""
-    why: str = "as you said"
+    why: str = "you"
     sure: bool = True
     scale: float = 1.0
     offset: float = 0.0
+
+    def at(self, column: Column) -> NamedColumn:
+        """Return the same of another column."""
+        return replace(self, column=column)
+
+    def refers_to(self, name: str) -> bool:
+        """Return True for a column that a person called by its name or place alone."""
+        return self.column in (name, int(name) if name.isdigit() else name)
 
     def as_spec(self) -> dict[str, Any]:
         """Return the column as the spec describes it."""
@@ -83,7 +82,8 @@ class Draft:
     chosen.
 
     `files` counts the recordings' files, `raw` has the values of all columns of some of them, and
-    `found` is where its structure comes from.
+    `found` is where its structure comes from. `of` is the study of which this is one of several
+    outputs.
     """
 
     spec: dict[str, Any]
@@ -91,6 +91,7 @@ class Draft:
     files: int = field(default=0, compare=False)
     raw: Raw = field(default_factory=dict, repr=False, compare=False)
     found: Search | None = field(default=None, repr=False, compare=False)
+    of: str = ""
 
     @property
     def name(self) -> str:
@@ -106,8 +107,8 @@ class Draft:
     @property
     def output(self) -> str:
         """What the model predicts."""
-        target = self.spec["target"]
-        return str(target["column"]) if isinstance(target, dict) else "force"
+        target = str(self.spec["target"])
+        return "force" if target == "static" else target
 
     @property
     def open(self) -> dict[Loc, Note]:
@@ -143,38 +144,37 @@ class Draft:
 
     def text(self) -> str:
         """Return the draft as YAML, with its notes."""
-        return "\n".join([HEAD, *_yaml_lines(self.spec, (), self.notes), TAIL, ""])
+        return yaml_text(self.spec, self.notes, f"{MODELINE}{SCHEMA}\n{HEAD}")
 
 
-def _yaml_lines(
-    value: Mapping[str, Any] | Sequence[Any], loc: Loc, notes: Mapping[Loc, Note]
-) -> Iterator[str]:
+def yaml_text(spec: Mapping[str, Any], notes: Mapping[Loc, Note], head: str) -> str:
+    """Return a spec as YAML with notes, under its first lines."""
+    ordered = {key: spec[key] for key in (*_ORDER, *spec) if key in spec}
+    return "\n".join([head, *_yaml_lines(escaped(_ten_digits(ordered)), (), notes), ""])
+
+
+def _ten_digits(value: Any) -> Any:
+    """Return a value with numbers of ten digits at most, and whole ones without a point."""
+    match value:
+        case dict():
+            return {key: _ten_digits(one) for key, one in value.items()}
+        case list():
+            return [*map(_ten_digits, value)]
+        case float():
+            short = float(f"{value:.10g}")
+            return int(short) if short.is_integer() else short
+    return value
+
+
+def _yaml_lines(section: Mapping[str, Any], loc: Loc, notes: Mapping[Loc, Note]) -> Iterator[str]:
+    """Yield the lines of a section; those of `data` and its columns have notes on each key."""
     margin = "  " * len(loc)
-    # what stands in columns is easier to compare
-    width = 1 + max(map(len, value)) if isinstance(value, Mapping) and len(loc) > 1 else 0
-    for key, child in value.items() if isinstance(value, Mapping) else enumerate(value):
+    for key, value in section.items():
         here = (*loc, key)
-        is_block = here in _BLOCKS and child
-        head = (
-            f"{margin}-"
-            if isinstance(key, int)
-            else f"{margin}{key + ':':<{0 if is_block else width}}"
-        )
-        line, rest = head if is_block else f"{head} {_flow(child)}", []
-        # a flow that goes on further in; its texts have single blanks
-        if loc == ("dictionary",) and len(line) > WIDEST:
-            line, *rest = textwrap.wrap(
-                line,
-                WIDEST,
-                subsequent_indent=f"{margin}    ",
-                break_long_words=False,
-                break_on_hyphens=False,
-            )
-        yield from (
-            *_noted(line, notes.get(here)),
-            *rest,
-            *(_yaml_lines(child, here, notes) if is_block else ()),
-        )
+        is_block = here in _BLOCKS and value
+        first, *rest = [f"{key}:"] if is_block else dump({key: value}).splitlines()
+        yield from _noted(margin + first, notes.get(here))
+        yield from _yaml_lines(value, here, notes) if is_block else (margin + one for one in rest)
 
 
 def _noted(line: str, note: Note | None) -> list[str]:
@@ -188,111 +188,6 @@ def _noted(line: str, note: Note | None) -> list[str]:
         *textwrap.wrap(str(note), WIDEST, initial_indent=margin, subsequent_indent=f"{margin}# "),
         line,
     ]
-
-
-def _flow(value: Any) -> str:
-    match value:
-        case Mapping():
-            return "{" + ", ".join(f"{key}: {_flow(item)}" for key, item in value.items()) + "}"
-        case list() | tuple():
-            return "[" + ", ".join(map(_flow, value)) + "]"
-        case bool():
-            return str(value).lower()
-        case float():
-            return f"{value:.10g}"
-        case str():
-            text = escaped(value)
-            bare = _BARE.fullmatch(text) and tag_of(text) == "str"
-            return text if bare else json.dumps(text, ensure_ascii=not text.isprintable())
-        case _:
-            return str(value)
-
-
-# The page
-# --------------------------------------------------------------------------------------------------
-
-POINTS, WIDTH, HEIGHT = 300, 200, 60  # of a thumbnail
-
-
-def draft_page(draft: Draft) -> str:
-    """Return the page of a draft as HTML: every column with its course, what it was taken for, and
-    what is open; all texts are escaped.
-    """
-    from mapmore_cli.reporting.table import environment
-
-    used = {entry["column"]: name for name, entry in draft.data["columns"].items()}
-    drawn = {name: draft.raw[column] for column, name in used.items() if column in draft.raw}
-    up = drawn.get(draft.output, ())
-    pairs = [
-        {"thumbnail": _thumbnail(across, up), "text": f"{name} across, {draft.output} up"}
-        for name, across in drawn.items()
-        if name not in ("time", draft.output) and list(map(len, across)) == list(map(len, up))
-    ]
-    page = environment().get_template("guesses.html")
-    return page.render(
-        name=draft.name,
-        files=draft.files,
-        drawn=len(next(iter(draft.raw.values()), ())),
-        questions=[f"{'.'.join(map(str, loc))}: {note.why}" for loc, note in draft.open.items()],
-        columns=[_column_row(draft, column, used.get(column)) for column in draft.raw],
-        pairs=pairs,
-        tried=[] if draft.found is None else _as_rows(draft.found),
-        left_out="" if draft.found is None else draft.found.left_out,
-        sources=[
-            entry if isinstance(entry, str) else _flow(entry) for entry in draft.data["files"]
-        ],
-    )
-
-
-def _column_row(draft: Draft, column: Column, name: str | None) -> dict[str, Any]:
-    values = draft.raw[column]
-    note = draft.notes.get(("data", "columns", name or ""), Note(""))
-    unit = draft.data["columns"][name].get("unit", "") if name else ""
-    return {
-        "column": column,
-        "thumbnail": _thumbnail(None, values),
-        "range": range_of(values),
-        "guess": f"{name} in {unit}" if unit else name or "left out",
-        "why": note.why,
-    }
-
-
-def _as_rows(found: Search) -> list[dict[str, Any]]:
-    """Return what was tried, the one that is taken first, then by its error; what could not be
-    fitted last.
-    """
-    ranked = sorted(
-        found.tried, key=lambda one: (one is not found.found, bool(one.failure), one.excess)
-    )
-    return [
-        {
-            "words": one.words,
-            "parameters": "" if one.failure else str(one.parameters),
-            "error": one.failure or f"{100 * one.error:.2g} %",
-            "parts": "" if math.isnan(one.parts) else f"{100 * one.parts:.2g} %",
-        }
-        for one in ranked
-    ]
-
-
-def _thumbnail(across: Sequence[Array] | None, up: Sequence[Array]) -> Any:
-    """Return columns of all recordings as a small SVG, the second over the first, or over its
-    samples for None.
-    """
-    from markupsafe import Markup
-
-    y = _scaled(np.concatenate(up))
-    x = np.linspace(0, 1, len(y)) if across is None else _scaled(np.concatenate(across))
-    rows = np.linspace(0, len(y) - 1, min(POINTS, len(y))).astype(int)
-    places = zip(WIDTH * x[rows], HEIGHT - HEIGHT * y[rows], strict=True)
-    path = "M" + " L".join(f"{a:.1f} {b:.1f}" for a, b in places)
-    box = f'viewBox="-2 -2 {WIDTH + 4} {HEIGHT + 4}" preserveAspectRatio="none" aria-hidden="true"'
-    return Markup(f'<svg class="thumbnail" {box}><path d="{path}"/></svg>')
-
-
-def _scaled(values: Array) -> Array:
-    span = float(np.ptp(values)) or 1.0
-    return np.asarray((values - values.min()) / span)
 
 
 def range_of(values: Sequence[Array], unit: str = "1") -> str:

@@ -10,7 +10,6 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from mapmore_cli.annexes.drafting.filenames import UNIT
 from mapmore_cli.domain.errors import DataError, SpecError
 from mapmore_cli.spec.units import check_unit
 from mapmore_cli.storage.readers import reader_of, suffix_of
@@ -43,9 +42,8 @@ class Preview:
     its columns where it has a header.
 
     - `units`: of each column as the file writes it, empty where it writes none.
-    - `sheets`: those of a workbook that are laid out alike, where there is more than one and they
-      are not all; `left` are the others; `told` those that are read, where each tells what was
-      held, as `2 bar`.
+    - `told`: the sheets of a workbook that are laid out alike, where there is more than one;
+      `sheets` are the same where they are not all, `left` are the others.
     - `addresses`: lead to the columns of a file that is a tree.
     - `remark`: True where the titles stand in a line that is no header to read.
     - `numeric`: the places of columns of numbers.
@@ -138,9 +136,8 @@ def _of_all_sheets(
     layout = replace(layouts[best], left=left)
     if len(alike) == 1:
         return layout
-    told = alike if all(re.search(rf"\d\s*{UNIT}", name, re.IGNORECASE) for name in alike) else ()
     settings = {**layout.settings, "sheet": alike[0] if left else "*"}
-    return replace(layout, settings=settings, sheets=alike if left else (), told=told)
+    return replace(layout, settings=settings, sheets=alike if left else (), told=alike)
 
 
 @dataclass(frozen=True)

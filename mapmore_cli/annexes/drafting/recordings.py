@@ -6,30 +6,35 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 
-from mapmore_cli.annexes.drafting.columns import TitledColumns, named_by_person, named_by_titles
+from mapmore_cli.annexes.drafting.columns import (
+    Table,
+    known_by_titles,
+    named_by_person,
+    read_titles,
+)
 from mapmore_cli.annexes.drafting.draft import Column, Draft, NamedColumn
-from mapmore_cli.annexes.drafting.groups import Group, patterns
-from mapmore_cli.checking.evidence import two_digits
+from mapmore_cli.annexes.drafting.sources import Study, patterns
+from mapmore_cli.annexes.drafting.understanding import Understood
+from mapmore_cli.checking.evidence import MUCH, two_digits
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import DataError, SpecError
 from mapmore_cli.domain.recording import Dataset
 from mapmore_cli.ingestion.dataset import build_dataset
 from mapmore_cli.ingestion.files import IngestSlice, relative_name
 from mapmore_cli.spec.sections.data import Data
-from mapmore_cli.spec.units import convert, default_unit, is_canonical
+from mapmore_cli.spec.units import can_convert, convert, default_unit, is_canonical
 from mapmore_cli.storage.tables.cells import NotANumber
 
 MOST_FILES = 5  # that are looked at
 MOST_WORDS = 3  # that stand for missing numbers in one column; more are a column of words
-WHOLE = 0.5  # of the samples, that are numbers at least
 RESET = {"longer_than": 60.0, "action": "split"}  # cuts a recording where its clock is set back
-REST = 20  # usual steps of a second log, beyond which it rested
-T = TypeVar("T")
+BREAK = 5  # usual steps without a sample, that are a gap
 
 
 class _Columns(Data):
@@ -76,28 +81,27 @@ def read_tolerantly(
             sum(getattr(one, key) for one in dataset.recordings)
             for key in ("rows_read", "rows_kept")
         )
-        if words and kept < WHOLE * read:
+        if words and kept < MUCH * read:
             raise DataError(f"hardly a number among {', '.join(map(repr, words))}")
         return draft, dataset
 
 
-def table_of(group: Group, folder: Path) -> TitledColumns:
-    """Return the columns of numbers of a few files of a group; columns of text and empty ones are
-    missing.
+def table_of(study: Study, folder: Path) -> Table:
+    """Return the columns of a few files of a study; those of text and empty ones have no values.
 
     Where cells are empty every column is read by itself: one that is hardly filled must not hide
     the others. Raises DataError where no column is left.
     """
-    layout = group.layout
+    layout = study.layout
     raw: dict[Column, list[Array]] = {}
     is_whole = False
     with suppress(DataError):
-        raw, is_whole = _read_columns(group, folder, layout.columns)
+        raw, is_whole = _read_columns(study, folder, layout.columns)
     if not is_whole:
         raw = {}
         for place, column in enumerate(layout.columns):
             try:
-                raw |= _read_columns(group, folder, (column,))[0]
+                raw |= _read_columns(study, folder, (column,))[0]
             except DataError as fault:
                 if isinstance(fault, NotANumber) and fault.known and place in layout.numeric:
                     raise
@@ -108,22 +112,22 @@ def table_of(group: Group, folder: Path) -> TitledColumns:
         dict(zip(layout.columns, texts, strict=False))
         for texts in (layout.titles or (), layout.units)
     )
-    return TitledColumns(titles, raw, units)
+    return read_titles(titles, raw, units)
 
 
 def _read_columns(
-    group: Group, folder: Path, columns: Sequence[Column]
+    study: Study, folder: Path, columns: Sequence[Column]
 ) -> tuple[dict[Column, list[Array]], bool]:
     """Return the columns, and whether every sample has all of them."""
     names = {f"column_{place}": column for place, column in enumerate(columns)}
-    some = group.files[:: -(-len(group.files) // MOST_FILES)]  # columns are the same in all
+    some = study.files[:: -(-len(study.files) // MOST_FILES)]  # columns are the same in all
     data = {
         "files": [
             {"path": relative_name(file, folder), "id": str(place)}
             for place, file in enumerate(some)
         ],
-        "reader": group.layout.reader,
-        **group.layout.settings,
+        "reader": study.layout.reader,
+        **study.layout.settings,
         "columns": {name: {"column": column} for name, column in names.items()},
     }
     draft = Draft({"data": data, "units": dict.fromkeys(names, "1")})
@@ -135,39 +139,31 @@ def _read_columns(
     return raw, not any(one.dropped.get("missing value") for one in dataset.recordings)
 
 
-def with_columns(draft: Draft, columns: Mapping[str, NamedColumn], table: TitledColumns) -> Draft:
-    """Return the draft with its columns, their units where the names are no canonical quantities,
-    and a word on those that are not used.
+def with_columns(draft: Draft, known: Understood, target: str, table: Table) -> Draft:
+    """Return the draft with the columns of one target, their units where the names are no canonical
+    quantities, and a word on those that are not used.
     """
-    used = {one.column for one in columns.values()}
+    used = {one.column for one in known.columns.values()}
     left = ", ".join(
-        table.titles.get(column) or f"column {column}"
-        for column in dict.fromkeys([*table.titles, *table.raw])
+        f"{one.called} ({known.left_out[column]})" if column in known.left_out else one.called
+        for column, one in table.items()
         if column not in used
     )
+    columns = known.without_others(target)
     entries = {name: one.as_spec() for name, one in columns.items()}
     draft = draft.with_data("columns", entries, f"left out: {left}" if left else None)
     units = {
-        name: _model_unit(one.unit)
+        name: "kPa" if can_convert(one.unit, "kPa") else one.unit
         for name, one in columns.items()
         if not is_canonical(name) and one.unit != "1"
     }
-    if units:
+    if units := units | draft.spec.get("units", {}):
         draft = draft.with_section("units", units)
     if "time" in columns:
         draft = draft.without("data.sample_time")
     for name, one in columns.items():
         draft = draft.noted(("data", "columns", name), one.why, one.sure)
-    return Draft(draft.spec, draft.notes, draft.files, table.raw)
-
-
-def _model_unit(unit: str) -> str:
-    """Return kPa for pressures, else the unit that a quantity was measured in."""
-    try:
-        convert(1.0, unit, "kPa")
-    except SpecError:
-        return unit
-    return "kPa"
+    return replace(draft, raw={one.column: one.values for one in table.values() if one.values})
 
 
 # What recordings need to be read
@@ -228,17 +224,17 @@ def _with_losses_told(draft: Draft, dataset: Dataset) -> Draft:
     return draft
 
 
-def with_strain(draft: Draft, dataset: Dataset, length: float) -> Draft:
+def with_strain(draft: Draft, dataset: Dataset, length: float) -> tuple[Draft, str]:
     """Return the draft with the strain that a length or a displacement makes of the muscle's own
-    length in m, where no column holds it.
+    length in m, and which of them; empty where a column holds the strain, or there is none.
 
     A displacement counts as contraction in the direction in which it mostly goes.
     """
-    draft = draft.with_section("muscle", {**draft.spec["muscle"], "length": length})
+    draft = draft.with_section("muscle", {"length": length})
     columns = dataset.recordings[0].columns
     measured = next((one for one in ("length", "displacement") if one in columns), None)
     if "strain" in columns or measured is None:
-        return draft
+        return draft, ""
     pooled = np.concatenate([one.columns[measured] for one in dataset.recordings])
     turned = "-" if measured == "displacement" and abs(pooled.min()) > abs(pooled.max()) else ""
     rules = {
@@ -246,23 +242,24 @@ def with_strain(draft: Draft, dataset: Dataset, length: float) -> Draft:
         "displacement": f"{turned}displacement/{length:g}",
     }
     why = "of the length that was given; positive is contraction"
-    return draft.with_data("derive", {"strain": rules[measured]}, why, False)
+    return draft.with_data("derive", {"strain": rules[measured]}, why, False), measured
 
 
 def with_second_log(
-    draft: Draft, second: Group, folder: Path, target: str, said: Mapping[str, NamedColumn]
+    draft: Draft, second: Study, folder: Path, target: str, said: Mapping[str, NamedColumn]
 ) -> Draft:
     """Return the draft with the pressure of a second log, shifted as the changes of the target and
     of the pressure tell, where they do.
     """
     table = table_of(second, folder)
-    columns = named_by_titles(table) | named_by_person(said, table)
+    columns = known_by_titles(table).columns
+    columns |= named_by_person(said, table, "--columns", columns)
     if not {"time", "pressure"} <= columns.keys() or "time" not in draft.data["columns"]:
         raise DataError(
             f"{second.files[0].name}: holds the pressure, and no clock goes on in both logs",
             "write `join` by hand",
         )
-    steps = np.diff(table.raw[columns["time"].column][0])
+    steps = np.diff(table[columns["time"].column].values[0])
     usual = convert(float(np.median(steps[steps > 0])), columns["time"].unit, "s")
     entry: dict[str, Any] = {
         "files": patterns(second.files, folder),
@@ -271,13 +268,14 @@ def with_second_log(
         "columns": {name: columns[name].as_spec() for name in ("time", "pressure")},
         "shift": "auto",
         "match": {"first": target, "second": "pressure"},
-        "max_gap": two_digits(REST * usual),
+        "max_gap": two_digits(BREAK * usual),
     }
+    sure = columns["pressure"].sure
     try:
         notes = read_draft(lenient(draft.with_data("join", [entry])), folder, target).notes
         told = next((note for note in notes if ": shift " in note), "").partition(": ")[2]
     except DataError:  # nothing changes, or several shifts would do
         entry = {key: value for key, value in entry.items() if key != "match"} | {"shift": 0.0}
-        told = "are both clocks one?"
+        told, sure = "are both clocks one?", False
     why = f"the pressure is in a log of its own; {told}; {columns['pressure'].why}"
-    return draft.with_data("join", [entry], why, False)
+    return draft.with_data("join", [entry], why, sure)

@@ -5,30 +5,19 @@ Titles, units and the person decide what columns are; nothing is guessed from va
 
 from __future__ import annotations
 
-import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from mapmore_cli.annexes.drafting.answers import (
-    NOTHING_SAID,
-    Answers,
-    Ask,
-    asked_columns,
-    asked_rest,
-    asked_target,
-)
-from mapmore_cli.annexes.drafting.columns import (
-    named_by_person,
-    named_by_titles,
-    refuse_choice,
-    target_of,
-)
-from mapmore_cli.annexes.drafting.draft import Draft
+from mapmore_cli.annexes.drafting.answers import Answers
+from mapmore_cli.annexes.drafting.columns import Table, find
+from mapmore_cli.annexes.drafting.draft import Draft, NamedColumn
 from mapmore_cli.annexes.drafting.experiment import find_held, with_experiment
-from mapmore_cli.annexes.drafting.filenames import held_in_names, tests_of
-from mapmore_cli.annexes.drafting.groups import Group, find_groups, second_of, started
+from mapmore_cli.annexes.drafting.like import with_paper
+from mapmore_cli.annexes.drafting.names import numbered_groups, tests_of
 from mapmore_cli.annexes.drafting.proof import proven
+from mapmore_cli.annexes.drafting.questions import Ask, interview
 from mapmore_cli.annexes.drafting.recordings import (
     cleaned,
     read_draft,
@@ -37,104 +26,141 @@ from mapmore_cli.annexes.drafting.recordings import (
     with_second_log,
     with_strain,
 )
-from mapmore_cli.checking.names import POSITIONS
+from mapmore_cli.annexes.drafting.sources import (
+    Study,
+    find_studies,
+    second_of,
+    started,
+)
+from mapmore_cli.annexes.drafting.understanding import Understood, understood
+from mapmore_cli.checking.evidence import Unequal, unequal
 from mapmore_cli.domain.errors import DataError, SpecError, UsageError
+from mapmore_cli.spec.units import is_canonical
 
 Search = Callable[[Draft, Path], Draft]
 """Returns a draft with the model that was found for it, given the folder that its paths start at.
 """
 
-MOST_REMARKS = 8
+NOTHING_SAID = Answers()
 
 
 @dataclass(frozen=True)
 class Start:
-    """The drafts, that of the most files first, and remarks about what they do not cover."""
+    """The drafts, that of the most files first, and remarks about what they do not cover.
+
+    The outputs of one study are drafts of one `study`.
+    """
 
     drafts: tuple[Draft, ...]
     remarks: tuple[str, ...]
 
 
 def propose(
-    group: Group,
-    name: str,
+    study: Study,
     folder: Path,
     answers: Answers = NOTHING_SAID,
-    second: Group | None = None,
+    second: Study | None = None,
     ask: Ask | None = None,
-) -> Draft:
-    """Return the spec of a group of recordings, with paths from `folder`. Its model is still to be
-    found (`proven`).
+    path: str = ".",
+) -> list[Draft]:
+    """Return the specs of a study, one for each output, with paths from `folder`. Their models are
+    still to be found (`proven`).
 
     Raises
     ------
     UsageError
         Where neither titles nor `answers` say what is to be predicted, and nobody can be asked; or
-        where a name that was said is none of a column.
+        where something that was said is not there.
     DataError
         Where the recordings cannot be read.
     """
-    table = table_of(group, folder)
-    told_of_second = {} if second is None else answers.about(second)
-    answers = replace(answers, columns=answers.about(group))
-    hold = answers.hold
-    constants = held_in_names(group.conditions, None if hold == ("none", "") else hold)
-    columns = named_by_person(answers.columns, table) if answers.columns else named_by_titles(table)
-    target = answers.target or target_of([*columns], constants is not None or second is not None)
-    if target is None and ask is not None:
-        if not answers.columns:
-            columns = named_by_person(asked_columns(table, ask), table)
-        target = target_of([*columns], False) or asked_target(
-            [one for one in columns if one != "time"], ask
-        )
-    if target is None:
-        raise refuse_choice(table, group.files[0].name)
-    if target not in columns or len(columns.keys() - {"time"}) + (constants is not None) < 2:
-        raise UsageError(
-            f"{group.files[0].name}: '{target}' is to follow, and the columns are "
-            f"{', '.join(columns)}",
-            "name both by --columns",
-        )
-    quantity, told = constants or ("", [])
-    if quantity in columns:
-        quantity, told = "", []
-    is_muscle = target in ("force", *POSITIONS) and "pressure" in (*columns, quantity)
-    if is_muscle and not answers.columns and not answers.target:
-        columns = {
-            key: one
-            for key, one in columns.items()
-            if key in ("time", "pressure", target) or (target == "force" and key in POSITIONS)
-        }
-    draft = with_columns(started(group, name, folder, quantity, told), columns, table)
-    if second is not None and "pressure" not in columns:
-        draft = with_second_log(draft, second, folder, target, told_of_second)
+    table = table_of(study, folder)
+    columns, beside = _shared_out(answers.columns, table)
+    answers = replace(answers, columns=columns)
+
+    def view(answers: Answers) -> Understood:
+        return understood(study, table, answers, path)
+
+    if ask is not None:
+        answers = interview(table, view, answers, ask)
+    known = view(answers)
+    drafts = []
+    for target in known.targets:
+        draft = _with_data(study, folder, known, target, answers.group)
+        draft = with_columns(draft, known, target, table)
+        if second is not None and "pressure" not in known.columns:
+            draft = with_second_log(draft, second, folder, target, beside)
+        drafts.append(_with_experiment(draft, study, folder, known, target, answers))
+    return drafts
+
+
+def _shared_out(
+    columns: Mapping[str, NamedColumn], table: Table
+) -> tuple[dict[str, NamedColumn], dict[str, NamedColumn]]:
+    """Return the named columns that a table has, and those of another log."""
+    here = {}
+    for name, one in columns.items():
+        with suppress(UsageError):
+            find(table, one.column, "--columns")
+            here[name] = one
+    return here, {name: one for name, one in columns.items() if name not in here}
+
+
+def _with_data(
+    study: Study, folder: Path, known: Understood, target: str, group: str | None
+) -> Draft:
+    """Return a draft with the files of a study, and what their names tell."""
+    conditions = list(known.conditions)
+    if group is not None:
+        conditions.append(numbered_groups(study.names, group))
+    draft = started(study, folder, conditions, known.remark)
+    if group is not None:
+        draft = draft.with_data("groups", {"of": group}, "you; each is scored by itself")
+    if len(known.targets) > 1:
+        draft = replace(draft, spec={**draft.spec, "name": f"{study.name}-{target}"}, of=study.name)
+    units = {one.quantity: one.unit for one in conditions if one.unit}
+    units = {name: unit for name, unit in units.items() if not is_canonical(name)}
+    return draft.with_section("units", units) if units else draft
+
+
+def _with_experiment(
+    draft: Draft, study: Study, folder: Path, known: Understood, target: str, answers: Answers
+) -> Draft:
+    """Return the draft with what its recordings need to be read, and what was done."""
     draft, dataset = cleaned(draft, folder, target)
+    told = {one.quantity: one.in_model_units for one in known.conditions}
+    hold, made = answers.hold, ""
     if answers.length is not None:
-        draft = with_strain(draft, dataset, answers.length)
-        target = target if target == "force" or "derive" not in draft.data else "strain"
+        draft, made = with_strain(draft, dataset, answers.length)
+        target = "strain" if target == made else target
         dataset = read_draft(draft, folder, target)
-    recordings = dataset.recordings
-    inputs = [one for one in recordings[0].columns if one not in ("time", target, group.of)]
-    held = None
-    pair = _swept_and_held(inputs, hold)
-    if pair is not None:
-        held = find_held(recordings, pair, hold and hold[0])
-    return with_experiment(draft, recordings, target, inputs, held)
+        told.pop(made, None)
+        hold = hold._replace(name="strain") if hold is not None and hold.name == made else hold
+    ignored = ("time", target, answers.group, made)
+    used = dict.fromkeys([*dataset.recordings[0].columns, *told])
+    inputs = [name for name in used if name not in ignored]
+    draft = _with_sessions(draft, unequal(dataset.recordings, inputs, target), answers.group)
+    held = find_held(dataset.recordings, inputs, hold, told)
+    draft = with_experiment(draft, dataset.recordings, target, held, told)
+    if tests := tests_of(study.files):
+        held_out = {"validate": {"files": tests}}
+        draft = draft.with_data("split", held_out, "the names of the files say so")
+    return draft if answers.like is None else with_paper(draft, answers.like, held)
 
 
-def _swept_and_held(inputs: Sequence[str], hold: tuple[str, str] | None) -> tuple[str, str] | None:
-    """Return the two inputs of which one may be held while the other is swept: the pressure and a
-    position, or what a person says; None where there are no such two.
+def _with_sessions(draft: Draft, apart: Unequal | None, group: str | None) -> Draft:
+    """Return the draft with what explains why equal inputs gave unequal outputs: for the groups
+    that a person named, else as a remark.
     """
-    if hold is not None and hold[0] not in ("none", *inputs):
-        raise UsageError(
-            f"--hold: no input is called {hold[0]}", f"say {', '.join(inputs)}, or none"
-        )
-    others = [one for one in POSITIONS if one in inputs]
-    if "pressure" in inputs and others:
-        return "pressure", others[0]
-    rest = [one for one in inputs if hold is not None and one != hold[0]]
-    return (hold[0], rest[0]) if hold is not None and hold[0] in inputs and rest else None
+    if apart is None:
+        return draft
+    effects = dict.fromkeys(apart.effects, True)
+    if group is not None:
+        why = f"{apart.words()}; a group that is held out counts as the mean of all"
+        return draft.with_data("groups", {"of": group, **effects}, why) if effects else draft
+    line = ", ".join(["of: session", *(f"{effect}: true" for effect in effects)])
+    how = f"; is it another session? Say `--group session`, as `groups: {{{line}}}`"
+    return draft.noted(("data", "reader"), apart.words() + how, sure=not apart.is_large)
 
 
 def start(
@@ -146,11 +172,11 @@ def start(
     ask: Ask | None = None,
     search: Search | None = None,
 ) -> Start:
-    """Draft a spec for every group of recordings under `path`, or for the largest one only, with
-    relative paths from `folder`.
+    """Draft specs for every study under `path`, or for the largest one only, with relative paths
+    from `folder`.
 
-    Where somebody can be asked (`ask`), what is open is asked. `search` finds the model of a draft,
-    by default `proven`.
+    Where somebody can be asked (`ask`), it is the largest that is asked about. `search` finds the
+    model of a draft, by default `proven`.
 
     Raises
     ------
@@ -159,68 +185,38 @@ def start(
     UsageError
         Where nothing says what is to be predicted, of any study.
     """
+    studies, remarks = find_studies(path)
+    seconds = [second_of(study, studies) for study in studies]
+    is_single = single or ask is not None
     drafts: list[Draft] = []
-    open_choice: UsageError | None = None
-    groups, remarks = find_groups(path, answers.group)
-    names = _unique(
-        [_run_name(group.label) for group in groups],
-        [_run_name(group.folder.name) for group in groups],
-    )
-    seconds = {group.files: second_of(group, groups) for group in groups}
-    for group, own in zip(groups, names, strict=True):
-        if any(group is second for second in seconds.values()):
+    refusal: UsageError | None = None
+    for study, second, own in zip(studies, seconds, _names_apart(studies), strict=True):
+        if study in seconds:
             continue
-        if answers.columns and not answers.about(group):
-            remarks.append(f"{own} ({group}): it has none of the columns that were named")
+        if drafts and is_single:
+            remarks.append(f"{own} ({study}): another study; give its files alone to `init`")
             continue
-        if drafts and single:
-            remarks.append(
-                f"{own} ({group}): another study; without -o every study gets a spec of its own"
-            )
-            continue
-        is_only = single or len(groups) == 1
-        called = own if name is None else name if is_only else f"{name}-{own}"
+        is_only = is_single or len(studies) == 1
+        called = replace(study, name=own if name is None else name if is_only else f"{name}-{own}")
         try:
-            draft = propose(group, called, folder, answers, seconds[group.files], ask)
-            if tests := tests_of(group.files):
-                held_out = {"validate": {"files": tests}}
-                draft = draft.with_data("split", held_out, "the names of the files say so")
-            draft = (search or proven)(draft, folder)
-            drafts.append(draft if ask is None else asked_rest(draft, ask))
-        except UsageError as fault:
-            open_choice = open_choice or fault
-            remarks.append(fault.message.partition("\n")[0])
-        except (DataError, SpecError) as fault:
-            remarks.append(f"{own} ({group}): {fault.message}")
-    if not drafts and open_choice is not None:
-        raise open_choice
-    if not drafts:
-        told = "\n  ".join(_first_remarks(remarks))
-        raise DataError(
-            f"{path}: no usable recording was found",
-            told or "give a folder of recordings, as CSV files",
-        )
-    return Start(tuple(drafts), tuple(_first_remarks(remarks)))
+            outputs = propose(called, folder, answers, second, ask, str(path))
+            drafts += [(search or proven)(draft, folder) for draft in outputs]
+        except (UsageError, DataError, SpecError) as fault:
+            if isinstance(fault, UsageError):
+                if ask is not None:
+                    raise
+                refusal = refusal or fault
+            remarks.append(f"{own} ({study}): {fault.message.splitlines()[0]}")
+    if drafts:
+        return Start(tuple(drafts), tuple(remarks))
+    told = "\n  ".join(remarks) or "give a folder of recordings, as CSV files"
+    raise refusal or DataError(f"{path}: no usable recording was found", told)
 
 
-def _first_remarks(remarks: Sequence[str]) -> list[str]:
-    more = len(remarks) - MOST_REMARKS
-    return [*remarks[:MOST_REMARKS], *([f"... and {more} more"] if more > 0 else [])]
-
-
-def _run_name(label: str) -> str:
-    return re.sub(r"[^A-Za-z0-9._-]+", "-", label).strip("._-")[:80] or "study"
-
-
-def _unique(labels: Sequence[str], folders: Sequence[str]) -> list[str]:
-    """Return the labels, those that repeat with their folder before them, and with a number where
-    this does not help.
-    """
-    names = [
-        label if labels.count(label) == 1 else f"{folder}-{label}"
-        for label, folder in zip(labels, folders, strict=True)
-    ]
+def _names_apart(studies: Sequence[Study]) -> list[str]:
+    """Return the names of studies, with a number behind those that repeat."""
+    labels = [study.name or "study" for study in studies]
     return [
-        name if names.count(name) == 1 else f"{name}-{names[: place + 1].count(name)}"
-        for place, name in enumerate(names)
+        name if labels.count(name) == 1 else f"{name}-{labels[: place + 1].count(name)}"
+        for place, name in enumerate(labels)
     ]

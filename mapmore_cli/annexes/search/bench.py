@@ -99,7 +99,8 @@ class Bench:
         weight = (2 / 3 if asked else 1 / 2 if situation.timed else 1 / 4) * bool(parts)
         if len(parts) == 1:  # the only inner level
             weight = 1 / 2
-        shares = [(1 - weight) / len(blocks), weight / max(len(parts), 1)]
+        weight = weight if blocks else 1.0  # recordings that are too short for stretches
+        shares = [(1 - weight) / max(len(blocks), 1), weight / max(len(parts), 1)]
         thinning = thinning_of(training)
         thinned = tuple(c.at(rows) for c, rows in zip(training.curves, thinning, strict=True))
         folds = (*blocks, *parts)

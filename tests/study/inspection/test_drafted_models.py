@@ -6,6 +6,7 @@ Quick folders of measured data are tried here, `docs/drafted_tables.py` tries al
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -15,14 +16,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from pages import read_rows
-from recorded import checked, drafts, write
+from recorded import checked, write
 from recorded import drafted as untried
 
-from mapmore_cli.annexes.drafting import proof
 from mapmore_cli.annexes.drafting.answers import Answers
-from mapmore_cli.annexes.drafting.draft import draft_page
-from mapmore_cli.annexes.drafting.groups import find_groups
+from mapmore_cli.annexes.drafting.page import draft_page
 from mapmore_cli.annexes.drafting.proof import proven
+from mapmore_cli.annexes.drafting.sources import find_studies
 from mapmore_cli.annexes.drafting.start import start
 from mapmore_cli.annexes.search import searching
 from mapmore_cli.annexes.search.stage import search_slice
@@ -59,7 +59,7 @@ SPECIMENS = [
     bars=st.lists(st.integers(1, 9), min_size=2, max_size=4, unique=True),
     first=st.booleans(),
 )
-def test_specimens_that_names_tell_apart_are_never_pooled_unasked(words, bars, first):
+def test_specimens_are_one_study_and_groups_where_a_person_says_so(words, bars, first):
     with TemporaryDirectory() as place:
         folder = Path(place)
         for number, word in enumerate(words):
@@ -70,20 +70,16 @@ def test_specimens_that_names_tell_apart_are_never_pooled_unasked(words, bars, f
                     bar,
                     2 + number,
                 )
-        apart = drafts(folder)
-        assert len(apart) == len(words)
-        for draft in apart:
-            files = {path.name for path in expand_all(draft, folder)}
-            assert len(files) == len(bars)
-            assert any(all(word in name for name in files) for word in words)
-        pooled = untried(folder, answers=Answers(group="none"))
+        pooled = untried(folder)
         assert "groups" not in pooled.data
+        assert len(expand_all(pooled, folder)) == len(words) * len(bars)
         grouped = untried(folder, answers=Answers(group="specimen"))
-        assert grouped.data["groups"] == {"of": "specimen"}
-        assert len(expand_all(grouped, folder)) == len(words) * len(bars)
-        assert {entry["set"]["specimen"] for entry in grouped.data["files"]} == set(
-            range(1, len(words) + 1)
-        )
+        assert grouped.data["groups"]["of"] == "specimen"
+        for number in range(1, len(words) + 1):
+            own = [entry for entry in grouped.data["files"] if entry["set"]["specimen"] == number]
+            names = [path.name for entry in own for path in expand(entry["path"], folder)]
+            assert len(names) == len(bars)
+            assert any(all(re.search(rf"{word}(?!\d)", name) for name in names) for word in words)
 
 
 def expand_all(draft, folder):
@@ -174,8 +170,8 @@ ROWS = [tuple(row) for row in read_rows(drafted_tables.PAGE, "drafts")[1:]]
 )
 def test_the_page_says_what_is_proposed(measured_data, name, monkeypatch):
     monkeypatch.setattr(searching, "FAMILIES", FAMILIES)
-    monkeypatch.setattr(proof, "BUDGET", 60.0)  # no structure is cut off on a busy machine
-    rows = drafted_tables.rows_of(measured_data / name)
+    # no structure is cut off on a busy machine
+    rows = drafted_tables.rows_of(measured_data / name, budget=60.0)
     assert rows
     assert [row for row in ROWS if row[0] == name] == rows
 
@@ -185,8 +181,8 @@ def test_every_recording_is_in_a_study_or_named(measured_data):
     folders = sorted({row[0] for row in ROWS})
     assert len(folders) >= 9
     for folder in (measured_data / name for name in folders):
-        groups, left_out = find_groups(folder)
-        grouped = {file for group in groups for file in group.files}
+        studies, left_out = find_studies(folder)
+        grouped = {file for study in studies for file in study.files}
         for file in folder.rglob("*"):
             is_named = any(file.name in remark for remark in left_out)
             assert file in grouped or is_named or not reader_of(file), file

@@ -9,15 +9,15 @@ import pytest
 import yaml
 from recorded import checked, drafted, drafts, loaded, workbook, write
 
-from mapmore_cli.annexes.drafting.answers import Answers
+from mapmore_cli.annexes.drafting.answers import Answers, Hold, answers_of
 from mapmore_cli.annexes.drafting.draft import Draft, Note
-from mapmore_cli.annexes.drafting.groups import patterns
+from mapmore_cli.annexes.drafting.outputs import as_files
 from mapmore_cli.annexes.drafting.preview import preview
 from mapmore_cli.annexes.drafting.proof import proven
+from mapmore_cli.annexes.drafting.sources import patterns
 from mapmore_cli.annexes.drafting.start import start
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.pipeline.runner import bring_up_to_date
-from mapmore_cli.spec.experiment import TargetColumn
 
 PLAIN = "1,10\n2,20\n3,30\n4,40\n"
 
@@ -73,7 +73,7 @@ def test_files_of_older_programs_are_read_as_what_they_look_like(tmp_path, encod
             point=",",
         )
         path.write_bytes(path.read_text().encode(encoding))
-    draft = drafted(tmp_path)
+    draft = drafted(tmp_path, answers=answers_of(target="Zugkraft F"))
     assert draft.data.get("encoding") == (None if encoding == "utf-8-sig" else encoding)
     assert "Prüfdruck" in draft.text()
     checked(draft, tmp_path)
@@ -124,32 +124,44 @@ def test_an_isobaric_campaign(tmp_path):
     assert data.cycles.over == "strain"
     assert data.split.hold_out.quantities == {"pressure": [300]}
     assert "found by search: " in draft.text()
-    assert "# 4 files, pressure held at 100 200 300 400 kPa" in draft.text()
+    assert "# one value in each recording: pressure was held, in kPa" in draft.text()
+    assert len(draft.text().splitlines()) <= 40
 
 
 def test_the_held_strain_in_the_names_of_files(tmp_path):
     steps = 600 * np.floor(10 * LOOP) / 10
-    for word, strain in (("slack", 0.0), ("c5", 0.05), ("c10", 0.1), ("c15", 0.15)):
+    for word, strain in (("slack", 0.0), ("bent5", 0.05), ("bent10", 0.1), ("bent15", 0.15)):
         for repeat in (1, 2):
             force = 0.7 * np.maximum(steps - 120 - 2000 * strain, 0) + 0.001 * repeat * T
             write(tmp_path / f"m_{word}_run{repeat}.csv", {"F": force, "P": steps, "t": T})
-    draft = drafted(tmp_path, answers=Answers(hold=("strain", "%")))
+    draft = drafted(tmp_path, answers=Answers(hold=Hold("strain", "bent", "%")))
     data = checked(draft, tmp_path).spec.data
     assert (data.levels.of, data.levels.at) == ("strain", [0, 0.05, 0.1, 0.15])
     assert [keep.quantity for keep in data.keep] == ["pressure_rate"]
-    assert "# CHECK: 'slack' has no number: taken as strain 0" in draft.text()
-    assert "# CHECK: 'c10' taken as strain 10 %: say what was measured" in draft.text()
+    assert "# CHECK: names: strain 0 5 10 15 % (0 where 'm_slack_run1'" in draft.text()
+    assert "numbers not used: run 1" in draft.text()
 
 
-def test_tests_of_another_kind_in_the_same_folder_are_another_study(tmp_path):
-    for name in ("left/pull", "left/slow_pull", "right/pull", "right/slow_pull"):
-        isobaric(tmp_path, name + "_{:g}.csv")
-    assert [draft.name for draft in drafts(tmp_path)] == [
-        "left-pull",
-        "left-slow_pull",
-        "right-pull",
-        "right-slow_pull",
-    ]
+def test_files_of_one_layout_are_one_study_and_others_another(tmp_path):
+    for name in ("left/pull", "right/slow_pull"):
+        isobaric(tmp_path / "rig", name + "_{:g}.csv")
+    write(tmp_path / "rig" / "lift.csv", {"t_s": T, "P_bar": 3 * LOOP, "x_mm": 8 * LOOP**2})
+    one, other = drafts(tmp_path)
+    assert one.files == 8
+    assert one.data["files"] == ["rig/*/*.csv"]
+    assert other.name == "lift"
+
+
+def test_one_folder_a_test_is_one_study(tmp_path):
+    """Each folder was a study of one recording."""
+    for k, stamp in enumerate(("2031-05-04_101112_run", "2031-05-04_101305_run", "test_9")):
+        p = 150 + 100 * np.sin(2 * T + k) + 40 * np.sin(0.3 * T * (k + 1))
+        columns = {"time_s": T, "pressure_kPa": p, "position_mm": np.sqrt(p)}
+        write(tmp_path / "rig" / stamp / "log.csv", columns)
+    draft = drafted(tmp_path)
+    assert draft.data["files"] == ["rig/*/log.csv"]
+    recordings = checked(draft, tmp_path).spec.data.split.hold_out.recordings
+    assert recordings == ["2031-05-04_101305_run-log"]
 
 
 def test_what_readers_stumble_over_is_named_in_the_draft(tmp_path):
@@ -181,13 +193,23 @@ def test_a_position_under_pressure_is_a_model_with_memory(tmp_path):
     lag = np.convolve(LOOP, np.exp(-T[:200] / 0.5) / np.exp(-T[:200] / 0.5).sum())[: len(T)]
     write(tmp_path / "lift.csv", {"t_s": T, "pressure_psi": 60 * LOOP, "position_mm": -8 * lag})
     spec = checked(drafted(tmp_path), tmp_path).spec
-    assert spec.target == TargetColumn(column="displacement")
+    assert spec.target_quantity == "displacement"
     assert spec.data.resample is not None  # even steps: a search tries models with memory
     assert spec.data.split.hold_out.last == 0.3
     (strained,) = start(tmp_path, tmp_path, answers=Answers(length=0.08)).drafts
     assert "-displacement/0.08" in strained.text()
-    assert checked(strained, tmp_path).spec.target == TargetColumn(column="strain")
+    assert checked(strained, tmp_path).spec.target_quantity == "strain"
     assert "displacement" not in str([strained.spec.get(key) for key in ("dictionary", "model")])
+
+
+def test_files_of_several_outputs_have_the_name_that_was_given(tmp_path):
+    write(tmp_path / "arm.csv", {"t_s": T, "motor": LOOP, "x": LOOP**2, "z": LOOP**3})
+    both = drafts(tmp_path, answers=answers_of(target="x,z", inputs="motor"))
+    files = as_files(both, tmp_path / "own.yaml")
+    assert [path.name for path in files] == ["own.yaml", "_own.yaml", "own-x.yaml", "own-z.yaml"]
+    campaign, shared, *_ = (yaml.safe_load(text) for text, _ in files.values())
+    assert [run["base"] for run in campaign["runs"]] == ["own-x.yaml", "own-z.yaml"]
+    assert list(shared["data"]["columns"]) == ["time", "motor"]
 
 
 def test_a_line_of_units_and_every_sheet(tmp_path):

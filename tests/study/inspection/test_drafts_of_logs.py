@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 from recorded import drafted, drafts, write
 
-from mapmore_cli.annexes.drafting.answers import Answers
-from mapmore_cli.annexes.drafting.draft import NamedColumn
+from mapmore_cli.annexes.drafting.answers import Answers, Hold, answers_of
 from mapmore_cli.annexes.drafting.proof import score_in_words
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.scores import Score
@@ -33,24 +32,16 @@ def followed(drive, lag=20.0):
 def untried(tmp_path):
     """Drafts of a folder as they were before their trials."""
 
-    def of(**tables):
+    def of(hold=None, **tables):
         for name, columns in tables.items():
             write(tmp_path / f"{name}.csv", columns)
-        return drafts(tmp_path)
+        return drafts(tmp_path, answers=Answers(hold=hold))
 
     return of
 
 
 def has_memory(draft):
     return "resample" in draft.data  # even steps, without which a search tries no memory
-
-
-# Memory without a clock
-# --------------------------------------------------------------------------------------------------
-
-
-# What is held out
-# --------------------------------------------------------------------------------------------------
 
 
 # The pressure
@@ -72,11 +63,11 @@ def two_logs():
 
 
 def test_the_pressure_of_a_second_log_is_joined(untried):
-    (draft,) = untried(**two_logs())
+    (draft,) = untried(Hold("strain"), **two_logs())
     (join,) = draft.data["join"]
     assert join["files"] == ["gauge.csv"]
     assert join["columns"]["pressure"] == {"column": "Pressure_kPa", "unit": "kPa"}
-    assert (join["shift"], join["max_gap"]) == (0.0, 0.4)
+    assert (join["shift"], join["max_gap"]) == (0.0, 0.1)
     assert not draft.notes["data", "join"].sure
     assert draft.data["levels"]["of"] == "strain"
 
@@ -111,7 +102,7 @@ def test_a_force_that_never_changes_is_no_target(untried):
     (draft,) = untried(
         lift={"t_s": 0.1 * K, "P_kPa": 100 * DRIVE, "F_N": 0 * DRIVE, "x_mm": followed(DRIVE)}
     )
-    assert draft.spec["target"] == {"column": "displacement"}
+    assert draft.spec["target"] == "displacement"
     assert "force" not in draft.data["columns"]
 
 
@@ -126,16 +117,10 @@ def test_a_static_response_keeps_the_unit_that_was_told(tmp_path):
     write(tmp_path / "bend.csv", {"P": 100 * DRIVE[:150], "b": np.tanh(DRIVE[:150])})
     draft = drafted(
         tmp_path,
-        answers=Answers(
-            {"pressure": NamedColumn("P", "kPa"), "bend": NamedColumn("b", "mm")}, target="bend"
-        ),
+        answers=answers_of(columns="pressure=P:kPa,bend=b:mm", target="bend"),
     )
     assert draft.spec["units"] == {"bend": "mm"}
     assert draft.text().count("made plain") == 0
-
-
-# One column a file
-# --------------------------------------------------------------------------------------------------
 
 
 # What moves
@@ -157,7 +142,7 @@ def test_a_response_to_a_step_is_not_static(untried):
             "F_N": pressure * (2 - 6 * strain) + 50 * np.gradient(strain, t),
         }
     )
-    assert draft.spec["target"] == {"column": "force"}
+    assert draft.spec["target"] == "force"
     assert has_memory(draft)
 
 
@@ -174,18 +159,6 @@ def test_a_known_length_makes_a_strain(tmp_path, title, values, rule):
     draft = drafted(tmp_path, answers=Answers(length=0.088))
     assert draft.data["derive"] == {"strain": rule}
     assert draft.spec["muscle"]["length"] == 0.088
-
-
-# A weight that hangs there
-# --------------------------------------------------------------------------------------------------
-
-
-# Both components
-# --------------------------------------------------------------------------------------------------
-
-
-# What a trial tells
-# --------------------------------------------------------------------------------------------------
 
 
 # What is said of a model

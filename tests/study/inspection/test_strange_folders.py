@@ -73,7 +73,7 @@ def test_titles_in_a_remark_name_the_columns_by_their_places(tmp_path):
     draft = drafted(tmp_path)
     told = {name: one["column"] for name, one in draft.data["columns"].items()}
     assert told == {"time": 0, "pL": 1, "pR": 2, "theta": 3}
-    assert draft.spec["target"]["column"] == "theta"
+    assert draft.output == "theta"
 
 
 def test_numbers_behind_names_are_refused_with_the_line_that_converts_them(tmp_path):
@@ -113,9 +113,9 @@ def test_what_was_commanded_is_no_target_and_no_second_pressure(tmp_path, title)
 
 def test_files_that_no_reader_takes_are_named(tmp_path):
     write(tmp_path / "run.csv", (STRAIN, force(2, STRAIN)), "strain,force_N\n")
-    (tmp_path / "run.npy").write_bytes(b"PK")
+    (tmp_path / "run.zip").write_bytes(b"PK")
     remarks = start(tmp_path, tmp_path, search=lambda one, _: one).remarks
-    assert [one for one in remarks if "run.npy: no reader takes .npy" in one]
+    assert [one for one in remarks if "run.zip" in one and "unpack it" in one]
 
 
 def test_names_of_files_say_what_tests(tmp_path):

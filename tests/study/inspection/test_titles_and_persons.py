@@ -10,12 +10,21 @@ from hypothesis import given
 from hypothesis import strategies as st
 from recorded import drafted, write
 
-from mapmore_cli.annexes.drafting.answers import Answers, read_columns, read_hold
-from mapmore_cli.annexes.drafting.columns import TitledColumns, named_by_titles, target_of
+from mapmore_cli.annexes.drafting.answers import (
+    Hold,
+    answers_of,
+    read_columns,
+    read_hold,
+    read_names,
+)
+from mapmore_cli.annexes.drafting.columns import (
+    kind_to_predict,
+    known_by_titles,
+    read_titles,
+    target_of,
+)
 from mapmore_cli.annexes.drafting.draft import NamedColumn
-from mapmore_cli.annexes.drafting.filenames import held_in_names, number_in, read_names, words_of
-from mapmore_cli.annexes.drafting.groups import Group
-from mapmore_cli.annexes.drafting.preview import Preview
+from mapmore_cli.annexes.drafting.names import numbers_in, told_by_names
 from mapmore_cli.annexes.drafting.start import start
 from mapmore_cli.checking.names import read_label
 from mapmore_cli.domain.errors import UsageError
@@ -55,151 +64,222 @@ def test_titles_say_quantities_and_units(titles, quantity, unit):
 @given(st.text())
 def test_any_name_of_a_column_or_a_file_can_be_read(name):
     read_label(name)
-    read_names([name + ".csv", name + "_1.csv"])
+    told_by_names([name + "_0", name + "_1"])
+
+
+def table_of(titles):
+    places = list(enumerate(titles.split(",")))
+    raw = {place: [T if not place else WAVES[place % 5]] for place, _ in places}
+    return read_titles(dict(places), raw)
 
 
 @pytest.mark.parametrize(
     ("titles", "names"),
     [
-        ("t_s,P [bar],eps,F_N", "time:s pressure:bar strain:1? force:N"),
-        ("t_s,p1_kPa,p2_kPa,q", "time:s p1_kPa:kPa p2_kPa:kPa q:1"),
-        ("tout,Force [N],F raw (V),T [degC]", "time:s? force:N F_raw_V:V T_degC:degC"),
-        ("Zeit (ms),Load (kg),P (V)", "time:ms force:kgf pressure:kPa?"),
-        ("t,Motor position,", "time:s? displacement:m? column_2:1"),
+        ("t_s,P [bar],eps,F_N", "time:s pressure:bar strain:1 force:N"),
+        ("t_s,p1_kPa,p2_kPa,q", "time:s p1:kPa p2:kPa q:1"),
+        ("time,Force [N],F raw (V),T [degC]", "time:s? force:N F_raw:V T:degC"),
+        ("Zeit (ms),Load (kg),P (V)", "time:ms force:kgf P:V"),
+        ("t,Motor position,Tip z [mm],P", "time:s? Motor_position:1 Tip_z:mm pressure:kPa?"),
+        ("t,position_mm,tip_mm,P (psig)", "time:s? displacement:mm tip:mm pressure:psi"),
+        ("t,Temp_1 (°C),Temp_2 (°C)", "time:s? Temp_1:degC Temp_2:degC"),
     ],
 )
-def test_columns_are_called_by_their_titles(titles, names):
-    places = list(enumerate(titles.split(",")))
-    raw = {place: [T if not place else WAVES[place]] for place, _ in places}
-    told = named_by_titles(TitledColumns(dict(places), raw))
-    assert (
-        " ".join(f"{name}:{one.unit}{'' if one.sure else '?'}" for name, one in told.items())
-        == names
-    )
-    assert [one.column for one in told.values()] == [place for place, _ in places]
+def test_columns_are_called_by_their_titles_in_their_units(titles, names):
+    table = table_of(titles)
+    told = known_by_titles(table).columns
+    shown = [f"{name}:{one.unit}{'' if one.sure else '?'}" for name, one in told.items()]
+    assert " ".join(shown) == names
 
 
-def test_copies_constants_and_counters_are_left_out():
-    columns = {"F raw (V)": 3 * WAVES[0], "F [N]": 2 - WAVES[0], "x": WAVES[1], "n": np.arange(400)}
-    raw = {name: [values] for name, values in {**columns, "T": 21 + 0 * T}.items()}
-    told = named_by_titles(TitledColumns({name: name for name in raw}, raw))
-    assert {name: one.column for name, one in told.items()} == {
+def test_copies_constants_counters_and_computed_columns_are_left_out():
+    columns = {
+        "F raw (V)": 3 * WAVES[0],
+        "F [N]": 2 - WAVES[0],
+        "x": WAVES[1],
+        "n": np.arange(400),
+        "simulated force": 2 - 1.01 * WAVES[0] + 0.1 * WAVES[2],
+        "T": 21 + 0 * T,
+    }
+    raw = {name: [values] for name, values in columns.items()}
+    known = known_by_titles(read_titles({name: name for name in raw}, raw))
+    assert {name: one.column for name, one in known.columns.items()} == {
         "force": "F [N]",
-        "displacement": "x",
+        "x": "x",
+    }
+    assert known.left_out == {
+        "F raw (V)": "is a copy of F [N]",
+        "n": "counts its rows",
+        "simulated force": "was computed, as its title says",
+        "T": "never changes",
     }
 
 
 @pytest.mark.parametrize(
-    ("names", "target"),
+    ("titles", "target"),
     [
-        ("time pressure strain force temperature", "force"),
-        ("time pressure displacement", "displacement"),
-        ("p1 p2 angle", "angle"),
-        ("u y", "y"),
-        ("displacement force", "force"),
-        ("a b", None),
-        ("pressure y z", None),
-        ("p1 tip_pos_x tip_pos_y", None),
-        ("cmd pressure", None),
-        ("y", None),
+        ("t,P,strain,F", "force"),
+        ("t,P,x", "x"),
+        ("t,P,x_mm", "displacement"),
+        ("t,p1,p2,angle", "angle"),
+        ("t,u,y", "y"),
+        ("t,x,F", "force"),
+        ("t,P,strain,F,temperature", None),
+        ("t,compressor pressure,F", None),
+        ("t,T1,T2", None),
+        ("t,P,y,z", None),
+        ("t,p1,tip_pos_x,tip_pos_y", None),
+        ("t,cmd_kPa,P", None),
+        ("t,P,simulated force", None),
+        ("t,torque,F", None),
+        ("t,y", None),
     ],
 )
-def test_the_target_is_what_titles_leave_no_choice_of(names, target):
-    assert target_of(names.split(), is_driven=False) == target
+def test_the_target_is_what_plain_titles_leave_no_choice_of(titles, target):
+    table = table_of(titles)
+    known = known_by_titles(table)
+    kinds = {
+        name: kind_to_predict(name, table[one.column])
+        for name, one in known.columns.items()
+        if name != "time"
+    }
+    assert target_of(kinds, is_driven=False) == target
 
 
 def test_a_choice_is_refused_with_the_columns_and_the_command(tmp_path):
     write(tmp_path / "log.txt", [T, *WAVES[:2]], mark="\t")
     with pytest.raises(UsageError, match="do not say what is to be predicted") as refusal:
         start(tmp_path, tmp_path)
-    assert "\n  1   -1 to 1" in refusal.value.message
-    assert "--columns" in str(refusal.value.remedy)
-    told = Answers(read_columns("time:s,u:V,y"), target="y")
+    assert "\n  1  column 1  -1 to 1" in refusal.value.message
+    assert f"mapmore init {tmp_path} --target" in str(refusal.value.remedy)
+    told = answers_of(columns="time:s,u:V,y", target="y")
     assert drafted(tmp_path, answers=told).output == "y"
-    with pytest.raises(UsageError, match="'z' is to follow"):
-        drafted(tmp_path, answers=Answers(told.columns, target="z"))
+    with pytest.raises(UsageError, match="--target: no column of numbers is called z"):
+        drafted(tmp_path, answers=answers_of(columns="time:s,u:V,y", target="z"))
+
+
+@pytest.mark.parametrize(
+    ("target", "inputs", "columns"),
+    [
+        ("tip", "motor", {"Motor_position": ("Motor position", None), "Tip_z": ("Tip z", "mm")}),
+        ("Tip z", "Motor position,2", None),
+        ("z=Tip z:cm", "Motor_position", {"z": ("Tip z", "cm")}),
+        ("2", "1", None),
+    ],
+)
+def test_targets_and_inputs_are_named_by_titles_words_or_places(tmp_path, target, inputs, columns):
+    """A CSV written by pandas has an empty first title; it hid all others."""
+    rows = (np.arange(400), *WAVES[:3])
+    write(tmp_path / "a.csv", rows, ",Motor position,Tip z,Q\n,,mm,\n")
+    if inputs == "Motor position,2":
+        with pytest.raises(UsageError, match="no column of numbers"):
+            drafted(tmp_path, answers=answers_of(target="Tip", inputs="motor,lever"))
+        return
+    draft = drafted(tmp_path, answers=answers_of(target=target, inputs=inputs))
+    told = draft.data["columns"]
+    assert len(told) == 2
+    for name, (title, unit) in (columns or {}).items():
+        assert told[name]["column"] == title
+        assert unit is None or told[name]["unit"] == unit
+
+
+def test_of_a_target_neither_copies_nor_what_computes_it_are_inputs(tmp_path):
+    drive, force = WAVES[1], 3 * WAVES[0]
+    columns = {"u": drive, "q": WAVES[2], "sensor": 0.2 * force + 1, "torque": force}
+    write(tmp_path / "a.csv", {name: values + 1e-9 * T for name, values in columns.items()})
+    draft = drafted(tmp_path, answers=answers_of(target="torque"))
+    assert list(draft.data["columns"]) == ["u", "q", "torque"]
+    assert "left out: sensor (is a copy of torque" in draft.text()
+    draft = drafted(tmp_path, answers=answers_of(target="torque", inputs="sensor"))
+    assert list(draft.data["columns"]) == ["sensor", "torque"]
 
 
 def test_columns_are_said_by_place_or_by_title():
-    told = read_columns("time:ms,_,force=Load Cell:N*1.744-18.6,pressure:mbar-1013")
-    assert told == {
+    assert read_columns("time:ms,_,force=Load Cell:N*1.744-18.6,pressure:mbar-1013") == {
         "time": NamedColumn(0, "ms"),
         "force": NamedColumn("Load Cell", "N", scale=1.744, offset=-18.6),
         "pressure": NamedColumn(3, "mbar", offset=-1013.0),
     }
-    three = Group((), (), Preview("csv", 3, ("a", "b", "c")))
-    four = Group((), (), Preview("csv", 4, None))
-    assert Answers(told).about(three) == {}
-    assert list(Answers(told).about(four)) == ["time", "pressure"]
+    assert read_names("--target", "tip[:,0]:mm,q") == {
+        "tip[:,0]": NamedColumn("tip[:,0]", "mm"),
+        "q": NamedColumn("q"),
+    }
+    assert read_hold("strain=kinked:%") == Hold("strain", "kinked", "%")
 
 
 @pytest.mark.parametrize(
-    "text",
+    "said",
     [
-        "",
-        "time:s",
-        "a b:s,force:N",
-        "force:kPa,pressure:bar",
-        "force:N,force:N,time:s",
-        "x:parrots,y",
-    ],
+        {"columns": text}
+        for text in (
+            "",
+            "a b:s,force:N",
+            "force:kPa,pressure:bar",
+            "force:N,force:N,time:s",
+            "x:parrots,y",
+        )
+    ]
+    + [{"hold": "strain:parrots"}, {"hold": "a b"}, {"target": ""}, {"length": "-1 mm"}]
+    + [{"group": "a b"}, {"inputs": "a b=2:mm"}],
 )
-def test_columns_that_cannot_be_are_refused(text):
+def test_what_cannot_be_is_refused(said):
     with pytest.raises(UsageError):
-        read_columns(text)
-    with pytest.raises(UsageError):
-        read_hold("strain:parrots")
+        answers_of(**said)
 
 
 # Names of files
 # --------------------------------------------------------------------------------------------------
 
 
-def test_names_of_files_tell_groups_conditions_and_repeats():
-    names = [
-        f"10mm_{size}_{state}_Test{n}.csv.gz"
-        for size in ("10cm", "20cm")
-        for state in ("Unkink", "kinked25")
-        for n in (8, 9)
+@pytest.mark.parametrize(
+    ("name", "numbers"),
+    [
+        ("10mm_20cm_kinked25_Test8", "length:10 length:20 kinked:25 :8"),
+        ("Sample 1 Final 100 grams", ":1 load:100"),
+        ("Circle_1bar", "pressure:1"),
+        ("P=0.5bar_run3", "pressure:0.5 :3"),
+        ("temp_40", "temp:40"),
+        ("length 180 mm", "length:180"),
+        ("2031-05-04_101112_run/log", ":2031 :5 :4 :101112"),
+        ("10 psi/Specimen_RawData_1", "pressure:10 :1"),
+        ("Kinked19mm2_Test10", "Kinked:19 :2 :10"),
+        ("c5%", "percent:5"),
+        ("L=180mm", "length:180"),
+        ("run-3_1,5bar", ":3 pressure:1.5"),
+    ],
+)
+def test_numbers_are_read_where_a_unit_or_a_word_stands_beside_them(name, numbers):
+    told = [f"{one.quantity}:{one.value:g}" for one in numbers_in(name)]
+    assert " ".join(told) == numbers
+
+
+@pytest.mark.parametrize(
+    ("names", "hold", "told"),
+    [
+        ("2bar_7 3bar_8", "", "pressure/bar:2,3"),
+        ("slack c5% c10%", "strain:%", "strain/%:0,5,10"),
+        ("temp_20 temp_40 temp_70", "", "temp/:20,40,70"),
+        ("temp_20 temp_40 temp_70", "temperature:degC", "temperature/degC:20,40,70"),
+        ("run_1 run_2 run_3", "", ""),
+        ("finger1 finger2 finger3", "", ""),
+        ("finger1 finger2 finger3", "size=finger", "size/:1,2,3"),
+        ("a_10psi_b2 a_20psi_b2", "", "pressure/psi:10,20"),
+        ("2bar_40% 2bar_60%", "", "percent/%:40,60"),
+        ("K_100 K_200", "", ""),
+    ],
+)
+def test_names_tell_what_varies(names, hold, told):
+    conditions, _ = told_by_names(names.split(), read_hold(hold) if hold else None)
+    shown = [
+        f"{one.quantity}/{one.unit}:{','.join(map('{:g}'.format, one.values))}"
+        for one in conditions
     ]
-    parts = read_names(names)
-    assert [part.group for part in parts] == [("10cm",)] * 4 + [("20cm",)] * 4
-    assert [part.condition for part in parts[:4]] == ["Unkink", "Unkink", "kinked25", "kinked25"]
-    assert words_of("10 psi/Specimen 1.csv") == ["10psi", "Specimen", "1"]
-    assert [part.condition for part in read_names(["2bar_7.csv", "3bar_8.csv"])] == ["2bar", "3bar"]
+    assert " ".join(shown) == told
 
 
-@pytest.mark.parametrize(
-    ("word", "number"),
-    [
-        ("kinked25", (25, None)),
-        ("200kPa", (200, "kPa")),
-        ("1.5bar", (1.5, "bar")),
-        ("12%", (12, "%")),
-        ("Kinked19mm2", (19, "mm")),
-        ("Unkinked", None),
-        ("200grams", (200, "gf")),
-        ("2kg", (2, "kgf")),
-    ],
-)
-def test_numbers_in_words(word, number):
-    assert number_in(word) == number
-
-
-@pytest.mark.parametrize(
-    ("words", "hold", "quantity", "values"),
-    [
-        ("2bar 3bar", "", "pressure", [200, 300]),
-        ("slack c5%", "", "strain", [0, 0.05]),
-        ("L=180mm L=200mm", "", "length", [0.18, 0.2]),
-        ("Unkinked Kinked9mm", "", "displacement", [0, 0.009]),
-        ("100g 200g", "", "load", [0.980665, 1.96133]),
-        ("kinked25 kinked50", "strain:%", "strain", [0.25, 0.5]),
-        ("kinked25 kinked50", "", None, []),
-        ("2bar 3mm", "", None, []),
-    ],
-)
-def test_units_in_names_tell_what_was_held(words, hold, quantity, values):
-    told = held_in_names(words.split(), read_hold(hold) if hold else None)
-    assert (told and told[0]) == quantity
-    assert [one.value for one in told[1]] == pytest.approx(values) if told else not values
+@pytest.mark.parametrize("hold", ["nonsense", "pressure", "strain:%"])
+def test_a_held_quantity_that_nothing_answers_is_refused(hold):
+    """`--hold nonsense` made a pressure of `temp_20`."""
+    with pytest.raises(UsageError, match="no number in the names is called") as refusal:
+        told_by_names(["temp_20", "temp_40", "temp_60"], read_hold(hold))
+    assert "temp 20" in str(refusal.value.remedy)

@@ -1,0 +1,62 @@
+"""The settings of the papers, for `init --like`: segments, dictionary, one term, zones."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from mapmore_cli.annexes.drafting.draft import Draft
+from mapmore_cli.annexes.drafting.experiment import Held
+from mapmore_cli.domain.errors import UsageError
+
+Settings = dict[str, tuple[Any, str]]
+"""A section of the spec and what is said of it."""
+
+
+def _zones(**more: str) -> dict[str, Any]:
+    return {"transition": "linear", "z_s": 0.25, "hold": "none", **more}
+
+
+def settings(paper: str, swept: str) -> Settings:
+    """Return the sections of a paper's static study of a `swept` quantity at held levels.
+
+    M1, section IV: three segments, two terms; it leaves the number of terms open. M2, sections 4.4
+    and 5.1: four segments, one term, extrapolation by the last slope.
+    """
+    terms: dict[str, float] = {"max_terms": 2}
+    count, reference = 3, "M1, section IV"
+    if paper == "m2":
+        terms = {"max_terms": 1, "tolerance": 1e-4}
+        count, reference = 4, "M2, sections 4.4 and 5.1"
+    zones = _zones() if paper == "m1" else _zones(extrapolation="continue")
+    beyond = "" if paper == "m1" else "; `continue`: beyond the data by the last piece"
+    return {
+        "segment": (
+            {swept: {"method": "even", "count": count}},
+            f"{reference}: {count} segments of equal width",
+        ),
+        "dictionary": (
+            [{"polynomial": {"of": [swept], "order": 4}}],
+            "the candidates: powers up to the fourth",
+        ),
+        "fit": (
+            {"scaling": "unit_square", **terms},
+            "inputs scaled to 0..1; FROLS takes so many terms in each segment",
+        ),
+        "fuse": (
+            zones,
+            "weights fall linearly in zones of a quarter of each segment (eq 9-12); `hold: none`: "
+            f"inputs are not clamped{beyond}",
+        ),
+    }
+
+
+def with_paper(draft: Draft, paper: str, held: Held | None) -> Draft:
+    """Return the draft with a paper's settings; UsageError where nothing was held."""
+    if held is None:
+        raise UsageError(
+            f"--like {paper}: its study needs a quantity that was held",
+            "name it, as `--hold pressure`",
+        )
+    for key, (value, why) in settings(paper, held.swept).items():
+        draft = draft.with_section(key, value, why)
+    return draft

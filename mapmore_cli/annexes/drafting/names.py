@@ -1,0 +1,261 @@
+"""What names of files, folders and sheets say: numbers with a unit or a word beside them."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NamedTuple
+
+from mapmore_cli.annexes.drafting.answers import Hold
+from mapmore_cli.annexes.drafting.columns import words
+from mapmore_cli.checking.names import read_label
+from mapmore_cli.domain.errors import UsageError
+from mapmore_cli.spec.units import CANONICAL, can_convert, convert
+from mapmore_cli.storage.readers import suffix_of
+from mapmore_cli.storage.tables.lines import name_of_packed
+
+_SPELT = {
+    "pressure": {"pa": "Pa", "hpa": "hPa", "kpa": "kPa", "mpa": "MPa", "bar": "bar"}
+    | {"mbar": "mbar", "psi": "psi"},
+    "load": {"g": "gf", "gram": "gf", "grams": "gf", "kg": "kgf", "kilograms": "kgf"},
+    "temperature": {"degc": "degC", "°c": "degC"},
+    "voltage": {"v": "V", "mv": "mV"},
+    "current": {"ma": "mA"},
+    "frequency": {"hz": "Hz"},
+    "length": {"mm": "mm", "cm": "cm", "um": "um"},
+    "percent": {"%": "%", "pct": "%", "percent": "%"},
+}
+"""Units in names, by the quantity that they tell, as they are written in small letters."""
+_UNITS = {written: (of, unit) for of, units in _SPELT.items() for written, unit in units.items()}
+_BY_WORD = ("length", "percent")  # quantities of which the word beside the number tells more
+_RUNS = (
+    "test|run|rep|repeat|trial|take|try|no|nr|num|cycle|loop|log|file|data|set|exp|experiment|part"
+    "|rec|record|recording|meas|measurement|messung|versuch|v|version|sheet|step|id|trace"
+)
+_SPECIMENS = "sample|specimen|muscle|actuator|prototype|device|unit|dut|pam|session|day|[a-z]"
+_REPEATS = re.compile(f"{_RUNS}|{_SPECIMENS}", re.IGNORECASE)
+"""Words whose number counts recordings or specimens, and single letters."""
+_NUMBER = re.compile(
+    rf"(?:(?P<word>[^\W\d_]+)(?P<sign>[\s_=:.-]*?))?(?<![\d.])(?P<number>\d+(?:[.,]\d+)?)"
+    rf"(?:[\s_]?(?P<unit>{'|'.join(sorted(map(re.escape, _UNITS), key=len, reverse=True))})"
+    rf"(?![^\W\d_]))?",
+    re.IGNORECASE,
+)
+_CAMEL = re.compile(r".*[^\W\d_A-Z](?=[A-Z])")
+_TRAINS = {"train", "training", "estimation", "identification"}
+_TESTS = {"test", "testing", "val", "valid", "validation"}
+
+
+class Number(NamedTuple):
+    """A number in a name, with the word before it and its unit; empty where it has none.
+
+    `is_set` says that an equals sign stands before it.
+    """
+
+    word: str
+    unit: str
+    value: float
+    is_set: bool = False
+
+    @property
+    def quantity(self) -> str:
+        """What it is a number of: by its word where that names a quantity, else by its unit."""
+        label = read_label(self.word)
+        by_unit = _UNITS[self.unit][0] if self.unit else ""
+        if label is not None and label.quantity not in ("input", "time") and len(self.word) > 1:
+            return label.quantity
+        if by_unit and by_unit not in _BY_WORD:
+            return by_unit
+        if self.is_set and label is not None:
+            return label.quantity
+        word = re.sub(r"\W", "", self.word, flags=re.ASCII)
+        return word if len(word) > 1 and not _REPEATS.fullmatch(word) else by_unit
+
+    @property
+    def shown(self) -> str:
+        """The number as it stands in the name."""
+        return f"{self.word}{' ' if self.word else ''}{self.value:g}{self.unit}"
+
+
+Series = dict[int, Number]
+"""Numbers with one word and one unit, by the places of their names."""
+
+
+@dataclass(frozen=True)
+class Condition:
+    """A quantity that names tell of every recording: its unit and its values.
+
+    `why` says how it stands in the names; it is not `sure` where a name without a number stands for
+    zero.
+    """
+
+    quantity: str
+    unit: str
+    values: tuple[float, ...]
+    why: str = ""
+    sure: bool = True
+
+    @property
+    def in_model_units(self) -> list[float]:
+        """The values in the unit of the model."""
+        unit = CANONICAL.get(self.quantity, self.unit)
+        own = self.unit or unit
+        return [
+            float(f"{convert(value, own, unit):.12g}") if unit else value for value in self.values
+        ]
+
+
+def stem_of(name: str) -> str:
+    """Return a file's name, with folders before it, without the suffixes of its format."""
+    stem = name_of_packed(name)
+    return stem[: len(stem) - len(suffix_of(Path(name)))]
+
+
+def numbers_in(name: str) -> list[Number]:
+    """Return the numbers of a name, in order."""
+    return [
+        Number(
+            _CAMEL.sub("", match["word"] or ""),
+            (match["unit"] or "").casefold(),
+            float(match["number"].replace(",", ".")),
+            "=" in (match["sign"] or ""),
+        )
+        for match in _NUMBER.finditer(name)
+    ]
+
+
+def told_by_names(
+    names: Sequence[str], hold: Hold | None = None, known: Sequence[str] = ()
+) -> tuple[list[Condition], list[str]]:
+    """Return the quantities that vary from name to name, and a word on every number that was taken
+    for a repeat.
+
+    `known` are quantities that a column holds: those are not set again. Numbers without a unit that
+    count by ones are repeats, unless a person names them by `hold`.
+
+    Raises
+    ------
+    UsageError
+        Where nothing in the names, and no column, answers `hold`.
+    """
+    every = _series_of(names)
+    asked = None
+    if hold is not None and hold.name not in ("none", *known):
+        asked = _asked_for(hold, every)
+    taken = {*known, *([hold.name] if hold is not None else [])}
+    conditions: list[Condition] = []
+    repeats: list[str] = []
+    for own in every:
+        first = next(iter(own.values()))
+        if own is asked and hold is not None:
+            conditions.append(_told_quantity(hold.name, hold.unit, own, names))
+        elif first.quantity in taken or len(_values(own)) == 1:
+            continue
+        elif len(own) < len(names) or not first.quantity or _is_count(own):
+            repeats.append(f"{first.shown} ...")
+        else:
+            taken.add(first.quantity)
+            conditions.append(_told_quantity(first.quantity, "", own, names))
+    return conditions, repeats
+
+
+def _values(own: Series) -> list[float]:
+    return sorted({one.value for one in own.values()})
+
+
+def _is_count(own: Series) -> bool:
+    """Return True for whole numbers without a unit, one after the other."""
+    values = _values(own)
+    has_unit = any(one.unit for one in own.values())
+    return not has_unit and values == [values[0] + place for place in range(len(values))]
+
+
+def _series_of(names: Sequence[str]) -> list[Series]:
+    """Return the numbers with one word and one unit, by the places of their names: of several in a
+    name, the first ones are a series, then the second ones.
+
+    Numbers that are one in all names are left out.
+    """
+    series: dict[tuple[str, str, int], Series] = {}
+    for place, name in enumerate(names):
+        seen: Counter[tuple[str, str]] = Counter()
+        for number in numbers_in(name):
+            kind = (number.word.casefold(), number.unit)
+            series.setdefault((*kind, seen[kind]), {})[place] = number
+            seen[kind] += 1
+    return [own for own in series.values() if len(_values(own)) > 1 or len(own) < len(names)]
+
+
+def _told_quantity(quantity: str, unit: str, own: Series, names: Sequence[str]) -> Condition:
+    """Return numbers as a quantity; a name without one stands for zero."""
+    written = next(iter(own.values())).unit
+    unit = _UNITS[written][1] if written else unit
+    values = tuple(own[place].value if place in own else 0.0 for place in range(len(names)))
+    zero = next((name for place, name in enumerate(names) if place not in own), None)
+    why = f"{quantity} {' '.join(f'{value:g}' for value in sorted({*values}))} {unit}"
+    why += f" (0 where {zero!r} has no number)" if zero is not None else ""
+    return Condition(quantity, unit, values, why, sure=zero is None)
+
+
+def _asked_for(hold: Hold, series: Sequence[Series]) -> Series:
+    """Return the numbers that a person names; UsageError, which lists the numbers, for none."""
+    asked = next((own for own in series if _is_named_by(hold, next(iter(own.values())))), None)
+    if asked is None:
+        told = ", ".join(dict.fromkeys(next(iter(own.values())).shown for own in series))
+        raise UsageError(
+            f"--hold: no column and no number in the names is called {hold.name}",
+            f"the names have {told or 'no number that varies'}; name the word beside one, as "
+            f"`--hold {hold.name}=WORD:UNIT`, or say none",
+        )
+    return asked
+
+
+def _is_named_by(hold: Hold, number: Number) -> bool:
+    """Return True for a number that a person names: by its word, its quantity, or its unit."""
+    word, name = number.word.casefold(), hold.name.casefold()
+    if hold.word:
+        return word.endswith(hold.word.casefold())
+    is_word = min(len(word), len(name)) > 1 and (name.startswith(word) or word.startswith(name))
+    has_unit = hold.unit and number.unit and can_convert(_UNITS[number.unit][1], hold.unit)
+    return number.quantity == hold.name or is_word or bool(has_unit)
+
+
+def numbered_groups(names: Sequence[str], group: str) -> Condition:
+    """Return numbers of the groups, as a quantity that names tell."""
+    told = words_apart(names, group)
+    words = sorted({*told})
+    values = tuple(words.index(word) + 1.0 for word in told)
+    return Condition(group, "", values, f"{group} 1 is {words[0]!r}, and so on")
+
+
+def words_apart(names: Sequence[str], group: str) -> list[str]:
+    """Return the part of each name that tells `group` apart: the number or letter behind that word;
+    else the words, with specimens and sizes as `10cm`, and without other numbers; else the names.
+    """
+    behind = re.compile(
+        rf"{re.escape(group)}\w*?[\s_#=.-]*(\d+|[A-Za-z])(?![^\W\d_])", re.IGNORECASE
+    )
+    marks = [match[1] if (match := behind.search(name)) else "" for name in names]
+    words = [_NUMBER.sub(_without_number, name) for name in names]
+    ways = (told for told in (marks, words) if all(told) and len(set(told)) > 1)
+    return next(ways, list(names))
+
+
+def _without_number(match: re.Match[str]) -> str:
+    """Return a word without its number, nothing of a repeat, and a specimen or a size as it is."""
+    word, unit = match["word"] or "", (match["unit"] or "").casefold()
+    if unit:
+        return match[0] if _UNITS[unit][0] in _BY_WORD else word
+    return "" if not word or re.fullmatch(_RUNS, word, re.IGNORECASE) else match[0]
+
+
+def tests_of(files: Sequence[Path]) -> list[str]:
+    """Return the names of files that say `test` or `validation`, where all others say `train`."""
+    tests, trains = (
+        {file for file in files if told & {*words(file.stem)}} for told in (_TESTS, _TRAINS)
+    )
+    divided = tests and trains and not tests & trains and len(tests) + len(trains) == len(files)
+    return [file.name for file in files if divided and file in tests]

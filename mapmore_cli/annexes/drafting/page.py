@@ -1,0 +1,62 @@
+"""The page of a draft: every column with its course, and what it was taken for."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mapmore_cli.annexes.drafting.draft import Draft, range_of
+from mapmore_cli.domain.arrays import Array
+
+if TYPE_CHECKING:
+    from markupsafe import Markup
+
+POINTS, WIDTH, HEIGHT = 600, 400, 200  # of a drawing
+
+
+def draft_page(draft: Draft) -> str:
+    """Return the page of a draft as HTML: every column with its course, what it was taken for, and
+    what is open; all texts are escaped.
+    """
+    from mapmore_cli.reporting.table import environment
+
+    names = {entry["column"]: name for name, entry in draft.data["columns"].items()}
+    drawn = {name: draft.raw[column] for column, name in names.items() if column in draft.raw}
+    up = drawn.get(draft.output, ())
+    across = {
+        name: values
+        for name, values in drawn.items()
+        if name not in ("time", draft.output) and list(map(len, values)) == list(map(len, up))
+    }
+    tried = () if draft.found is None else draft.found.tried
+    chosen = None if draft.found is None else draft.found.found
+    page = environment().get_template("guesses.html")
+    return page.render(
+        draft=draft,
+        names=names,
+        up=up,
+        across=across,
+        tried=sorted(tried, key=lambda one: (one is not chosen, one.failure != "", one.excess)),
+        drawing=drawing,
+        range_of=range_of,
+    )
+
+
+def drawing(up: Sequence[Array], across: Sequence[Array] | None = None) -> Markup:
+    """Return columns of all recordings as a small SVG, one over the other, or over its samples."""
+    from markupsafe import Markup
+
+    y = _scaled(np.concatenate(up))
+    x = np.linspace(0, 1, len(y)) if across is None else _scaled(np.concatenate(across))
+    rows = np.linspace(0, len(y) - 1, min(POINTS, len(y))).astype(int)
+    places = zip(WIDTH * x[rows], HEIGHT - HEIGHT * y[rows], strict=True)
+    path = "M" + " L".join(f"{a:.1f} {b:.1f}" for a, b in places)
+    box = f'viewBox="-2 -2 {WIDTH + 4} {HEIGHT + 4}" preserveAspectRatio="none" aria-hidden="true"'
+    return Markup(f'<svg class="thumbnail" {box}><path d="{path}"/></svg>')
+
+
+def _scaled(values: Array) -> Array:
+    span = float(np.ptp(values)) or 1.0
+    return np.asarray((values - values.min()) / span)

@@ -1,0 +1,199 @@
+"""Which files are one study, and the `files` of its spec.
+
+One study is all files of one layout, whatever folders they lie in.
+"""
+
+from __future__ import annotations
+
+import glob
+import os
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from mapmore_cli.annexes.drafting.draft import Draft
+from mapmore_cli.annexes.drafting.names import Condition, stem_of
+from mapmore_cli.annexes.drafting.preview import Preview, preview, unread
+from mapmore_cli.checking.names import POSITIONS, read_label
+from mapmore_cli.domain.errors import DataError
+from mapmore_cli.ingestion.files import expand, relative_name
+from mapmore_cli.storage.readers import reader_of
+
+
+@dataclass(frozen=True)
+class Study:
+    """Files of one layout, and a name for them."""
+
+    files: tuple[Path, ...]
+    layout: Preview
+    name: str = ""
+
+    def __str__(self) -> str:
+        return f"{len(self.files)} file{'s' if len(self.files) > 1 else ''}"
+
+    @cached_property
+    def folder(self) -> Path:
+        """The folder that all files are in."""
+        return Path(os.path.commonpath([file.parent for file in self.files]))
+
+    @property
+    def parts(self) -> list[tuple[Path, str]]:
+        """Every recording: its file, and its sheet where the names of sheets tell something."""
+        of_sheets = len(self.files) == 1 and self.layout.told
+        sheets = self.layout.told if of_sheets else self.layout.sheets or ("",)
+        return [(file, sheet) for file in self.files for sheet in sheets]
+
+    @property
+    def names(self) -> list[str]:
+        """What names each recording: its sheet, else its path in the folder."""
+        return [
+            sheet if len(self.files) == 1 and sheet else stem_of(relative_name(file, self.folder))
+            for file, sheet in self.parts
+        ]
+
+    @property
+    def quantities(self) -> set[str]:
+        """What the titles name."""
+        labels = map(read_label, self.layout.titles or ())
+        return {label.quantity for label in labels if label is not None}
+
+
+def find_studies(path: Path) -> tuple[list[Study], list[str]]:
+    """Return the studies under a path, that of the most files first, and for every other file why
+    it is left out, and the remedy.
+
+    Raises DataError where the path does not exist.
+    """
+    if not path.exists():
+        raise DataError(
+            f"{path}: no such file or folder", "give a recording, or a folder of recordings"
+        )
+    every = [path] if path.is_file() else [one for one in sorted(path.rglob("*")) if one.is_file()]
+    left_out: list[str] = []
+    layouts: dict[str, tuple[Preview, list[Path]]] = {}
+    for file in (one for one in every if one == path or _is_own(one, path)):
+        if file != path and reader_of(file) is None:
+            left_out += filter(None, [unread(file)])
+            continue
+        try:
+            layout = preview(file)
+        except DataError as fault:
+            left_out.append(fault.message)
+            continue
+        layouts.setdefault(repr(layout), (layout, []))[1].append(file)
+    studies = [Study(tuple(files), layout) for layout, files in layouts.values()]
+    studies.sort(key=lambda study: (-len(study.files), study.files[0]))
+    folders = [study.folder for study in studies]
+    return [
+        Study(one.files, one.layout, _name(one, folders.count(one.folder) == 1)) for one in studies
+    ], left_out
+
+
+def _is_own(file: Path, folder: Path) -> bool:
+    """Return True for a file that is neither hidden nor the result of a run."""
+    inside = file.relative_to(folder)
+    ours = any((folder / parent / "run.json").is_file() for parent in inside.parents)
+    return not ours and not any(part.startswith(".") for part in inside.parts)
+
+
+def _name(study: Study, alone: bool) -> str:
+    """Return the name of the folder where it has no other study, else the words that all files
+    share.
+    """
+    stems = [re.split(r"[_\s/]+", stem_of(file.name)) for file in study.files]
+    common = [words[0] for words in zip(*stems, strict=False) if len(set(words)) == 1]
+    is_whole = (alone and len(study.files) > 1) or not common
+    return re.sub(
+        r"[^A-Za-z0-9._-]+", "-", study.folder.resolve().name if is_whole else "_".join(common)
+    ).strip("._-")[:80]
+
+
+def second_of(study: Study, studies: Sequence[Study]) -> Study | None:
+    """Return the log with the pressure of the same tests: the one other layout in the folder whose
+    titles have it, and that has as many files.
+
+    None where the study has a pressure of its own, or more than one other comes into question.
+    """
+    beside = [
+        one
+        for one in studies
+        if (one.folder, len(one.files)) == (study.folder, len(study.files))
+        and {"time", "pressure"} <= one.quantities
+        and one.quantities.isdisjoint({"force", *POSITIONS})
+    ]
+    is_lacking = "time" in study.quantities and "pressure" not in study.quantities
+    return beside[0] if is_lacking and len(beside) == 1 else None
+
+
+def patterns(files: Sequence[Path], folder: Path) -> list[str]:
+    """Return one glob from `folder` that matches these files and no others, else the files
+    themselves.
+
+    Each folder, and the name, is made of the words at which all begin and end.
+    """
+    names = [relative_name(file, folder) for file in files]
+    steps = [name.split("/") for name in names]
+    if len(files) > 1 and len({len(step) for step in steps}) == 1:
+        one = "/".join(_glob_of(sorted({*parts})) for parts in zip(*steps, strict=True))
+        if {*map(Path.resolve, expand(one, folder))} == {*map(Path.resolve, files)}:
+            return [one]
+    return names
+
+
+def _glob_of(parts: Sequence[str]) -> str:
+    """Return a glob of the names of one folder or file in all paths."""
+    if len(parts) == 1:
+        return glob.escape(parts[0]) if parts[0] != ".." else ".."
+    begin = os.path.commonprefix(parts).rstrip("0123456789")  # noqa: RUF071 - of letters
+    end = os.path.commonprefix([part[::-1] for part in parts])[::-1]  # noqa: RUF071 - of letters
+    mark = re.search(r"[_\s-]|(?:\.[A-Za-z]\w*)+$", end)
+    return f"{glob.escape(begin)}*{glob.escape(end[mark.start() :]) if mark else ''}"
+
+
+def started(study: Study, folder: Path, conditions: Sequence[Condition], remark: str) -> Draft:
+    """Return a draft with the name and the files; recordings for which the same values are set
+    share an entry.
+
+    `remark` tells of numbers in names that were taken for repeats.
+    """
+    layout = study.layout
+    data: dict[str, Any] = {"files": [], "reader": layout.reader, **layout.settings}
+    draft = Draft({"schema_version": 1, "name": study.name, "data": data}, files=len(study.files))
+    if not layout.settings.get("header", True):
+        draft = draft.noted(("data", "header"), "the first line holds numbers")
+    if "sample_time" in layout.settings:
+        draft = draft.noted(("data", "sample_time"), "s: as the file says")
+    is_by_sheet = bool(study.parts[0][1]) and bool(conditions or layout.sheets)
+    if is_by_sheet:
+        draft = draft.without("data.sheet")
+    if layout.left:
+        why = f"laid out in another way, and left out: {', '.join(map(repr, layout.left))}"
+        draft = draft.noted(("data", "reader" if is_by_sheet else "sheet"), why)
+    draft = draft.with_data("files", _file_entries(study, folder, conditions, is_by_sheet))
+    told = [f"names: {', '.join(one.why for one in conditions)}"] if conditions else []
+    if told or remark:
+        why = "; ".join(filter(None, [*told, remark]))
+        draft = draft.noted(("data", "files"), why, all(one.sure for one in conditions))
+    return draft
+
+
+def _file_entries(
+    study: Study, folder: Path, conditions: Sequence[Condition], is_by_sheet: bool
+) -> list[Any]:
+    """Return the `files` of a spec: globs, with the sheet and the values that names tell."""
+    values = [one.in_model_units for one in conditions]
+    members: dict[tuple[str, tuple[float, ...]], list[Path]] = {}
+    for place, (file, sheet) in enumerate(study.parts):
+        kind = (sheet if is_by_sheet else "", tuple(own[place] for own in values))
+        members.setdefault(kind, []).append(file)
+    entries: list[Any] = []
+    for (sheet, told), files in members.items():
+        more: dict[str, Any] = {"sheet": sheet} if sheet else {}
+        if told:
+            more["set"] = dict(zip((one.quantity for one in conditions), told, strict=True))
+        paths = patterns(list(dict.fromkeys(files)), folder)
+        entries += [{"path": path, **more} for path in paths] if more else paths
+    return entries

@@ -1,0 +1,159 @@
+"""What is understood of a study before its recordings are read: what is predicted, by what."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from mapmore_cli.annexes.drafting.answers import Answers
+from mapmore_cli.annexes.drafting.columns import (
+    Known,
+    Table,
+    kind_to_predict,
+    known_by_titles,
+    named_by_person,
+    refuse_choice,
+    target_of,
+)
+from mapmore_cli.annexes.drafting.draft import Column, NamedColumn
+from mapmore_cli.annexes.drafting.names import Condition, told_by_names
+from mapmore_cli.annexes.drafting.sources import Study
+from mapmore_cli.checking.evidence import same_signals
+from mapmore_cli.domain.errors import UsageError
+
+
+@dataclass(frozen=True)
+class Understood:
+    """The columns of a study, which of them are predicted and which drive, what names tell beside
+    them, and what is left out.
+    """
+
+    columns: dict[str, NamedColumn]
+    targets: list[str]
+    inputs: list[str]
+    conditions: list[Condition]
+    remark: str
+    left_out: dict[Column, str]
+
+    @property
+    def drives(self) -> list[str]:
+        """The inputs, those that names tell included."""
+        return [*self.inputs, *(one.quantity for one in self.conditions)]
+
+    def without_others(self, target: str) -> dict[str, NamedColumn]:
+        """Return the columns without the other targets."""
+        others = {*self.targets} - {target}
+        return {name: one for name, one in self.columns.items() if name not in others}
+
+    def summary(self) -> dict[str, str]:
+        """Return what was understood, in words."""
+        told = {
+            name: f"{name} (column {one.column}, in {one.unit})"
+            for name, one in self.columns.items()
+        } | {
+            one.quantity: f"{one.quantity} (names, in {one.unit or '1'})" for one in self.conditions
+        }
+        return {
+            "predicted": ", ".join(told[name] for name in self.targets),
+            "by": ", ".join(told[name] for name in self.drives),
+            "time": told.get("time", "none"),
+        }
+
+
+def understood(study: Study, table: Table, answers: Answers, path: str) -> Understood:
+    """Return what titles, names and a person say of a study.
+
+    Raises
+    ------
+    UsageError
+        Where neither titles nor the person say what is to be predicted, or where something that
+        the person names is not there.
+    """
+    known = _known(table, answers)
+    chosen = named_by_person(answers.targets, table, "--target", known.columns)
+    columns = known.columns | chosen
+    said = answers.inputs or {}
+    given = [name for name, one in said.items() if not one.refers_to(name)]
+    conditions, repeats = told_by_names(study.names, answers.hold, [*columns, *given])
+    targets = list(chosen) or _target_by_titles(
+        study, table, columns, answers, bool(conditions), path
+    )
+    left_out = dict(known.left_out)
+    if answers.inputs is None:
+        inputs = _free(table, columns, targets, left_out)
+    else:
+        beside = {one.quantity for one in conditions}
+        rest = {name: one for name, one in said.items() if name not in beside}
+        asked = named_by_person(rest, table, "--inputs", columns)
+        columns |= asked
+        inputs = [name for name in asked if name not in targets]
+        keep = {*said, answers.hold.name if answers.hold else ""}
+        unused = [one for one in conditions if not one.unit and one.quantity not in keep]
+        conditions = [one for one in conditions if one not in unused]
+        repeats += [f"{one.quantity} (name it by --inputs)" for one in unused]
+    if not inputs and not conditions:
+        raise UsageError(
+            f"{study.files[0].name}: nothing is left that drives {targets[0]}",
+            "name it by --inputs, or what was held by --hold",
+        )
+    used = dict.fromkeys([*(["time"] if "time" in columns else []), *inputs, *targets])
+    remark = f"numbers not used: {', '.join(dict.fromkeys(repeats))}" if repeats else ""
+    own = {name: columns[name] for name in used}
+    return Understood(own, targets, inputs, conditions, remark, left_out)
+
+
+def _known(table: Table, answers: Answers) -> Known:
+    """Return the columns that a person names, else those that titles name, with the answers to
+    questions.
+    """
+    known = known_by_titles(table)
+    if answers.columns:
+        known = Known(named_by_person(answers.columns, table, "--columns", {}), {})
+    columns = {name: one for name, one in known.columns.items() if name not in answers.settled}
+    settled = {name: one for name, one in answers.settled.items() if one is not None}
+    return Known(settled | columns, known.left_out)
+
+
+def _target_by_titles(
+    study: Study,
+    table: Table,
+    columns: Mapping[str, NamedColumn],
+    answers: Answers,
+    is_driven: bool,
+    path: str,
+) -> list[str]:
+    """Return the one column that plain titles leave to be predicted; UsageError, which lists the
+    columns, where they leave a choice.
+    """
+    kinds = {
+        name: kind_to_predict(name, None if answers.columns else table[one.column])
+        for name, one in columns.items()
+        if name != "time"
+    }
+    target = target_of(kinds, is_driven)
+    if target is None:
+        raise refuse_choice(table, study.files[0].name, path)
+    return [target]
+
+
+def _free(
+    table: Table,
+    columns: Mapping[str, NamedColumn],
+    targets: Sequence[str],
+    left_out: dict[Column, str],
+) -> list[str]:
+    """Return all columns that may drive the targets; those that are one signal with a target are
+    left out and told.
+    """
+    free = {name: one.column for name, one in columns.items() if name not in {"time", *targets}}
+    for target in targets:
+        wanted = table[columns[target].column]
+        for name, column in list(free.items()):
+            own = table[column]
+            both = [np.concatenate(one.values) for one in (own, wanted)]
+            if own.kind in ("", wanted.kind) and same_signals(both):
+                del free[name]
+                left_out[column] = f"is a copy of {target}: name it by --inputs to use it"
+    return list(free)

@@ -1,0 +1,95 @@
+"""What was held: a person, names, and values that stay in each recording say so."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from mapmore_cli.annexes.drafting.answers import Hold
+from mapmore_cli.annexes.drafting.experiment import find_held, goes_in_cycles, inner
+from mapmore_cli.domain.errors import UsageError
+from mapmore_cli.domain.recording import Recording
+
+T = np.arange(0, 40, 0.02)
+LOOP = 1 - np.abs(T / 20 - 1)
+BOTH = ("pressure", "strain")
+LEVELS = np.array([[1], [2], [3]])
+
+
+def recording(**columns):
+    arrays = {name: np.asarray(values, dtype=float) for name, values in columns.items()}
+    return Recording("r", "r.csv", arrays, len(columns["pressure"]), {})
+
+
+def strokes(pressures, rows=slice(None)):
+    """Strokes there and back, each at a pressure or the course of one."""
+    return [
+        recording(time=T[rows], pressure=(pressure + 0 * T)[rows], strain=0.2 * LOOP[rows])
+        for pressure in pressures
+    ]
+
+
+@pytest.mark.parametrize(
+    ("pressures", "at", "off"),
+    [
+        (
+            np.random.default_rng(3).normal([[80], [150], [250], [350]], 0.7, (4, T.size)),
+            [80, 150, 250, 350],
+            0.7,
+        ),
+        # a closed or slow supply: the pressure dwells at both ends of every stroke
+        (100 * (LEVELS + np.where(T < 20, 0.2, -0.2) + 0.02 * np.sin(7 * T)), [100, 200, 300], 25),
+        # it rests at the end of a stroke, and is far lower on the way back
+        (100 * (LEVELS + np.where(T < 30, 0.0, -0.6)), [70, 170, 270], 15),
+    ],
+)
+def test_what_stays_in_each_recording_was_held(pressures, at, off):
+    recordings = strokes(pressures)
+    held = find_held(recordings, BOTH, None, {})
+    assert (held.of, held.swept) == BOTH
+    np.testing.assert_allclose(held.at, at, rtol=0, atol=off)
+    assert goes_in_cycles(recordings, held)
+    there = strokes(pressures, slice(T.size // 2))
+    assert not goes_in_cycles(there, find_held(there, BOTH, None, {}))
+
+
+def test_holds_within_one_recording_are_found_where_a_person_says_so():
+    holds = np.concatenate(
+        [
+            np.concatenate([np.full(T.size, e), np.linspace(e, e + 0.1, 300)])
+            for e in (0.0, 0.1, 0.2)
+        ]
+    )[:-300]
+    loops = np.concatenate([np.concatenate([500 * LOOP, np.zeros(300)]) for _ in range(3)])[:-300]
+    recordings = [recording(time=np.arange(holds.size), pressure=loops, strain=holds)]
+    assert find_held(recordings, BOTH, None, {}) is None
+    held = find_held(recordings, BOTH, Hold("strain"), {})
+    assert (held.of, held.at) == ("strain", [0, 0.1, 0.2])
+    assert held.within < 0.02
+    assert find_held(recordings, BOTH, Hold("none"), {}) is None
+    with pytest.raises(UsageError, match="no input is called speed"):
+        find_held(recordings, BOTH, Hold("speed"), {})
+
+
+def test_a_table_without_a_clock_has_levels_that_repeat():
+    p, e = (grid.ravel() for grid in np.meshgrid([100.0, 200, 300], np.linspace(0, 0.2, 9)))
+    e = e + 1e-4 * np.arange(e.size)  # measured
+    held = find_held([recording(pressure=p, strain=e)], BOTH, None, {})
+    assert (held.of, held.at) == ("pressure", [100, 200, 300])
+
+
+def test_nothing_was_held_where_both_move_or_only_one_level_was():
+    assert find_held(strokes([500 * LOOP]), BOTH, None, {}) is None
+    assert find_held(strokes([100]), BOTH, None, {}) is None
+    assert find_held(strokes([100, 100]), BOTH, None, {}) is None
+
+
+@settings(deadline=None)
+@given(st.lists(st.floats(0, 1e3), unique=True, max_size=20).map(sorted))
+def test_held_out_levels_are_inner_ones(levels):
+    some = inner(levels)
+    assert set(some) <= set(levels[1:-1])
+    assert bool(some) == (len(levels) >= 3)
+    assert len(levels) - len(some) >= min(len(levels), 2)
