@@ -1,7 +1,9 @@
 """What tests of several packages build and measure."""
 
-from __future__ import annotations
-
+import os
+import re
+import subprocess
+import sys
 import tracemalloc
 
 import numpy as np
@@ -40,3 +42,37 @@ def peak_memory(work):
         return tracemalloc.get_traced_memory()[1]
     finally:
         tracemalloc.stop()
+
+
+def parts(cell):
+    """The words that a message has to have, with bars between."""
+    return cell.split(" | ")
+
+
+def rows_of(text, last=str):
+    """The rows of a table in a text, whose cells stand two blanks or more apart; `last` reads the
+    last cell of a row.
+    """
+    rows = [re.split(r"\s{2,}", line.strip()) for line in text.strip().splitlines()]
+    return [(*cells, last(cell)) for *cells, cell in rows]
+
+
+def process(*command, env=None, **options):
+    """What a process of its own did and told; `env` is added to the variables."""
+    return subprocess.run(
+        [*map(str, command)],
+        capture_output=True,
+        text=True,
+        env={**os.environ, **(env or {})},
+        **options,
+    )
+
+
+def mapmore(*arguments, **options):
+    """The same of the command."""
+    return process(sys.executable, "-m", "mapmore_cli", *arguments, **options)
+
+
+def python(code, *arguments, **options):
+    """The same of Python code."""
+    return process(sys.executable, "-c", code, *arguments, **options)

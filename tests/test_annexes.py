@@ -1,13 +1,12 @@
 """The core holds without any annex: a study runs, and a part that is missing is named."""
 
-import os
 import shutil
-import subprocess
-import sys
+from functools import partial
 from pathlib import Path
 
 import pytest
 import yaml
+from common import mapmore
 
 from mapmore_cli.annexes.rig.simulate import write_example
 
@@ -37,34 +36,26 @@ def example(tmp_path_factory):
 def without(annex, folder):
     """Return how `mapmore` runs where a copy of the package lacks an annex."""
     copy = folder / "lacking" / "mapmore_cli"
-    shutil.copytree(PROJECT / "mapmore_cli", copy, ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copytree(PROJECT / "mapmore_cli", copy)  # with what Python has compiled
     shutil.rmtree(copy / "annexes" / annex)
-    environment = {**os.environ, "PYTHONPATH": str(copy.parent)}
-
-    def run(*args):
-        command = [sys.executable, "-m", "mapmore_cli", *args]
-        return subprocess.run(
-            command, cwd=folder, env=environment, capture_output=True, text=True, timeout=120
-        )
-
-    return run
+    return partial(mapmore, cwd=folder, env={"PYTHONPATH": str(copy.parent)}, timeout=120)
 
 
 @pytest.mark.parametrize("annex", [*COMMANDS, *KEYS])
 def test_an_annex_can_be_removed(annex, example, tmp_path):
     folder = tmp_path / "study"
     shutil.copytree(example, folder)
-    mapmore = without(annex, folder)
+    run = without(annex, folder)
     draws = annex in ("motion", "exporting")  # what pages show is theirs in part, or not at all
-    finished = mapmore("run" if draws else "validate", "study.yaml", "-q")
+    finished = run("run" if draws else "validate", "study.yaml", "-q")
     assert finished.returncode == 0, finished.stderr
     assert (folder / "runs" / "example" / "scores.json").is_file()
     assert (folder / "runs" / "example" / "report" / "index.html").is_file() == draws
     if annex in COMMANDS:
-        missing = mapmore(*COMMANDS[annex])
+        missing = run(*COMMANDS[annex])
         assert missing.returncode == 2
         assert f"`{COMMANDS[annex][0]}` is not installed" in missing.stderr
-        assert COMMANDS[annex][0] in mapmore("--help").stdout
+        assert COMMANDS[annex][0] in run("--help").stdout
     else:
         model, name = KEYS[annex]
         spec = yaml.safe_load((folder / "study.yaml").read_text())
@@ -72,7 +63,7 @@ def test_an_annex_can_be_removed(annex, example, tmp_path):
         (folder / "other.yaml").write_text(
             yaml.safe_dump({**spec, "name": "other", "model": model})
         )
-        missing = mapmore("run", "other.yaml", "-q")
+        missing = run("run", "other.yaml", "-q")
         assert missing.returncode in (2, 3)
         assert f"`{name}` is not installed" in missing.stderr
 
@@ -97,15 +88,10 @@ def test_somebody_elses_package_adds_a_command(tmp_path):
     kinds = ("[mapmore.kinds]", "faulty = faulty:KIND")
     lines = ["[mapmore.commands]", *points, *kinds]
     (about / "entry_points.txt").write_text("\n".join(lines) + "\n")
-    environment = {**os.environ, "PYTHONPATH": str(tmp_path)}
-
-    def mapmore(*args):
-        command = [sys.executable, "-m", "mapmore_cli", *args]
-        return subprocess.run(command, env=environment, capture_output=True, text=True, timeout=60)
-
-    assert mapmore("hello").stdout == "hello from elsewhere\n"
-    assert "hello" in mapmore("--help").stdout
-    broken = mapmore("broken")
+    run = partial(mapmore, env={"PYTHONPATH": str(tmp_path)}, timeout=60)
+    assert run("hello").stdout == "hello from elsewhere\n"
+    assert "hello" in run("--help").stdout
+    broken = run("broken")
     assert broken.returncode == 2
     assert "elsewhere:absent" in broken.stderr
-    assert mapmore("schema").returncode == 0
+    assert run("schema").returncode == 0

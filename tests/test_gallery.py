@@ -2,15 +2,11 @@
 checked.
 """
 
-from __future__ import annotations
-
 import importlib
 import json
-import os
 import re
 import runpy
 import shutil
-import subprocess
 import sys
 from pathlib import Path
 
@@ -18,6 +14,7 @@ import matplotlib.pyplot as plt
 import nbformat
 import numpy as np
 import pytest
+from common import process
 
 ROOT = Path(__file__).resolve().parents[1]
 GALLERY = ROOT / "docs" / "gallery"
@@ -83,13 +80,7 @@ def site(tmp_path_factory):
         "-d",
         str(folder),
     ]
-    done = subprocess.run(
-        command,
-        cwd=ROOT,
-        capture_output=True,
-        text=True,
-        env={**os.environ, "NO_MKDOCS_2_WARNING": "1"},
-    )
+    done = process(*command, cwd=ROOT, env={"NO_MKDOCS_2_WARNING": "1"})
     assert done.returncode == 0, done.stderr
     return folder
 
@@ -126,13 +117,7 @@ def test_every_page_opens_in_a_browser(site):
         "--dump-dom",
     ]
     for page in sorted(site.rglob("*.html")):
-        done = subprocess.run(
-            [str(CHROMIUM), *options, page.as_uri()],
-            capture_output=True,
-            text=True,
-            timeout=120,
-            check=True,
-        )
+        done = process(str(CHROMIUM), *options, page.as_uri(), timeout=120, check=True)
         assert "<article" in done.stdout, page.name
         assert "CONSOLE" not in done.stderr, (page.name, done.stderr)
 

@@ -1,7 +1,5 @@
 """No text of a file can become code: the package has no means to make it so."""
 
-from __future__ import annotations
-
 import ast
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Runs of `batch` without processes: to start one takes longer than a small run."""
 
-from __future__ import annotations
-
 from mapmore_cli.domain.errors import MapmoreError
 
 

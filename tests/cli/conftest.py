@@ -2,10 +2,9 @@
 
 import json
 import shutil
-import subprocess
-import sys
 from functools import cache
 
+import common
 import pytest
 import typer.testing
 from cli_samples import hand_model, write_study
@@ -67,11 +66,7 @@ def document(mapmore):
 def shell():
     """Calls the command in a process of its own."""
 
-    def call(*args, **options):
-        command = [sys.executable, "-m", "mapmore_cli", *map(str, args)]
-        return subprocess.run(command, capture_output=True, text=True, check=False, **options)
-
-    return call
+    return common.mapmore
 
 
 @pytest.fixture(autouse=True)

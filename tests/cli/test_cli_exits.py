@@ -14,6 +14,7 @@ from subprocess import PIPE
 import numpy as np
 import pytest
 from cli_samples import write_study
+from common import process
 from numpy._core._exceptions import _ArrayMemoryError
 
 from mapmore_cli.domain import errors
@@ -148,13 +149,7 @@ def test_interrupted_before_the_command(error, code, last, tmp_path):
         "-m",
         "before",
     ]
-    done = subprocess.run(
-        command,
-        env={**os.environ, "PYTHONPATH": search},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    done = process(*command, env={"PYTHONPATH": search})
     assert (done.returncode, done.stderr.splitlines()[-1]) == (code, last)
 
 
@@ -172,8 +167,6 @@ def test_broken_pipe(model_file):
     with subprocess.Popen(
         [*COMMAND, "predict", model_file, "--grid", grid], stdout=PIPE, stderr=PIPE
     ) as process:
-        assert process.stdout is not None
-        assert process.stderr is not None
         assert process.stdout.readline() == b"pressure,strain,force_predicted,outside_range\n"
         process.stdout.close()
         assert process.stderr.read() == b""
@@ -186,7 +179,7 @@ def test_broken_pipe_that_only_the_last_flush_notices(finished):
         f'"{sys.executable}" -m mapmore_cli run "{spec}" --runs "{runs}" -q | true; echo '
         f'"${{PIPESTATUS[0]}}"'
     )
-    done = subprocess.run(["bash", "-c", line], capture_output=True, text=True, check=True)
+    done = process("bash", "-c", line, check=True)
     assert (done.stdout, done.stderr) == ("141\n", "")
 
 
@@ -194,8 +187,6 @@ def test_interrupted_by_the_keyboard(model_file):
     with subprocess.Popen(
         [*COMMAND, "predict", model_file, "-"], stdin=PIPE, stdout=PIPE, stderr=PIPE
     ) as process:
-        assert process.stdin is not None
-        assert process.stdout is not None
         process.stdin.write(b"pressure,strain\n" + b"150,0.05\n" * 25_000)
         process.stdin.flush()
         process.stdout.readline()  # it is at work now
@@ -236,15 +227,10 @@ def test_stdout_on_a_full_disk(finished):
     assert done.stderr.startswith("error: stdout: cannot be written")
 
 
-def test_a_terminal_with_few_letters(finished):
+def test_a_terminal_with_few_letters(finished, shell):
     """The tables have a few signs that some encodings lack."""
     _, runs = finished
-    environment = {**os.environ, "PYTHONIOENCODING": "ascii"}
+    environment = {"PYTHONIOENCODING": "ascii"}
     for arguments in ([], ["--json"]):
-        done = subprocess.run(
-            [*COMMAND, "show", runs / "bench", *arguments],
-            env=environment,
-            capture_output=True,
-            check=False,
-        )
-        assert (done.returncode, done.stderr) == (0, b"")
+        done = shell("show", runs / "bench", *arguments, env=environment)
+        assert (done.returncode, done.stderr) == (0, "")

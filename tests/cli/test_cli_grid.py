@@ -4,6 +4,7 @@ from pathlib import Path
 
 import pytest
 from cli_samples import csv_rows, write_lines
+from common import rows_of
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -53,21 +54,23 @@ def test_the_last_one_named_varies_fastest_and_one_value_holds_an_input():
 @pytest.mark.parametrize(
     ("text", "what"),
     [
+        *rows_of("""
+pressure                           has no '='
+pressure=0:1                       cannot read 'pressure=0:1'
+pressure=a:b:c                     cannot read
+pressure=0:inf:1                   cannot read
+pressure=nan                       cannot read
+pressure=0:1:0                     does not lead from 0 to 1
+pressure=1:0:0.1                   does not lead from 1 to 0
+pressure=0:1:1e-9                  at most 10000000 steps
+pressure=0:1:1e-4,strain=0:1:1e-4  asks for 100020001 points, more than 10000000
+pressure=0:1:0.3,strain=0          not a whole number of steps
+pressure=0,pressure=1,strain=0     'pressure' is given twice
+pressure=0:1:1                     no values for strain
+pressure=0,strian=0                did you mean 'strain'?
+pressure=0,strain=0,               has no '='
+"""),
         ("", "has no '='"),
-        ("pressure", "has no '='"),
-        ("pressure=0:1", "cannot read 'pressure=0:1'"),
-        ("pressure=a:b:c", "cannot read"),
-        ("pressure=0:inf:1", "cannot read"),
-        ("pressure=nan", "cannot read"),
-        ("pressure=0:1:0", "does not lead from 0 to 1"),
-        ("pressure=1:0:0.1", "does not lead from 1 to 0"),
-        ("pressure=0:1:1e-9", "at most 10000000 steps"),
-        ("pressure=0:1:1e-4,strain=0:1:1e-4", "asks for 100020001 points, more than 10000000"),
-        ("pressure=0:1:0.3,strain=0", "not a whole number of steps"),
-        ("pressure=0,pressure=1,strain=0", "'pressure' is given twice"),
-        ("pressure=0:1:1", "no values for strain"),
-        ("pressure=0,strian=0", "did you mean 'strain'?"),
-        ("pressure=0,strain=0,", "has no '='"),
     ],
 )
 def test_what_is_refused_before_anything_is_computed(text, what):

@@ -1,11 +1,9 @@
 """The command starts quickly, and says what it can do."""
 
-import os
-import subprocess
-import sys
 from importlib.metadata import version
 
 import pytest
+from common import mapmore, python
 
 import mapmore_cli
 
@@ -63,7 +61,7 @@ except SystemExit as end:
     assert end.code in (0, None), end.code
 print(*{{name.split(".")[0] for name in sys.modules}}, file=sys.stderr)
 """
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    done = python(code, check=True)
     return set(done.stderr.split())
 
 
@@ -93,16 +91,9 @@ def test_every_command_has_help(command, mapmore):
 
 def test_shell_completion_knows_the_commands():
     environment = {
-        **os.environ,
         "_MAPMORE_COMPLETE": "complete_bash",
         "COMP_WORDS": "mapmore se",
         "COMP_CWORD": "1",
     }
-    done = subprocess.run(
-        [sys.executable, "-m", "mapmore_cli"],
-        env=environment,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    done = mapmore(env=environment)
     assert done.stdout.split() == ["segment"]

@@ -6,7 +6,6 @@ import os
 import re
 import shlex
 import shutil
-import subprocess
 import sys
 from pathlib import Path
 
@@ -14,6 +13,7 @@ import numpy as np
 import pytest
 import typer
 import yaml
+from common import process
 from page_tables import block_of
 
 from mapmore_cli.cli.app import app
@@ -159,15 +159,8 @@ def workshop(tmp_path_factory, mapmore):
 def run(folder, *command):
     """A command in the workshop's folder."""
     places = [str(folder / "bin"), str(Path(sys.executable).parent), os.environ["PATH"]]
-    environment = {**os.environ, "PATH": os.pathsep.join(places), "PYTHONPATH": str(ROOT)}
-    return subprocess.run(
-        list(map(str, command)),
-        cwd=folder,
-        env=environment,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    environment = {"PATH": os.pathsep.join(places), "PYTHONPATH": str(ROOT)}
+    return process(*command, cwd=folder, env=environment)
 
 
 def test_the_shell_pipeline(workshop):

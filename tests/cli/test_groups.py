@@ -164,7 +164,7 @@ def of_groups(noise=0.0, offsets=(1.0, -2.0, 1.0)):
 
 
 @given(st.floats(1e-3, 1e3), st.floats(-50, 50), st.sampled_from([0.0, 0.01, 0.1]))
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 def test_gains_are_found_and_do_not_depend_on_the_unit(unit, zero, noise):
     y = of_groups(noise)
     of = effects(y, gain=True, offset=True)

@@ -6,7 +6,6 @@ import gzip
 import os
 import re
 import resource
-import subprocess
 import sys
 import threading
 import zipfile
@@ -19,6 +18,7 @@ import numpy as np
 import pytest
 import scipy.io
 from cli_samples import scored_run, write_lines, write_study
+from common import process
 
 import mapmore_cli
 from mapmore_cli.domain.errors import DataError, WriteError
@@ -179,9 +179,7 @@ def without_privileges(*arguments, folder):
     )
     environment = {**os.environ, "PYTHONPATH": str(Path(mapmore_cli.__file__).parents[1])}
     command = [*drop, sys.executable, "-m", "mapmore_cli", *arguments]
-    return subprocess.run(
-        command, capture_output=True, text=True, cwd=folder, env=environment, check=False
-    )
+    return process(*command, cwd=folder, env=environment)
 
 
 @pytest.mark.skipif(os.name != "posix", reason="permissions of files are those of POSIX")

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 from cli_samples import wait_until, write_slow_study
+from common import python
 from filelock import FileLock
 
 from mapmore_cli.domain.errors import MapmoreError
@@ -111,8 +112,6 @@ try:
 except WriteError as told:
     print(told, told.remedy)
 """
-    ended = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, check=False
-    )
+    ended = python(code)
     assert "no worker process can be started: File too large" in ended.stdout, ended.stderr
     assert "/dev/shm" in ended.stdout

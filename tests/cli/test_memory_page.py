@@ -66,7 +66,6 @@ def test_the_true_terms_of_the_simulated_record(tmp_path, mapmore, measured_data
         code=0,
     )
     model = read_model(tmp_path / "data_for_testing" / "model.h5").body.model
-    assert model is not None
     truth = {
         "x[k-2]": 0.6,
         "y[k-2]": -0.5,

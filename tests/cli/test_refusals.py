@@ -7,83 +7,81 @@ import shlex
 import h5py
 import pytest
 from cli_samples import edit
+from common import rows_of
 
 import mapmore_cli
 from mapmore_cli.domain.errors import DataError
 
-GRID = "--grid pressure=100,strain=0"
-TUNE, FIGURE, EXPORT = "tune SPEC --runs RUNS", "figure RUN", "export MODEL -o out --to"
-LINES = [
-    ("run", 2, "CONFIG"),
-    ("rum SPEC", 2, "rum"),
-    ("run SPEC --no-such-option", 2, "no-such-option"),
-    ("run SPEC -q -v", 2, "exclude each other"),
-    ("run none.yaml", 3, "none.yaml"),
-    ("batch SPEC --jobs 0", 2, "greater than or equal to 1"),
-    ("batch SPEC --cluster tcp://host:1 --cluster-file x.json", 2, "exclude each other"),
-    ("simulate SPEC", 3, "bench.yaml"),
-    ("example .", 7, "is not an empty folder"),
-    ("freeze . --tag x --archive archive", 4, "is no finished run"),
-    ("freeze RUN --tag ../x --archive archive", 2, "cannot be a tag"),
-    (f"{TUNE} --over fit.max_terms", 2, "not of the form KEY=V1,V2"),
-    (f"{TUNE} --over fit.max_terms=", 2, "not of the form KEY=V1,V2"),
-    (f"{TUNE} --over 'fit.max_terms=[1'", 2, "--over fit.max_terms"),
-    (f"{TUNE} --over fit.max_terms=1 --over fit.max_terms=2", 2, "given twice"),
-    (f"{TUNE} --over data.levels.within=1,2", 2, "changes the data"),
-    (f"{TUNE} --over fit.max_termz=1,2", 3, "max_terms"),
-    (f"{TUNE} --over fit.max_terms=1,2 -o x.jpeg", 2, "neither a figure nor a table"),
-    (f"{TUNE} -o x.svg", 2, "a search has no figure"),
-    (f"{TUNE} --over fit.max_terms=1,2 --budget 5s", 2, "give one of both"),
-    ("plan SPEC --runs RUNS --until much", 2, "is no size"),
-    ("plan SPEC --runs RUNS --until -1%", 2, "is no size"),
-    ("plan SPEC --runs RUNS --cost pressure", 2, "is no price"),
-    ("plan SPEC --runs RUNS --cost force=3", 2, "the plan does not set it"),
-    ("plan SPEC --runs RUNS -o plan.doc", 2, "neither a figure nor a table"),
-    ("plan SPEC --runs RUNS --points 0", 2, "greater than or equal to 1"),
-    (f"{FIGURE} fat -o x.pdf", 2, "choose one of data, fit"),
-    (f"{FIGURE} fit -o x.docx", 2, "choose .svg"),
-    (f"{FIGURE} fit --curve 201 -o x.pdf", 2, "pressure=200"),
-    (f"{FIGURE} fit -o x.svg --data x.csv", 2, "--curve"),
-    (f"{FIGURE} fit -o x.svg --models plane,parrot", 2, "no model called 'parrot'"),
-    (f"{FIGURE} fit -o x.svg --set fit.max_terms=1", 2, "set a key of report.style"),
-    (f"{FIGURE} fit -o x.svg --set report.style.widht=80mm", 3, "did you mean `width`"),
-    ("figure no-run fit -o x.pdf --runs .", 4, "holds no finished run"),
-    (f"{EXPORT} py --float", 2, "--float is for C alone"),
-    (f"{EXPORT} fmu --float", 2, "--float is for C alone"),
-    (f"{EXPORT} csv", 2, "--grid goes with --to csv"),
-    (f"{EXPORT} csv --grid pressure=0:90000:100,strain=0.1", 2, "outside of the training range"),
-    (f"{EXPORT} java", 2, "java"),
-    *(
-        (f"export MODEL -o t.csv/out --to {to}", 7, "cannot be written")
-        for to in ("c", "fmu", "py")
-    ),
-    ("compare bench --runs RUNS", 2, "needs two models"),
-    ("compare bench fourth --runs RUNS", 4, "there is no model of this name"),
-    ("compare bench bench --runs RUNS --fail-on drift", 2, "neither `changed`"),
-    ("compare bench bench --runs RUNS --figure x.docx", 2, ".svg"),
-    ("predict MODEL", 2, "either a TABLE or --grid"),
-    (f"predict MODEL t.csv {GRID}", 2, "either a TABLE or --grid"),
-    (f"predict MODEL {GRID} -o none/out.csv", 7, "cannot be written"),
-    (f"predict MODEL {GRID} -o .", 7, "cannot be written"),
-    (f"predict none.h5 {GRID}", 4, "none.h5"),
-    (f"predict RUN/fit.h5 {GRID}", 4, "fit.h5"),
-    (f"predict RUN/scores.csv {GRID}", 4, "scores.csv"),
-    ("invert MODEL t.csv --for volume", 2, "no input 'volume'"),
-    *(
-        (f"{line} LONG", 4, "file name too long")
-        for line in ("show", "init", "example", "compare LONG")
-    ),
-    *(
-        (f"{line} t.csv", 4, "file name too long")
-        for line in ("predict LONG", "invert --for pressure LONG")
-    ),
-    ("export LONG --to c", 4, "file name too long"),
-    ("invert MODEL LONG --for pressure", 4, "File name too long"),
-    ("freeze LONG --tag a", 4, "file name too long"),
-]
+LINES = """
+2  run                                       CONFIG
+2  rum SPEC                                  rum
+2  run SPEC --no-such-option                 no-such-option
+2  run SPEC -q -v                            exclude each other
+3  run none.yaml                             none.yaml
+2  batch SPEC --jobs 0                       greater than or equal to 1
+2  batch SPEC --cluster tcp://host:1 --cluster-file x.json  exclude each other
+3  simulate SPEC                             bench.yaml
+7  example .                                 is not an empty folder
+4  freeze . --tag x --archive archive        is no finished run
+2  freeze RUN --tag ../x --archive archive   cannot be a tag
+2  tune SPEC --runs RUNS --over fit.max_terms  not of the form KEY=V1,V2
+2  tune SPEC --runs RUNS --over fit.max_terms=  not of the form KEY=V1,V2
+2  tune SPEC --runs RUNS --over 'fit.max_terms=[1'  --over fit.max_terms
+2  tune SPEC --runs RUNS --over fit.max_terms=1 --over fit.max_terms=2  given twice
+2  tune SPEC --runs RUNS --over data.levels.within=1,2  changes the data
+3  tune SPEC --runs RUNS --over fit.max_termz=1,2  max_terms
+2  tune SPEC --runs RUNS --over fit.max_terms=1,2 -o x.jpeg  neither a figure nor a table
+2  tune SPEC --runs RUNS -o x.svg            a search has no figure
+2  tune SPEC --runs RUNS --over fit.max_terms=1,2 --budget 5s  give one of both
+2  plan SPEC --runs RUNS --until much        is no size
+2  plan SPEC --runs RUNS --until -1%         is no size
+2  plan SPEC --runs RUNS --cost pressure     is no price
+2  plan SPEC --runs RUNS --cost force=3      the plan does not set it
+2  plan SPEC --runs RUNS -o plan.doc         neither a figure nor a table
+2  plan SPEC --runs RUNS --points 0          greater than or equal to 1
+2  figure RUN fat -o x.pdf                   choose one of data, fit
+2  figure RUN fit -o x.docx                  choose .svg
+2  figure RUN fit --curve 201 -o x.pdf       pressure=200
+2  figure RUN fit -o x.svg --data x.csv      --curve
+2  figure RUN fit -o x.svg --models plane,parrot  no model called 'parrot'
+2  figure RUN fit -o x.svg --set fit.max_terms=1  set a key of report.style
+3  figure RUN fit -o x.svg --set report.style.widht=80mm  did you mean `width`
+4  figure no-run fit -o x.pdf --runs .       holds no finished run
+2  export MODEL -o out --to py --float       --float is for C alone
+2  export MODEL -o out --to fmu --float      --float is for C alone
+2  export MODEL -o out --to csv              --grid goes with --to csv
+2  export MODEL -o out --to csv --grid pressure=0:90000:100,strain=0.1  \
+    outside of the training range
+2  export MODEL -o out --to java             java
+7  export MODEL -o t.csv/out --to c          cannot be written
+7  export MODEL -o t.csv/out --to fmu        cannot be written
+7  export MODEL -o t.csv/out --to py         cannot be written
+2  compare bench --runs RUNS                 needs two models
+4  compare bench fourth --runs RUNS          there is no model of this name
+2  compare bench bench --runs RUNS --fail-on drift  neither `changed`
+2  compare bench bench --runs RUNS --figure x.docx  .svg
+2  predict MODEL                             either a TABLE or --grid
+2  predict MODEL t.csv --grid pressure=100,strain=0  either a TABLE or --grid
+7  predict MODEL --grid pressure=100,strain=0 -o none/out.csv  cannot be written
+7  predict MODEL --grid pressure=100,strain=0 -o .  cannot be written
+4  predict none.h5 --grid pressure=100,strain=0  none.h5
+4  predict RUN/fit.h5 --grid pressure=100,strain=0  fit.h5
+4  predict RUN/scores.csv --grid pressure=100,strain=0  scores.csv
+2  invert MODEL t.csv --for volume           no input 'volume'
+4  show LONG                                 file name too long
+4  init LONG                                 file name too long
+4  example LONG                              file name too long
+4  compare LONG LONG                         file name too long
+4  predict LONG t.csv                        file name too long
+4  invert --for pressure LONG t.csv          file name too long
+4  export LONG --to c                        file name too long
+4  invert MODEL LONG --for pressure          File name too long
+4  freeze LONG --tag a                       file name too long
+"""
+"""Exit code, command line, and words of the message."""
 
 
-@pytest.mark.parametrize(("line", "code", "words"), LINES, ids=[line for line, _, _ in LINES])
+@pytest.mark.parametrize(("code", "line", "words"), rows_of(LINES), ids=lambda cell: cell[:60])
 def test_what_is_refused(line, code, words, finished, model_file, tmp_path, mapmore, monkeypatch):
     monkeypatch.setenv("CC", "no-such-compiler")
     (tmp_path / "t.csv").write_text("force,pressure,strain\n100,150,0.05\n")
@@ -99,7 +97,7 @@ def test_what_is_refused(line, code, words, finished, model_file, tmp_path, mapm
             word.replace(name, str(place), 1) if word.split("/")[0] == name else word
             for word in line.split(" ")
         )
-    assert mapmore(*shlex.split(line), code=code, says=words).stdout == ""
+    assert mapmore(*shlex.split(line), code=int(code), says=words).stdout == ""
     assert [path.name for path in tmp_path.iterdir()] == ["t.csv"]
 
 

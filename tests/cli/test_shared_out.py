@@ -4,9 +4,9 @@ the forks.
 
 import os
 import signal
-import subprocess
 import sys
 
+import common
 import pytest
 
 from mapmore_cli.domain.processors import MOST_PROCESSES
@@ -26,15 +26,8 @@ def python(script, threads="1", code=0):
     """What a script prints in a process of its own: this one has threads, of which a fork may
     hang.
     """
-    environment = {
-        **os.environ,
-        "PYTHONPATH": os.pathsep.join(sys.path),
-        "OPENBLAS_NUM_THREADS": threads,
-    }
-    command = [sys.executable, "-c", START + script]
-    done = subprocess.run(
-        command, env=environment, capture_output=True, text=True, timeout=60, check=False
-    )
+    environment = {"PYTHONPATH": os.pathsep.join(sys.path), "OPENBLAS_NUM_THREADS": threads}
+    done = common.python(START + script, env=environment, timeout=60)
     assert (done.returncode, done.stderr) == (code, "")  # and nobody holds its output open any more
     return done.stdout.strip()
 

@@ -7,6 +7,7 @@ import json
 import numpy as np
 import pytest
 from cli_samples import PROJECT, by_place, csv_rows, held_out, write_lines
+from common import rows_of
 
 import mapmore_cli
 from mapmore_cli.annexes.motion.simulation import simulate
@@ -164,45 +165,38 @@ def test_it_runs_again_to_the_same_bytes(finished, mapmore, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("change", "words"),
+    ("old", "new", "words"),
     [
-        (
-            ("input: input, sections: [2350 mV", "input: pressure, sections: [2350 mV"),
-            "there is no quantity `pressure`",
-        ),
-        (
-            ("input: input, sections: [2350 mV", "input: displacement, sections: [23 mm"),
-            "`displacement` is the target",
-        ),
-        (("[2350 mV, 3.95]", "[3.95 V, 2.35 V]"), "do not increase"),
-        (("[2350 mV, 3.95]", "[2350 kPa, 3.95]"), "kPa"),
-        (("[2350 mV, 3.95]", "0"), "at least 1"),
-        (
-            ("start: rest", "dead_band: 0.1 V"),
-            "goes with `direction: true` and `switching: bumpless`",
-        ),
-        (("start: rest", "begin: {p1: [0, 1]}"), "looks at all stable sections"),
-        (("start: rest", "solver: swarm, begin: {p1: [1, 0]}"), "lower bound first"),
-        (("start: rest", "solver: swarm, offset: true"), "P1, P2 and P3 alone"),
-        (("start: rest", "backbone: sarosi"), "no `backbone`"),
-        (("start: rest", "colour: red"), "colour"),
-        (
-            ("type: state_space, input: input, sections", "type: state_space, sections"),
-            "needs the `input`",
-        ),
-        (
-            ("type: state_space, input: input", "type: literature, name: sarosi"),
-            "has no `sections`",
-        ),
-        (
-            ("units: {displacement: cm}", "units: {displacement: cm, time: ms}"),
-            "goes by the time in s",
-        ),
-        (('{files: ["', '{fraction: 0.3, seed: 1}}  # {files: ["'), "drawn at random"),
+        *rows_of("""
+input: input, sections: [2350 mV           input: pressure, sections: [2350 mV  \
+    there is no quantity `pressure`
+input: input, sections: [2350 mV           input: displacement, sections: [23 mm  \
+    `displacement` is the target
+[2350 mV, 3.95]                            [3.95 V, 2.35 V]                       do not increase
+[2350 mV, 3.95]                            [2350 kPa, 3.95]                       kPa
+[2350 mV, 3.95]                            0                                      at least 1
+start: rest                                dead_band: 0.1 V  \
+    goes with `direction: true` and `switching: bumpless`
+start: rest                                begin: {p1: [0, 1]}  \
+    looks at all stable sections
+start: rest                                solver: swarm, begin: {p1: [1, 0]}  \
+    lower bound first
+start: rest                                solver: swarm, offset: true  \
+    P1, P2 and P3 alone
+start: rest                                backbone: sarosi                       no `backbone`
+start: rest                                colour: red                            colour
+type: state_space, input: input, sections  type: state_space, sections  \
+    needs the `input`
+type: state_space, input: input            type: literature, name: sarosi  \
+    has no `sections`
+units: {displacement: cm}                  units: {displacement: cm, time: ms}  \
+    goes by the time in s
+"""),
+        ('{files: ["', '{fraction: 0.3, seed: 1}}  # {files: ["', "drawn at random"),
     ],
 )
-def test_slips_in_the_spec_are_told_at_their_place(change, words, mapmore, tmp_path):
-    refused(mapmore, tmp_path, change, 3, [words, "spec.yaml:"])
+def test_slips_in_the_spec_are_told_at_their_place(old, new, words, mapmore, tmp_path):
+    refused(mapmore, tmp_path, (old, new), 3, [words, "spec.yaml:"])
 
 
 @pytest.mark.parametrize(

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 from cli_samples import OWN, by_place, change_forces, edit, options, scored_run, write_study
+from common import parts, rows_of
 
 VARIATION = "{set: {fit.max_terms: 2, fuse: {z_s: 0.4}}, as: two}"
 
@@ -229,21 +230,22 @@ def test_a_model_of_other_units_is_refused(pair, mapmore):
 
 @pytest.mark.parametrize(
     ("entry", "words"),
-    [
-        ("{set: {fit.max_terms: 2}}", ["need a name", "as: one_term"]),
-        ("{set: {fit.max_terms: 2}, as: two, method: levenberg_marquardt}", "method"),
-        ("{set: {fit.max_terms: 2}, as: two, model: sarosi}", "keys `set`"),
-        ("{set: {fit.max_terms: 2}, as: repeatability}", "named `repeatability`"),
-        (
-            "{set: {fit.max_term: 2}, as: two}",
-            ["as `two`", "max_term", "did you mean `max_terms`?"],
-        ),
-        ("{set: {segment.strain.count: 500}, as: two}", "bench.two: ingest"),
-        ("{run: nowhere.yaml}", "nowhere.yaml"),
-        ("{run: rival_base.yaml, model: sarosi}", "a `model`, a `run`"),
-        ("{as: nothing}", "a `model`, a `run`"),
-        ("{run: rival_base.yaml, method: levenberg_marquardt}", "method"),
-    ],
+    rows_of(
+        """
+{set: {fit.max_terms: 2}}                                   need a name | as: one_term
+{set: {fit.max_terms: 2}, as: two, method: levenberg_marquardt}  method
+{set: {fit.max_terms: 2}, as: two, model: sarosi}           keys `set`
+{set: {fit.max_terms: 2}, as: repeatability}                named `repeatability`
+{set: {fit.max_term: 2}, as: two}  \
+    as `two` | max_term | did you mean `max_terms`?
+{set: {segment.strain.count: 500}, as: two}                 bench.two: ingest
+{run: nowhere.yaml}                                         nowhere.yaml
+{run: rival_base.yaml, model: sarosi}                       a `model`, a `run`
+{as: nothing}                                               a `model`, a `run`
+{run: rival_base.yaml, method: levenberg_marquardt}         method
+""",
+        parts,
+    ),
 )
 def test_wrong_entries(pair, entry, words, tmp_path, mapmore):
     bench, _ = pair

@@ -1,13 +1,13 @@
 """The program as somebody gets it who has no checkout: a wheel, built and tried."""
 
 import json
-import os
 import shutil
 import subprocess
 import sys
 import tarfile
 import zipfile
 
+import common
 import pytest
 from cli_samples import PROJECT
 
@@ -68,21 +68,12 @@ def test_an_installed_program_makes_its_example(wheel, tmp_path):
     """
     zipfile.ZipFile(wheel).extractall(tmp_path / "site")
     (tmp_path / "site" / "sitecustomize.py").write_text(NO_NETWORK)
-    probe = subprocess.run(
-        [sys.executable, "-c", "import socket; socket.socket().connect(('127.0.0.1', 9))"],
-        env={**os.environ, "PYTHONPATH": str(tmp_path / "site")},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    env = {"PYTHONPATH": str(tmp_path / "site")}
+    probe = common.python("import socket; socket.socket().connect(('127.0.0.1', 9))", env=env)
     assert "RuntimeError: socket.connect" in probe.stderr
-    env = {**os.environ, "PYTHONPATH": str(tmp_path / "site")}
 
     def mapmore(*arguments):
-        call = [sys.executable, "-m", "mapmore_cli", *arguments]
-        return subprocess.run(
-            call, check=True, env=env, cwd=tmp_path, capture_output=True, text=True
-        ).stdout
+        return common.mapmore(*arguments, check=True, env=env, cwd=tmp_path).stdout
 
     mapmore("example", "muscle", "-q")
     document = json.loads(

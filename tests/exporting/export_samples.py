@@ -1,7 +1,5 @@
 """Models of every kind, made by hand."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from itertools import product
 
@@ -128,7 +126,6 @@ def pieces(
 
 def fused(model, **changes):
     """The model joined in another way."""
-    assert isinstance(model.body, Pieces)
     return replace(model, body=replace(model.body, fusion=replace(model.body.fusion, **changes)))
 
 

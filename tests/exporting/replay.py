@@ -5,8 +5,6 @@ The readers are not ours: SciPy's for MAT files and its interpolation, a Python 
 gcc, MuJoCo, FMPy.
 """
 
-from __future__ import annotations
-
 import ctypes
 import io
 import json

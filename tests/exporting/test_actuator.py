@@ -2,8 +2,6 @@
 in C and as a unit.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -41,7 +39,6 @@ def called(*args):
 def lag():
     """P's state space from the input of a valve to the pressure."""
     body = motion("bumpless", directed=False, dead_band=0.0).body
-    assert isinstance(body, StateSpace)
     sections = tuple(
         replace(one, weights=np.array([1.5 + i])) for i, one in enumerate(body.motion.sections)
     )
@@ -166,7 +163,6 @@ def test_what_cannot_be_joined_is_refused():
 
 def test_models_of_other_time_steps_are_no_actuator():
     slow = lag()
-    assert isinstance(slow.body, StateSpace)
     slow = replace(slow, body=replace(slow.body, motion=replace(slow.body.motion, step=0.02)))
     with pytest.raises(DataError, match="count samples"):
         exported(actuator(WITH_MEMORY["lags"], slow), "c")

@@ -2,8 +2,6 @@
 inverses with those in Python.
 """
 
-from __future__ import annotations
-
 import shutil
 import subprocess
 from dataclasses import replace

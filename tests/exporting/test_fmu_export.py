@@ -2,8 +2,6 @@
 where something is refused.
 """
 
-from __future__ import annotations
-
 import ctypes
 import io
 import shutil

@@ -2,17 +2,14 @@
 compiler, Python without NumPy.
 """
 
-from __future__ import annotations
-
 import ctypes
-import subprocess
-import sys
 from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from agreement import difference, points, recording
+from common import python
 from export_samples import STATIC, WITH_MEMORY, pieces
 from replay import Lift, combi_tables, compiled
 from scipy.interpolate import RegularGridInterpolator
@@ -191,14 +188,7 @@ def test_the_python_file_needs_nothing(model, tmp_path):
         "int(muscle.outside_range(p, e)))\n"
     )
     given = "\n".join(f"{p!r} {e!r}" for p, e in PLACES.tolist())
-    done = subprocess.run(
-        [sys.executable, "-c", code],
-        input=given,
-        capture_output=True,
-        text=True,
-        check=True,
-        cwd=tmp_path,
-    )
+    done = python(code, input=given, check=True, cwd=tmp_path)
     found = np.array([line.split() for line in done.stdout.splitlines()], dtype=float)
     np.testing.assert_allclose(found[:, 0], predict(model, columns()), rtol=1e-12)
     expected = slopes(model, columns())

@@ -2,8 +2,6 @@
 harmless one, in every language.
 """
 
-from __future__ import annotations
-
 import ast
 import dataclasses
 import io
@@ -181,7 +179,6 @@ def compiles(files, folder):
     """Check the syntax of the C of a model, with trigraphs."""
     sources = [data for key, data in files.items() if key.startswith("c ")]
     name = re.match(rb'#include "(\w+)\.h"', sources[1])
-    assert name is not None
     (folder / f"{name[1].decode()}.h").write_bytes(sources[0])
     (folder / "source.c").write_bytes(sources[1])
     line = [

@@ -2,8 +2,6 @@
 explicit seeds.
 """
 
-from __future__ import annotations
-
 import subprocess
 import sys
 

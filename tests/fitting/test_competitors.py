@@ -1,7 +1,5 @@
 """Competitors, fitted to the training samples of a study and asked for every sample."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 
@@ -86,7 +84,6 @@ def test_a_competitor_has_the_name_that_it_is_given():
 
 
 def of_run(tmp_path, model):
-    assert isinstance(model.body, Formula)
     write_model(tmp_path / "model.h5", model)
     write_fit(tmp_path / "fit.h5", FitResult(model.body.fit))
     return contest(needed={"other.yaml": tmp_path})
@@ -111,7 +108,7 @@ def test_a_run_of_other_units_is_refused(tmp_path):
 
 
 def test_in_a_fold_another_run_is_made_anew(tmp_path):
-    asked: list[tuple[Path, Dataset]] = []
+    asked = []
 
     def refit(folder, dataset):
         asked.append((folder, dataset))

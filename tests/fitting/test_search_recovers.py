@@ -135,10 +135,10 @@ def test_a_model_that_goes_on_by_itself_is_refused(monkeypatch):
     clock does.
     """
     monkeypatch.setattr(searching, "FAMILIES", ("tables", "feedback"))
-    time = STEP * np.arange(800)
+    time = STEP * np.arange(400)
     columns = {
         "time": time,
-        "u": np.random.default_rng(5).uniform(0, 1, 800),
+        "u": np.random.default_rng(5).uniform(0, 1, 400),
         "y": np.sin(3 * time),
     }
     result = search(dataset_of(columns), WHOLE, beside=False)

@@ -6,8 +6,6 @@ ignored with a warning, refused, or read; it never ends as an internal fault, an
 next plan of the run, `show`, or a comparison.
 """
 
-from __future__ import annotations
-
 import json
 import shutil
 from contextlib import redirect_stdout, suppress

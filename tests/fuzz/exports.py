@@ -2,8 +2,6 @@
 format of tables and figures.
 """
 
-from __future__ import annotations
-
 import csv
 import dataclasses
 import io

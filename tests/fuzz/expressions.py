@@ -2,8 +2,6 @@
 is printed, differentiated, computed.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

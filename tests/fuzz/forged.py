@@ -5,8 +5,6 @@ Each is read, shown, predicted, inverted, and exported to every language. It is 
 code other than 1, or done; no text of it runs, and no file is made.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import json
 import sys

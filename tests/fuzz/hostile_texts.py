@@ -1,7 +1,5 @@
 """Texts that a stranger may put where a text is free, and what TeX makes of a source."""
 
-from __future__ import annotations
-
 import re
 
 ESCAPES = (
@@ -127,7 +125,6 @@ def tex_commands(source):
                 break
             if line[at] == "\\":
                 name = re.compile(r"[A-Za-z@]+|.|$", re.DOTALL).match(line, at + 1)
-                assert name is not None
                 yield name[0]
                 at = name.end() - 1
             at += 1

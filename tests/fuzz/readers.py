@@ -2,8 +2,6 @@
 settings that fit or do not.
 """
 
-from __future__ import annotations
-
 import gzip
 import io
 import struct

@@ -6,8 +6,6 @@ take longer for each, and are tried less often (`TARGETS`). Ctrl-C ends it, and 
 far is printed.
 """
 
-from __future__ import annotations
-
 import signal
 import sys
 import tempfile

@@ -5,8 +5,6 @@ Most inputs are YAML without a fault of syntax: a key is left out, put in by the
 given a hostile value, or another part of the documents. One in ten is changed as text.
 """
 
-from __future__ import annotations
-
 import json
 import math
 import shutil

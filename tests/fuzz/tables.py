@@ -5,8 +5,6 @@ What a cell says is found here again: by a parser of RFC 4180 and a regular expr
 in ASCII digits.
 """
 
-from __future__ import annotations
-
 import io
 import math
 import re
@@ -105,7 +103,6 @@ def parsed(text, delimiter):
         else:
             end = re.compile(rf"[^{re.escape(delimiter)}\r\n]*").match(text, place)
             field = None if end is not None and '"' in end[0] else end and end[0]
-        assert end is not None
         record.append(None if text[place] == '"' and end[0].strip() else field)
         place = end.end()
         if text[place : place + 1] == delimiter:

@@ -1,7 +1,5 @@
 """A few inputs of every kind; `make fuzz` tries as many as one likes."""
 
-from __future__ import annotations
-
 import os
 import re
 import signal
@@ -63,10 +61,10 @@ def test_results_that_somebody_changed_are_refused_or_say_the_same(
 
 
 def test_forged_models_are_refused_or_used(tmp_path):
-    found = explore(forged.TARGET, 300, 16, tmp_path)
+    found = explore(forged.TARGET, 120, 16, tmp_path)
     assert found.faults == []
-    assert found.outcomes["used"] > 30
-    assert found.outcomes["refused (exit 4)"] > 100
+    assert found.outcomes["used"] > 12
+    assert found.outcomes["refused (exit 4)"] > 40
 
 
 def test_at_least_half_of_specs_and_expressions_are_past_the_syntax(tmp_path):

@@ -3,10 +3,10 @@
 import gc
 import hashlib
 import json
-import tracemalloc
 
 import numpy as np
 import pytest
+from common import peak_memory
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from ingest_samples import COLUMNS, csv_text, spec_of
@@ -197,12 +197,7 @@ def test_a_long_log_takes_the_memory_of_its_blocks(tmp_path, spooled, monkeypatc
     monkeypatch.setattr("mapmore_cli.modelling.signals.sampling.PART", rows // 8)
     # what is imported, and kept for the next time
     write_dataset(tmp_path / "ingest.h5", build_dataset(part, tmp_path))
-    tracemalloc.start()
-    try:
-        write_dataset(tmp_path / "ingest.h5", build_dataset(part, tmp_path))
-        _, peak = tracemalloc.get_traced_memory()
-    finally:
-        tracemalloc.stop()
+    peak = peak_memory(lambda: write_dataset(tmp_path / "ingest.h5", build_dataset(part, tmp_path)))
     assert read_dataset(tmp_path / "ingest.h5").recordings[0].rows_kept > 0.9 * n
     one_column = 8 * n
     assert peak < 2 * one_column, (

@@ -38,7 +38,7 @@ def committee_of(measured):
     )
 
 
-@settings(max_examples=5, deadline=None)
+@settings(max_examples=5)
 @given(st.integers(6, 12))
 def test_points_differ_and_make_the_map_surer(count):
     committee = committee_of(map_of(count))

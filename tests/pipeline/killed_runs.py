@@ -7,8 +7,6 @@ itself, so a run at every instant takes seconds. What comes after a kill depends
 it is tried once for each state of the folder, since most events only read.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import re

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass
-from typing import Any
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from mapmore_cli.modelling.pieces.recipe import Cuts, Fuse
@@ -47,7 +46,7 @@ def test_slices_become_json_under_the_names_of_the_file():
 
 
 def test_every_ingredient_counts():
-    basis: dict[str, Any] = {
+    basis = {
         "name": "fit",
         "revision": 1,
         "part": {"a": 1},
@@ -66,7 +65,6 @@ def test_every_ingredient_counts():
     assert len(marks) == 1 + len(changes)
 
 
-@settings(deadline=None)
 @given(SLICES)
 def test_order_of_keys_is_of_no_account(part):
     turned = dict(reversed(part.items()))
@@ -74,7 +72,6 @@ def test_order_of_keys_is_of_no_account(part):
     assert slice_differences("fit", part, turned) == []
 
 
-@settings(deadline=None)
 @given(SLICES, SLICES)
 def test_differences_are_told_exactly_when_there_are_some(old, new):
     told = slice_differences("fit", old, new)

@@ -2,39 +2,30 @@
 thread.
 """
 
-from __future__ import annotations
-
 import json
-import os
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+from common import python
 from fake_study import fake_stages, make_data, study
 
 from mapmore_cli.domain.errors import WriteError
 from mapmore_cli.pipeline.runner import bring_up_to_date
 
 HERE = Path(__file__).parent
-ENVIRONMENT = {**os.environ, "OPENBLAS_NUM_THREADS": "2", "PYTHONPATH": str(HERE)}
+ENVIRONMENT = {"OPENBLAS_NUM_THREADS": "2", "PYTHONPATH": str(HERE)}
 
 
-def python(script, folder):
+def printed(script, folder):
     """The JSON that a script prints; it finds the folder in sys.argv[1]."""
-    done = subprocess.run(
-        [sys.executable, "-c", script, str(folder)],
-        check=True,
-        env=ENVIRONMENT,
-        capture_output=True,
-        text=True,
-        timeout=120,
-    )
+    done = python(script, folder, check=True, env=ENVIRONMENT, timeout=120)
     return json.loads(done.stdout)
 
 
 def test_killed_at_every_instant(tmp_path):
-    outcome = python(
+    outcome = printed(
         f"import runpy; runpy.run_path({str(HERE / 'killed_runs.py')!r}, run_name='__main__')",
         tmp_path,
     )
@@ -65,7 +56,6 @@ def test_run_is_locked_while_another_process_writes_it(tmp_path):
         stdout=subprocess.PIPE,
         text=True,
     ) as other:
-        assert other.stdout is not None
         assert other.stdout.readline() == "start of ingest\n"
         before = sorted((tmp_path / "runs" / "demo").iterdir())
         with pytest.raises(WriteError, match="demo: another process") as caught:
@@ -93,7 +83,7 @@ print(json.dumps([outcome.stages, sorted({name.split(".")[0] for name in sys.mod
 def test_an_up_to_date_run_loads_nothing_heavy(tmp_path):
     make_data(tmp_path)
     bring_up_to_date(study(tmp_path), tmp_path / "runs", stages=fake_stages())
-    stages, modules = python(UP_TO_DATE, tmp_path)
+    stages, modules = printed(UP_TO_DATE, tmp_path)
     assert set(stages.values()) == {"up-to-date"}
     assert not {"h5py", "scipy", "matplotlib", "pint", "jinja2", "threadpoolctl"} & set(modules)
 
@@ -108,10 +98,10 @@ print(json.dumps([names, sorted({name.split(".")[0] for name in sys.modules})]))
 
 
 def test_real_stages_are_cheap_to_import(tmp_path):
-    names, modules = python(PIPELINE, tmp_path)
+    names, modules = printed(PIPELINE, tmp_path)
     assert names == ["ingest", "segment", "fit", "fuse", "validate", "report"]
     assert not {"h5py", "scipy", "matplotlib", "pint", "jinja2"} & set(modules)
-    _, modules = python(
+    _, modules = printed(
         f"import mapmore_cli.cli.views, mapmore_cli.annexes.search.stage\n{PIPELINE}", tmp_path
     )
     assert not {"scipy", "matplotlib", "pint", "jinja2"} & set(modules)
@@ -141,6 +131,6 @@ print(json.dumps(threads))
 
 def test_stages_have_one_blas_thread(tmp_path):
     make_data(tmp_path)
-    threads = python(ONE_THREAD, tmp_path)
+    threads = printed(ONE_THREAD, tmp_path)
     assert threads
     assert set(threads) == {1}

@@ -6,8 +6,6 @@ Content-Security-Policy and without it. Without it, the text does what it says, 
 would find nothing anywhere.
 """
 
-from __future__ import annotations
-
 import subprocess
 import sys
 import threading
@@ -27,7 +25,7 @@ OWNED = "owned"
 @contextmanager
 def server():
     """A server on this machine: its port, and the paths that were asked for."""
-    asked: list[str] = []
+    asked = []
 
     class Handler(BaseHTTPRequestHandler):
         def do_GET(self):

@@ -2,8 +2,6 @@
 term each.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from html.parser import HTMLParser
@@ -14,7 +12,7 @@ from mapmore_cli.domain.fits import FormulaFit
 from mapmore_cli.domain.models import Equation
 from mapmore_cli.domain.recording import Curve, Dataset, Quantity, Recording
 from mapmore_cli.domain.results import FitResult, Forecast, PiecesFit, Validation
-from mapmore_cli.domain.scores import FIGURES
+from mapmore_cli.domain.scores import FIGURES, Score
 from mapmore_cli.modelling.kinds import predict
 from mapmore_cli.modelling.pieces import build as pieces
 from mapmore_cli.modelling.pieces.recipe import Cuts, Fuse, Recipe
@@ -241,8 +239,8 @@ class Page(HTMLParser):
 
     def __init__(self, html):
         super().__init__()
-        self.open: list[str] = []
-        self.tags: list[tuple[str, dict[str, str | None]]] = []
+        self.open = []
+        self.tags = []
         self.text = ""
         self.feed(html)
         self.close()
@@ -264,3 +262,21 @@ class Page(HTMLParser):
 
     def named(self, tag):
         return [attrs for name, attrs in self.tags if name == tag]
+
+
+def score(model, nrmse, split="validate", curve="all"):
+    """A score of a model that errs by so much of 100 N."""
+    return Score(
+        model,
+        "force",
+        split,
+        curve,
+        10,
+        nrmse * 100,
+        nrmse,
+        100.0,
+        f"max|force| over {split}",
+        1.0,
+        0.01,
+        0.9,
+    )

@@ -1,16 +1,14 @@
 """What a campaign says over all its runs, in tables and in its figure."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
-from report_builder import Page
+from report_builder import Page, score
 
-from mapmore_cli.domain.scores import REPEATABILITY, Published, Score
+from mapmore_cli.domain.scores import REPEATABILITY, Published
 from mapmore_cli.reporting.campaign import (
     CampaignScores,
     campaign_tables,
@@ -23,20 +21,7 @@ from mapmore_cli.reporting.report import render_campaign
 
 
 def row(model, rmse, split="validate"):
-    return Score(
-        model,
-        "static",
-        split,
-        "all",
-        10,
-        rmse,
-        rmse / 100,
-        100,
-        "max|force| over validate",
-        rmse,
-        rmse / 100,
-        0.9,
-    )
+    return score(model, rmse / 100, split)
 
 
 def rows(**errors):
@@ -132,7 +117,6 @@ def test_a_formula_is_not_below_itself():
     assert closing == ("below the best formula", "1 of 2", "1 of 2", "1 of 2")
 
 
-@settings(deadline=None)
 @given(st.lists(st.lists(st.floats(0.1, 100), min_size=3, max_size=3), min_size=1, max_size=6))
 def test_of_the_formulas_one_is_best_in_every_run(errors):
     names = ["f", "g", "h"]

@@ -1,7 +1,5 @@
 """What machines that run tests read of runs."""
 
-from __future__ import annotations
-
 import math
 import xml.etree.ElementTree as ET
 
@@ -22,21 +20,18 @@ RUNS = [
 
 def test_every_run_and_every_limit_is_a_case():
     suite = ET.fromstring(to_junit(RUNS)).find("testsuite")
-    assert suite is not None
     assert {key: suite.get(key) for key in ("tests", "failures", "errors", "time")} == {
         "tests": "6", "failures": "2", "errors": "1", "time": "3.500",
     }  # fmt: skip
     cases = {(case.get("classname"), case.get("name")): case for case in suite}
     assert list(cases[("mapmore.good", "require nrmse")]) == []
     failure = cases[("mapmore.missed", "require nrmse")].find("failure")
-    assert failure is not None
     assert (
         failure.get("message") == "nrmse of mapmore on the validate rows is 0.07; the limit is 0.05"
     )
     # no number keeps no limit
     assert cases[("mapmore.missed", "require r2")].find("failure") is not None
     error = cases[("mapmore.broken", "run")].find("error")
-    assert error is not None
     assert error.get("message") == "none_*.csv: no such file"
     assert cases[("mapmore.good", "run")].findtext("system-err") == "a warning"
 

@@ -2,8 +2,6 @@
 panels.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from itertools import combinations
 

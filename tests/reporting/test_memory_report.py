@@ -2,8 +2,6 @@
 beside one step.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from report_builder import tables_of

@@ -2,18 +2,14 @@
 name that a reader's program obeys.
 """
 
-from __future__ import annotations
-
 import csv
-import os
 import re
-import subprocess
-import sys
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from common import python
 from matplotlib.image import imread
 from report_builder import all_named
 
@@ -92,10 +88,7 @@ with figure_style():
 
 
 def hashes(**environment):
-    command = [sys.executable, "-c", SCRIPT, str(Path(__file__).parent)]
-    return subprocess.run(
-        command, capture_output=True, text=True, check=True, env={**os.environ, **environment}
-    ).stdout
+    return python(SCRIPT, Path(__file__).parent, check=True, env=environment).stdout
 
 
 def test_another_process_on_another_day_writes_the_same_bytes():

@@ -1,12 +1,10 @@
-from __future__ import annotations
-
 import csv
 import io
 import math
 from html.parser import HTMLParser
 
 import pytest
-from hypothesis import example, given, settings
+from hypothesis import example, given
 from hypothesis import strategies as st
 from markdown_it import MarkdownIt
 
@@ -151,8 +149,8 @@ def test_long_paths_may_break_and_short_ones_may_not():
 class Cells(HTMLParser):
     def __init__(self):
         super().__init__()
-        self.scopes: list[str | None] = []
-        self.rows: list[list[str]] = []
+        self.scopes = []
+        self.rows = []
 
     def handle_starttag(self, tag, attrs):
         if tag == "tr":
@@ -180,7 +178,6 @@ texts = st.text(
 numbers = st.floats(allow_nan=False, allow_infinity=False)
 
 
-@settings(deadline=None)
 @given(st.lists(st.tuples(texts, numbers, st.integers(), st.none()), min_size=1, max_size=5))
 def test_csv_parses_back(rows):
     table = Table(

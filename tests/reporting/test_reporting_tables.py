@@ -1,17 +1,15 @@
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from report_builder import of_pieces, tables_of
+from report_builder import of_pieces, score, tables_of
 
 from mapmore_cli.domain.fits import FormulaFit
 from mapmore_cli.domain.models import FoldError
 from mapmore_cli.domain.recording import Dataset, Quantity, Recording
 from mapmore_cli.domain.results import PiecesFit
-from mapmore_cli.domain.scores import Published, Score
+from mapmore_cli.domain.scores import Published
 from mapmore_cli.reporting.score_tables import score_table, verdict_sentence
 from mapmore_cli.reporting.tables import levels_table, recordings_table, same_models, terms_table
 
@@ -261,81 +259,74 @@ def test_formulas_that_are_one_model_are_named_once_each_pair():
     assert same_models([("a", fit("a", 2.0)), ("a again", fit("a", 2.0))]) == ()
 
 
-def score(model, nrmse, split="validate", curve="all"):
-    return Score(
-        model,
-        "force",
-        split,
-        curve,
-        10,
-        nrmse * 100,
-        nrmse,
-        100.0,
-        f"max|force| over {split}",
-        1.0,
-        0.01,
-        0.9,
-    )
-
-
-OWN, BETTER, BEST = (
-    score("mapmore", 0.02),
-    score("sarosi", 0.01),
-    "the best competitor (Sárosi) reaches",
-)
+BEST = "the best competitor (Sárosi) reaches"
 HEAD = "mapmore predicts force with an NRMSE of 2 % (RMSE 2 N) on the held-out data"
-VERDICTS = {
-    "better than the best of the others": (
-        [OWN, score("sarosi", 0.025), score("poly", 0.07)],
-        f"{HEAD}; {BEST} 2.5 %: mapmore is better (0.8 times the RMSE).",
-    ),
-    "worse is said to be worse": (
-        [OWN, BETTER],
-        f"{HEAD}; {BEST} 1 %: mapmore is worse (2 times the RMSE).",
-    ),
-    "nearly equal is no victory": (
-        [OWN, score("sarosi", 0.0201)],
-        f"{HEAD}; {BEST} 2.01 %: no difference to speak of.",
-    ),
-    "training errors are called by their name": (
-        [score("mapmore", 0.02, "train"), score("sarosi", 0.04, "train")],
-        "on its own training data (nothing was held out, so this says little about new data); "
-        f"{BEST} 4 %: mapmore is better (0.5 times the RMSE).",
-    ),
-    "a good training error hides no bad validation error": (
-        [score("mapmore", 0.001, "train"), score("sarosi", 0.02, "train"), OWN, BETTER],
-        f"{HEAD}; {BEST} 1 %: mapmore is worse (2 times the RMSE).",
-    ),
-    "a curve by itself does not count": (
-        [OWN, BETTER, score("mapmore", 0.0001, curve="p=1")],
-        "mapmore is worse (2 times the RMSE).",
-    ),
-    "no competitor": ([OWN], f"{HEAD}; it was compared with no other model."),
-    "a competitor that diverged": (
-        [OWN, score("sarosi", math.nan)],
-        "no competitor gave a prediction to compare with.",
-    ),
-    "a perfect competitor": ([OWN, score("exact", 0.0)], "reaches 0 %: mapmore is worse."),
-    "repeatability is told": (
-        [OWN, score("sarosi", 0.04), score("repeatability", 0.01)],
-        f"{BEST} 4 %: mapmore is better (0.5 times the RMSE); repeated measurements differ by 1 %.",
-    ),
-    "repeatability is no competitor": (
-        [OWN, score("repeatability", 0.01)],
-        f"{HEAD}; it was compared with no other model; repeated measurements differ by 1 %.",
-    ),
-    "no score": ([], "mapmore gave no prediction."),
-    "no score that is a number": ([score("mapmore", math.nan)], "mapmore gave no prediction."),
-    "no score of its own": ([BETTER], "mapmore gave no prediction."),
-}
+VERDICTS = """
+better than the best of the others
+    mapmore .02, sarosi .025, poly .07
+    HEAD; BEST 2.5 %: mapmore is better (0.8 times the RMSE).
+worse is said to be worse
+    mapmore .02, sarosi .01
+    HEAD; BEST 1 %: mapmore is worse (2 times the RMSE).
+nearly equal is no victory
+    mapmore .02, sarosi .0201
+    HEAD; BEST 2.01 %: no difference to speak of.
+training errors are called by their name
+    mapmore .02 train, sarosi .04 train
+    on its own training data (nothing was held out, so this says little about new data); \
+BEST 4 %: mapmore is better (0.5 times the RMSE).
+a good training error hides no bad validation error
+    mapmore .001 train, sarosi .02 train, mapmore .02, sarosi .01
+    HEAD; BEST 1 %: mapmore is worse (2 times the RMSE).
+a curve by itself does not count
+    mapmore .02, sarosi .01, mapmore .0001 validate p=1
+    mapmore is worse (2 times the RMSE).
+no competitor
+    mapmore .02
+    HEAD; it was compared with no other model.
+a competitor that diverged
+    mapmore .02, sarosi nan
+    no competitor gave a prediction to compare with.
+a perfect competitor
+    mapmore .02, exact 0
+    reaches 0 %: mapmore is worse.
+repeatability is told
+    mapmore .02, sarosi .04, repeatability .01
+    BEST 4 %: mapmore is better (0.5 times the RMSE); repeated measurements differ by 1 %.
+repeatability is no competitor
+    mapmore .02, repeatability .01
+    HEAD; it was compared with no other model; repeated measurements differ by 1 %.
+no score
+    nothing
+    mapmore gave no prediction.
+no score that is a number
+    mapmore nan
+    mapmore gave no prediction.
+no score of its own
+    sarosi .01
+    mapmore gave no prediction.
+""".strip().splitlines()
+"""What is shown; the scores; the end of the sentence."""
 
 
-@pytest.mark.parametrize(("scores", "said"), VERDICTS.values(), ids=VERDICTS)
+def scores_of(text):
+    """Scores as `model NRMSE [split [curve]]`."""
+    for model, nrmse, *place in map(str.split, [] if text == "nothing" else text.split(", ")):
+        yield score(model, float(nrmse), *place)
+
+
+@pytest.mark.parametrize(
+    ("scores", "said"),
+    [*zip(map(str.strip, VERDICTS[1::3]), map(str.strip, VERDICTS[2::3]), strict=True)],
+    ids=VERDICTS[::3],
+)
 def test_the_verdict(scores, said):
-    assert verdict_sentence(scores, "mapmore", Quantity("force", "N")).endswith(said)
+    said = said.replace("HEAD", HEAD).replace("BEST", BEST)
+    sentence = verdict_sentence([*scores_of(scores)], "mapmore", Quantity("force", "N"))
+    assert sentence.endswith(said)
 
 
 def test_the_verdict_where_every_competitor_failed():
-    assert verdict_sentence([OWN], "mapmore", Quantity("force", "N"), ("sarosi",)).endswith(
-        "no competitor gave a prediction to compare with."
-    )
+    assert verdict_sentence(
+        [score("mapmore", 0.02)], "mapmore", Quantity("force", "N"), ("sarosi",)
+    ).endswith("no competitor gave a prediction to compare with.")

@@ -1,7 +1,5 @@
 """Muscles and shipped simulations that the tests of the rig share."""
 
-from __future__ import annotations
-
 from functools import cache
 from pathlib import Path
 

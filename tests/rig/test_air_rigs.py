@@ -2,8 +2,6 @@
 is published.
 """
 
-from __future__ import annotations
-
 import csv
 from functools import cache
 
@@ -37,7 +35,7 @@ def committed(path):
     return {name: table[name] for name in table.dtype.names}
 
 
-@settings(deadline=None, max_examples=15)
+@settings(max_examples=15)
 @given(st.floats(0.02, 0.2), st.floats(-0.1, 0.1), st.floats(2e5, 6e5))
 def test_slow_air_keeps_its_temperature_and_fast_air_its_heat(start, change, pressure):
     muscle = closed_muscle()

@@ -1,7 +1,5 @@
 """Load cycles and tables of contractions: what loops and balances must obey."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

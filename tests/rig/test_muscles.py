@@ -2,8 +2,6 @@
 friction.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from itertools import pairwise
 
@@ -48,7 +46,7 @@ def test_the_documented_forces_free_strains_and_lengths(kind):
         assert free_strain(muscle, kpa * 1e3) == pytest.approx(strain, abs=6e-4)
 
 
-@settings(deadline=None, max_examples=25)
+@settings(max_examples=25)
 @given(strain=contractions)
 def test_the_volume_is_that_of_the_tapered_profile(strain):
     length = BRAID.length * (1 - strain)
@@ -65,7 +63,6 @@ def test_the_volume_is_that_of_the_tapered_profile(strain):
     assert float(volume(BRAID, np.float64(strain))) == pytest.approx(swept, rel=1e-8)
 
 
-@settings(deadline=None)
 @given(alpha=st.floats(1e-3, 1.57), pressure=st.floats(0.0, 600e3))
 def test_the_peano_solver_returns_to_the_angle_that_it_is_given(alpha, pressure):
     """From an angle follow strain and force in closed form; the solver has to find that force from
@@ -87,7 +84,6 @@ def test_a_muscle_that_never_stops_pulling_is_refused():
         free_strain(endless, 500e3)
 
 
-@settings(deadline=None)
 @given(pressure=st.floats(0, 6e5), strain=st.floats(-0.005, 0.25))
 def test_the_tension_is_the_static_force(pressure, strain):
     for chamber in (BRAID, TUBES):
@@ -96,7 +92,6 @@ def test_the_tension_is_the_static_force(pressure, strain):
         )
 
 
-@settings(deadline=None)
 @given(pressure=pressures, strain=strains)
 def test_the_tubes_do_as_much_work_as_the_water(pressure, strain):
     """Virtual work: `L0 dF/dP_e` at constant strain is `dV/de` at constant pressure."""
@@ -131,7 +126,6 @@ def test_a_locked_tube_fills_to_the_area_between_its_arcs():
     assert 1e-6 < filled < 20e-6
 
 
-@settings(deadline=None)
 @given(pressure=st.floats(-9e4, 6e5), strain=st.floats(-0.01, 0.25))
 def test_no_chamber_swells_when_it_is_sucked(pressure, strain):
     for chamber in (BRAID, TUBES):
@@ -146,7 +140,6 @@ FRICTION = friction(3.0, 6e-5, YIELDS, (0.4, 0.35, 0.25))
 paths = st.lists(st.floats(-0.05, 0.3), min_size=2, max_size=30).map(np.array)
 
 
-@settings(deadline=None)
 @given(peak=st.floats(1e-4, 0.1), back=st.floats(0, 1))
 def test_a_minor_loop_is_forgotten(peak, back):
     """Return-point memory: from a turning point part of the way back and up to it again, as if it
@@ -157,7 +150,6 @@ def test_a_minor_loop_is_forgotten(peak, back):
     assert np.all(states[2] <= states[1])
 
 
-@settings(deadline=None)
 @given(path=paths, pressure=st.floats(0, 5e5))
 def test_friction_never_gives_work_back_over_a_closed_cycle(path, pressure):
     # twice, so that the second run starts from where it ends

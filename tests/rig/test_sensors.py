@@ -1,11 +1,9 @@
 """Sensors, and the muscle in a loop."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from closed_loop import Lift, Loop, closed_loop, wanted_force
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from rig_cases import friction
 
@@ -13,7 +11,6 @@ from mapmore_cli.annexes.rig.muscle import GRAVITY
 from mapmore_cli.annexes.rig.sensors import Sensor, recording_generator
 
 
-@settings(deadline=None)
 @given(
     resolution=st.sampled_from([0.1, 0.25, 1.1e-4, 3.0]),
     noise=st.floats(0, 5),

@@ -1,11 +1,10 @@
 """`simulate`: the committed recordings regenerate, files are whole, bad specs are refused."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np
 import pytest
+from common import rows_of
 from rig_cases import DATASETS, spec
 
 from mapmore_cli.annexes.rig.simulate import (
@@ -133,76 +132,71 @@ def test_a_file_in_place_of_the_folder_is_refused(tmp_path):
         simulate(spec(PEANO, *SHORT), tmp_path / "taken", silent)
 
 
-BAD = {
-    PEANO: [
-        ("experiment.pressures=[80, 80]", "name it once"),
-        ("experiment.pressures=[]", "at least 1"),
-        ("experiment.pressures=[-5]", "at least 0"),
-        ("experiment.pressures=[80 kPa]", "should be a number"),
-        ("experiment.pressures=80", r"should be a list.*\n.*write `\[80\]`"),
-        ("experiment.dwell=20", "no time to move"),
-        ("experiment.turns=[1, 0.5, 0.5]", "must move from each of `turns`"),
-        ("experiment.turns=[1, 0]", "must move from each of `turns`"),
-        ("experiment.turns=[1.1]", "at most 1"),
-        ("experiment.turns=[]", "at least 1"),
-        ("experiment.sample_time=5", "fewer than 100 samples"),
-        ("experiment.colour=red", "unknown key `colour`"),
-        ("hysteresis.stops=[{yield_strain: 0.01, share: 0.9}]", "add up to 1"),
-        ("sensors.force.resolution=0", "greater than 0"),
-        ("sensors.flow={noise: 0.02, resolution: 0.01}", "no others"),
-        ("muscle.kind=bellows", "kind"),
-        ("output=../elsewhere", "cannot be"),
-        ("seed=1.5", "whole number"),
-    ],
-    "peano/step_responses": [
-        ("experiment.steps.1.pressure=80", "name it once"),
-        ("experiment.steps.1.pressure=0", "greater than 0"),
-        ("experiment.steps.1.weight=0.5", "exceed the `pretension`"),
-        ("experiment.rest=0.005", "ten samples"),
-        ("experiment.rig.tube.diameter=-1", "greater than 0"),
-        ("experiment.reservoir.critical_ratio=1.0", "less than 0.99"),
-        ("sensors.flow=null", "of these"),
-    ],
-    "peano/perturbations": [
-        ("experiment.between=[0.8, 0.2]", "stretched end first"),
-        ("experiment.between=[0.8]", "too few values"),
-        ("experiment.moves=[]", "at least 1"),
-        ("experiment.moves=[0.5, 0.001]", "ten samples"),
-        ("experiment.pressures=[80, 80.0]", "name it once"),
-        ("experiment.type=vibration", "type"),
-    ],
-    "waveforms/validation": [
-        ("experiment.waveforms.1.name=full_stroke", "a name of its own"),
-        ("experiment.waveforms.0.low=5", "must lie below"),
-        ("experiment.waveforms.0.shape=saw", "sine"),
-        ("experiment.waveforms.0.frequency=20", "ten samples"),
-        ("experiment.waveforms.0.load=-1", "at least 0"),
-        ("experiment.waveforms=[]", "at least 1"),
-        ("experiment.regulator.lag=0", "greater than 0"),
-        ("sensors.displacement=null", "of these"),
-        ("sensors.strain={noise: 0, resolution: 1}", "no others"),
-        ("muscle={kind: peano}", "kind: mckibben"),
-    ],
-    "wrist/contraction_table": [
-        ("experiment.repeats=0", "at least 1"),
-        ("sensors.force={noise: 1, resolution: 1}", "no others"),
-    ],
-    "muscle-like/random_velocity_16cm": [
-        ("experiment.speeds=[0.2, 0.1]", "slower one first"),
-        ("experiment.every=40000", "fewer than 100 samples"),
-        ("muscle={kind: peano}", "kind: mckibben"),
-    ],
-    "muscle-like/joint": [
-        ("experiment.recordings=[swung]", "closed"),
-        ("experiment.recordings=[random]", "needs a `course`"),
-        ("experiment.extensor.c10=-1", "at least 0"),
-    ],
-    "muscle-like/tendon": [("experiment.tendon.stiffness=0", "greater than 0")],
-}
+BAD = """
+peano/load_cycles                 experiment.pressures=[80, 80]             name it once
+peano/load_cycles                 experiment.pressures=[]                   at least 1
+peano/load_cycles                 experiment.pressures=[-5]                 at least 0
+peano/load_cycles                 experiment.pressures=[80 kPa]             should be a number
+peano/load_cycles                 experiment.dwell=20                       no time to move
+peano/load_cycles                 experiment.turns=[1, 0.5, 0.5]  \
+    must move from each of `turns`
+peano/load_cycles                 experiment.turns=[1, 0]  \
+    must move from each of `turns`
+peano/load_cycles                 experiment.turns=[1.1]                    at most 1
+peano/load_cycles                 experiment.turns=[]                       at least 1
+peano/load_cycles                 experiment.sample_time=5  \
+    fewer than 100 samples
+peano/load_cycles                 experiment.colour=red                     unknown key `colour`
+peano/load_cycles                 hysteresis.stops=[{yield_strain: 0.01, share: 0.9}]  \
+    add up to 1
+peano/load_cycles                 sensors.force.resolution=0                greater than 0
+peano/load_cycles                 sensors.flow={noise: 0.02, resolution: 0.01}  no others
+peano/load_cycles                 muscle.kind=bellows                       kind
+peano/load_cycles                 output=../elsewhere                       cannot be
+peano/load_cycles                 seed=1.5                                  whole number
+peano/step_responses              experiment.steps.1.pressure=80            name it once
+peano/step_responses              experiment.steps.1.pressure=0             greater than 0
+peano/step_responses              experiment.steps.1.weight=0.5  \
+    exceed the `pretension`
+peano/step_responses              experiment.rest=0.005                     ten samples
+peano/step_responses              experiment.rig.tube.diameter=-1           greater than 0
+peano/step_responses              experiment.reservoir.critical_ratio=1.0   less than 0.99
+peano/step_responses              sensors.flow=null                         of these
+peano/perturbations               experiment.between=[0.8, 0.2]             stretched end first
+peano/perturbations               experiment.between=[0.8]                  too few values
+peano/perturbations               experiment.moves=[]                       at least 1
+peano/perturbations               experiment.moves=[0.5, 0.001]             ten samples
+peano/perturbations               experiment.pressures=[80, 80.0]           name it once
+peano/perturbations               experiment.type=vibration                 type
+waveforms/validation              experiment.waveforms.1.name=full_stroke   a name of its own
+waveforms/validation              experiment.waveforms.0.low=5              must lie below
+waveforms/validation              experiment.waveforms.0.shape=saw          sine
+waveforms/validation              experiment.waveforms.0.frequency=20       ten samples
+waveforms/validation              experiment.waveforms.0.load=-1            at least 0
+waveforms/validation              experiment.waveforms=[]                   at least 1
+waveforms/validation              experiment.regulator.lag=0                greater than 0
+waveforms/validation              sensors.displacement=null                 of these
+waveforms/validation              sensors.strain={noise: 0, resolution: 1}  no others
+waveforms/validation              muscle={kind: peano}                      kind: mckibben
+wrist/contraction_table           experiment.repeats=0                      at least 1
+wrist/contraction_table           sensors.force={noise: 1, resolution: 1}   no others
+muscle-like/random_velocity_16cm  experiment.speeds=[0.2, 0.1]              slower one first
+muscle-like/random_velocity_16cm  experiment.every=40000  \
+    fewer than 100 samples
+muscle-like/random_velocity_16cm  muscle={kind: peano}                      kind: mckibben
+muscle-like/joint                 experiment.recordings=[swung]             closed
+muscle-like/joint                 experiment.recordings=[random]            needs a `course`
+muscle-like/joint                 experiment.extensor.c10=-1                at least 0
+muscle-like/tendon                experiment.tendon.stiffness=0             greater than 0
+"""
 
 
 @pytest.mark.parametrize(
-    ("path", "change", "message"), [(path, *one) for path, some in BAD.items() for one in some]
+    ("path", "change", "message"),
+    [
+        *rows_of(BAD),
+        (PEANO, "experiment.pressures=80", r"should be a list.*\n.*write `\[80\]`"),
+    ],
 )
 def test_a_bad_spec_is_refused(path, change, message):
     with pytest.raises(SpecError, match=message):

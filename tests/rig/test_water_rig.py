@@ -2,13 +2,11 @@
 data.
 """
 
-from __future__ import annotations
-
 from functools import cache
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from rig_cases import BRAID, MUSCLES, both, spec
 from scipy.integrate import quad, trapezoid
@@ -53,7 +51,6 @@ def test_friction_is_poiseuilles_and_blasius(reynolds, friction_factor):
     assert TUBE.drop(flow_at(reynolds)) == pytest.approx(expected, rel=2e-3)
 
 
-@settings(deadline=None)
 @given(first=absolute, second=absolute)
 def test_a_valve_has_no_preferred_direction_and_flows_downhill(first, second):
     flow = valve_flow(1e-8, 0.3, first, second)
@@ -83,7 +80,6 @@ def test_supply_fills_to_its_own_pressure_and_exhaust_to_none():
     assert RESERVOIR.exhausted(1e5) < 0 < RESERVOIR.exhausted(-1e4)
 
 
-@settings(deadline=None)
 @given(pressure=st.floats(-8e4, 1e6))
 def test_a_bubble_obeys_boyles_law(pressure):
     def volume(gauge):
@@ -184,7 +180,6 @@ def test_the_peano_fills_before_it_moves():
     assert trapezoid(truth["flow"][100:still], truth["time"][100:still]) > 1e-6
 
 
-@settings(deadline=None)
 @given(depth=st.floats(-0.01, 0.01), speed=st.floats(-5, 5))
 def test_the_stop_never_gives_energy(depth, speed):
     """It only pushes, and takes at least the power of a loss-free spring, which gives back what it

@@ -1,12 +1,12 @@
 """Documents for the tests of the spec, and a short way to load them."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest
+import yaml
 
 from mapmore_cli.domain.errors import SpecError
+from mapmore_cli.pipeline.staleness import plain
 from mapmore_cli.spec.loader import load
 
 STATIC = """\
@@ -229,3 +229,21 @@ def refusal(folder, text, overrides=()):
     with pytest.raises(SpecError) as caught:
         load_text(folder, text, overrides)
     return str(caught.value).replace(f"{folder}/", "")
+
+
+def differences(found, wanted, place=""):
+    """Where a document does not say what another does."""
+    if isinstance(wanted, dict) and isinstance(found, dict):
+        for key, value in wanted.items():
+            yield from differences(found.get(key), value, f"{place}.{key}")
+    elif isinstance(wanted, list) and isinstance(found, list) and len(found) == len(wanted):
+        for number, value in enumerate(wanted):
+            yield from differences(found[number], value, f"{place}.{number}")
+    elif found != (pytest.approx(wanted, rel=1e-9) if isinstance(wanted, float) else wanted):
+        yield f"{place}: {found!r}, not {wanted!r}"
+
+
+def assert_says(spec, text):
+    """A spec says all that some YAML does."""
+    wrong = [*differences(plain(spec), yaml.safe_load(text))]
+    assert not wrong, wrong

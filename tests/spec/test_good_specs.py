@@ -5,32 +5,43 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from spec_examples import DAMPING, GOOD, LOGS, MEASURED, MOTION, SHIPPED, STATIC, load_text
+from common import rows_of
+from spec_examples import (
+    DAMPING,
+    GOOD,
+    LOGS,
+    MEASURED,
+    MOTION,
+    SHIPPED,
+    STATIC,
+    assert_says,
+    load_text,
+)
 
 from mapmore_cli.fitting.kinds.choices import model_choices
 from mapmore_cli.fitting.kinds.dictionary import signals_of, units_of
 from mapmore_cli.fitting.kinds.pieces import recipe_of
-from mapmore_cli.modelling.pieces.recipe import BelowAbove, CutByDirection, Cuts
 from mapmore_cli.pipeline.stages import segment_slice
-from mapmore_cli.spec.experiment import Competitor
 from mapmore_cli.spec.fields import Section
 from mapmore_cli.spec.loader import load
-from mapmore_cli.spec.sections.data import Between, GapRule, Levels, Rate
-from mapmore_cli.spec.sections.logs import FileEntry, Keep
 
 
 def test_the_static_study(tmp_path):
     loaded = load_text(tmp_path, STATIC)
-    spec = loaded.spec
-    assert (spec.muscle.length, spec.muscle.diameter) == (0.088, 0.02)
-    assert spec.data.levels == Levels(of="pressure", at=[80.0, 150.0, 250.0, 350.0])
-    assert spec.data.split.hold_out is not None
-    assert spec.data.split.hold_out.quantities == {"pressure": [250.0]}
-    assert spec.data.quantities == ("time", "pressure", "strain", "force")
-    assert spec.segment == {"strain": Cuts(method="even", count=4)}
-    assert spec.target_quantity == "force"
-    assert spec.fit.tolerance == 1e-4
-    assert spec.validation.require == {"nrmse": 0.05}
+    assert_says(
+        loaded.spec,
+        """
+muscle: {length: 0.088, diameter: 0.02}
+data:
+  levels: {of: pressure, at: [80, 150, 250, 350]}
+  split: {validate: {pressure: [250]}}
+segment: {strain: {method: even, count: 4}}
+fit: {tolerance: 0.0001}
+validate: {require: {nrmse: 0.05}}
+""",
+    )
+    assert loaded.spec.data.quantities == ("time", "pressure", "strain", "force")
+    assert loaded.spec.target_quantity == "force"
     assert (loaded.path, loaded.folder) == (tmp_path / "spec.yaml", tmp_path)
 
 
@@ -61,61 +72,52 @@ def test_a_target_by_its_name_alone_is_that_of_a_quantity(tmp_path):
 
 
 def test_numbers_with_units_are_in_the_units_of_the_model(tmp_path):
-    spec = load_text(tmp_path, MEASURED).spec
-    data = spec.data
-    assert data.files == [
-        FileEntry(path="10mm_Unkink_*.csv.gz", set={"length": 0.182}),
-        FileEntry(
-            path="10mm_kinked25_*.csv.gz",
-            set={"length": 0.1745},
-            id="kinked",
-            keep=[Keep(quantity="time", outside=(60.0, 70.0))],
-        ),
-        "plain.csv",
-    ]
-    assert data.columns["force"].offset == 0.009  # in the column's own unit, kN
-    assert data.columns["pressure"].offset == pytest.approx(14.503773773, rel=1e-9)  # psi
-    assert data.derive["pressure_rate"] == Rate(rate_of="pressure", window=0.03, order=2)
-    assert data.keep[0].abs_below == 0.25  # bar/s
-    assert data.keep[1].between == (40.0, 900.0)
-    assert data.keep[2].below == 0.005  # a rate by another name: m/s
-    assert data.levels == Levels(of="strain", at=[0.0, 0.04, 0.08], within=0.01)
-    assert data.split.hold_out is not None
-    assert data.split.hold_out.quantities == {
-        "strain": [0.04],
-        "pressure": Between(between=[(2.0, 2.6), (4.0, 4.6)]),
-    }
-    assert data.split.hold_out.fraction == 0.25
-    assert spec.segment["pressure"] == Cuts(method="breakpoints", at=[1.0, 2.0])
-    assert spec.fuse.extrapolation == {
-        "strain": BelowAbove(below=0.01, above="saturate"),
-        "pressure": "continue_linear",
-    }
-    assert spec.validation.against == [
-        "sarosi",
-        Competitor(model="sarosi", method="levenberg_marquardt", as_="sarosi_lm"),
-    ]
-    assert spec.validation.require == {"rmse": 0.005, "nrmse": 0.05, "r2": 0.9}
-    assert spec.report.published is not None
-    assert spec.report.published.nrmse == {"sarosi": 0.025}
+    """An offset is in the unit of its column; the speed is a rate, whose unit is m/s."""
+    assert_says(
+        load_text(tmp_path, MEASURED).spec,
+        """
+data:
+  files:
+    - {path: "10mm_Unkink_*.csv.gz", set: {length: 0.182}}
+    - {path: "10mm_kinked25_*.csv.gz", set: {length: 0.1745}, id: kinked,
+        keep: [{quantity: time, outside: [60, 70]}]}
+    - plain.csv
+  columns: {force: {offset: 0.009}, pressure: {offset: 14.503773773}}
+  derive: {pressure_rate: {rate_of: pressure, window: 0.03, order: 2}}
+  keep: [{abs_below: 0.25}, {between: [40, 900]}, {below: 0.005}]
+  levels: {of: strain, at: [0, 0.04, 0.08], within: 0.01}
+  split: {validate: {strain: [0.04], pressure: {between: [[2, 2.6], [4, 4.6]]}, fraction: 0.25}}
+segment: {pressure: {method: breakpoints, at: [1, 2]}}
+fuse: {extrapolation: {strain: {below: 0.01, above: saturate}, pressure: continue_linear}}
+validate:
+  against: [sarosi, {model: sarosi, method: levenberg_marquardt, as: sarosi_lm}]
+  require: {rmse: 0.005, nrmse: 0.05, r2: 0.9}
+report: {published: {nrmse: {sarosi: 0.025}}}
+""",
+    )
 
 
 def test_logs_in_their_dialects(tmp_path):
-    data = load_text(tmp_path, LOGS).spec.data
-    assert (data.header, data.skip_rows, data.delimiter, data.decimal, data.encoding) == (
-        2,
-        1,
-        ";",
-        ",",
-        "latin-1",
+    spec = load_text(tmp_path, LOGS).spec
+    assert_says(
+        spec,
+        """
+data:
+  header: 2
+  skip_rows: 1
+  delimiter: ;
+  decimal: ","
+  encoding: latin-1
+  join:
+    - {shift: -40.2, max_gap: 0.1, root: "train[*]", header: true,
+        columns: {pressure: {offset: 14.503773773}}}
+    - {"on": row, sheet: Run1}
+  gaps: {longer_than: 0.01, action: split}
+  resample: 0.0005
+""",
     )
-    timed, paired = data.join
-    assert (timed.shift, timed.max_gap, timed.root, timed.header) == (-40.2, 0.1, "train[*]", True)
-    assert timed.columns["pressure"].offset == pytest.approx(14.503773773, rel=1e-9)  # psi
-    assert (paired.on, paired.sheet, paired.quantities) == ("row", "Run1", ("strain",))
-    assert data.quantities == ("time", "force", "pressure", "strain")
-    assert data.gaps == GapRule(longer_than=0.01, action="split")
-    assert data.resample == 0.0005
+    assert spec.data.join[1].quantities == ("strain",)
+    assert spec.data.quantities == ("time", "force", "pressure", "strain")
 
 
 @pytest.mark.parametrize(
@@ -131,26 +133,22 @@ def test_the_resolved_text_loads_to_the_same_spec(tmp_path, study):
 @pytest.mark.parametrize(
     ("old", "new"),
     [
+        *rows_of("""
+target: static                        target: hysteresis
+at: [80, 150, 250, 350]               at: auto
+at: [80, 150, 250, 350]               at: [0.8 bar, 1.5 bar, 250, 350000 Pa], within: 35
+split: {validate: {pressure: [250]}}  split: {leave_one_level_out: true}
+split: {validate: {pressure: [250]}}  split: {validate: {recordings: [load_cycle_150]}}
+split: {validate: {pressure: [250]}}  split: {validate: {last: 50 %}}
+{pressure: [250]}                     {pressure: [260]}
+against: [sarosi, polynomial_2]       against: []
+samples: 200}                         samples: 0x20}
+"""),
         (
             "segment:\n  strain: {method: even, count: 4}",
             "segment: {pressure: none, strain: {method: even, count: 1}}",
         ),
         ("segment:\n  strain: {method: even, count: 4}", "segment: {pressure: levels}"),
-        ("target: static", "target: hysteresis"),
-        ("at: [80, 150, 250, 350]", "at: auto"),
-        ("at: [80, 150, 250, 350]", "at: [0.8 bar, 1.5 bar, 250, 350000 Pa], within: 35"),
-        ("split: {validate: {pressure: [250]}}", "split: {leave_one_level_out: true}"),
-        (
-            "split: {validate: {pressure: [250]}}",
-            "split: {validate: {recordings: [load_cycle_150]}}",
-        ),
-        ("split: {validate: {pressure: [250]}}", "split: {validate: {last: 50 %}}"),
-        (
-            "{pressure: [250]}",
-            "{pressure: [260]}",
-        ),  # whether it names 250, the scatter of the samples says
-        ("against: [sarosi, polynomial_2]", "against: []"),
-        ("samples: 200}", "samples: 0x20}"),
     ],
 )
 def test_variants_of_the_static_study_load(tmp_path, old, new):
@@ -169,14 +167,10 @@ DYNAMIC = DYNAMIC[: DYNAMIC.index("dictionary")] + DYNAMIC[DYNAMIC.index("valida
 def test_the_damping_example(tmp_path):
     spec = load_text(tmp_path, DAMPING).spec
     assert (spec.fit.scaling, load_text(tmp_path, MOTION).spec.fit.scaling) == ("max_abs", "none")
-    assert spec.segment["direction"] == CutByDirection(of="pressure_rate", dead_band=5.0)
     assert spec.validation.against[-1].label == "sarosi+reynolds"
     assert units_of(spec)["step_pressure"] == "kPa"
-    assert [signal.name for signal in signals_of(spec)] == [
-        "strain_rate",
-        "pressure_rate",
-        "direction",
-    ]
+    names = [signal.name for signal in signals_of(spec)]
+    assert names == ["strain_rate", "pressure_rate", "direction"]
 
 
 def test_numbers_of_motion_carry_units(tmp_path):
@@ -184,13 +178,16 @@ def test_numbers_of_motion_carry_units(tmp_path):
         DAMPING.replace("5 kPa/s", "0.05 bar/s")
         .replace("plateau: auto", "plateau: [900 ms, 2 s]")
         .replace("highest", "3.5 bar")
+        .replace("[80, 150, 250, 350]", "[0.8 bar, 150, 250, 350]")
     )
-    spec = load_text(tmp_path, text.replace("[80, 150, 250, 350]", "[0.8 bar, 150, 250, 350]")).spec
-    assert spec.segment["direction"] == CutByDirection(of="pressure_rate", dead_band=5.0)
-    assert spec.data.plateau == (0.9, 2.0)
-    assert spec.fit.train_level == 350
-    assert spec.data.levels is not None
-    assert spec.data.levels.at == [80, 150, 250, 350]
+    assert_says(
+        load_text(tmp_path, text).spec,
+        """
+data: {plateau: [0.9, 2], levels: {at: [80, 150, 250, 350]}}
+segment: {direction: {of: pressure_rate, dead_band: 5}}
+fit: {train_level: 350}
+""",
+    )
 
 
 def test_a_sum_is_the_default_of_a_dynamic_target_without_a_dictionary(tmp_path):

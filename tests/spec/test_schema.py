@@ -2,8 +2,6 @@
 of a spec.
 """
 
-from __future__ import annotations
-
 import ast
 import json
 import re

@@ -1,12 +1,8 @@
 """Default units, conversion, quantities in text."""
 
-from __future__ import annotations
-
-import subprocess
-import sys
-
 import numpy as np
 import pytest
+from common import parts, python, rows_of
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -45,21 +41,43 @@ PSI = 0.45359237 * 9.80665 / 0.0254**2
 
 @pytest.mark.parametrize(
     ("source", "target", "factor"),
-    [
-        ("bar", "kPa", 100), ("psi", "kPa", PSI / 1000), ("MPa", "kPa", 1000), ("Pa", "kPa", 1e-3),
-            ("mbar", "kPa", 0.1),
-        ("mm", "m", 1e-3), ("cm", "m", 1e-2), ("um", "m", 1e-6), ("µm", "m", 1e-6), ("in", "m",
-            0.0254),
-        ("ms", "s", 1e-3), ("min", "s", 60), ("h", "s", 3600), ("us", "s", 1e-6),
-        ("kN", "N", 1000), ("lbf", "N", 0.45359237 * 9.80665), ("kgf", "N", 9.80665), ("mV", "V",
-            1e-3),
-        ("%", "1", 0.01), ("1", "%", 100), ("%/s", "1/s", 0.01), ("mm/m", "1", 1e-3), ("kPa/ms",
-            "kPa/s", 1000), ("(kPa)/s", "Pa/ms", 1),
-        *((unit, "N*m", 1) for unit in ("N m", "N·m", "Nm")), ("mNm", "Nm", 1e-3), ("Nmm", "Nm",
-            1e-3), ("N cm", "Nm", 0.01), ("kNm", "Nm", 1e3),
-        ("(1)/s", "%/s", 100), ("N/mm^2", "kPa", 1000), ("N/mm**2", "kPa", 1000), (" bar ", "kPa",
-            100),
-    ],
+    [*rows_of("""
+bar      kPa    100
+psi      kPa    6.894757293168361
+MPa      kPa    1000
+Pa       kPa    0.001
+mbar     kPa    0.1
+mm       m      0.001
+cm       m      0.01
+um       m      1e-06
+µm       m      1e-06
+in       m      0.0254
+ms       s      0.001
+min      s      60
+h        s      3600
+us       s      1e-06
+kN       N      1000
+lbf      N      4.4482216152605
+kgf      N      9.80665
+mV       V      0.001
+%        1      0.01
+1        %      100
+%/s      1/s    0.01
+mm/m     1      0.001
+kPa/ms   kPa/s  1000
+(kPa)/s  Pa/ms  1
+N m      N*m    1
+N·m      N*m    1
+Nm       N*m    1
+mNm      Nm     0.001
+Nmm      Nm     0.001
+N cm     Nm     0.01
+kNm      Nm     1000.0
+(1)/s    %/s    100
+N/mm^2   kPa    1000
+N/mm**2  kPa    1000
+""", float),
+(' bar ', 'kPa', 100)],
 )  # fmt: skip
 def test_conversions_of_numbers_and_arrays(source, target, factor):
     assert convert(3.0, source, target) == pytest.approx(3 * factor, rel=1e-12)
@@ -107,28 +125,34 @@ def test_everyday_units_need_no_pint():
         "convert(88.0, 'mm', 'm'); "
         "assert 'pint' not in sys.modules"
     )
-    subprocess.run([sys.executable, "-c", code], check=True)
+    python(code, check=True)
 
 
 @pytest.mark.parametrize(
     ("source", "target", "words"),
-    [
-        ("kpa", "kPa", ["'kpa' is unknown", "did you mean `kPa`?"]),
-        ("PSI", "kPa", ["did you mean `psi`?"]),
-        ("pa", "kPa", ["'pa'", "'kPa' (a pressure)", "did you mean `Pa`?"]),  # pico-years
-        ("kPA", "kPa", ["did you mean `kPa`?"]),
-        ("mm", "kPa", ["'mm' (a length)", "'kPa' (a pressure)", "same dimension as 'kPa'"]),
-        ("g", "N", ["'g' (a mass)", "'N' (a force)", "did you mean `gf`"]),
-        ("N", "1", ["'N' (a force)", "'1' (a plain number)"]),
-        ("furlongs of joy", "m", ["is unknown", "write units as"]),
-        ("kPa", "bra", ["'bra' is unknown", "did you mean `bar`?"]),
-        ("", "m", ["'' is unknown"]),
-        ("__import__('os')", "m", ["is unknown"]),
-        ("m**9**9**9**9", "m", ["is unknown"]),
-        ("(" * 30 + "m" + ")" * 29, "m", ["is unknown"]),
-        ("m" * 10_000, "m", ["is unknown"]),
-        ("3 m", "m", ["is unknown"]),
-    ],
+    [*rows_of("""
+kpa                                                         kPa  \
+    'kpa' is unknown | did you mean `kPa`?
+PSI                                                         kPa  did you mean `psi`?
+pa                                                          kPa  \
+    'pa' | 'kPa' (a pressure) | did you mean `Pa`?
+kPA                                                         kPa  did you mean `kPa`?
+mm                                                          kPa  \
+    'mm' (a length) | 'kPa' (a pressure) | same dimension as 'kPa'
+g                                                           N  \
+    'g' (a mass) | 'N' (a force) | did you mean `gf`
+N                                                           1  \
+    'N' (a force) | '1' (a plain number)
+furlongs of joy                                             m    is unknown | write units as
+kPa                                                         bra  \
+    'bra' is unknown | did you mean `bar`?
+__import__('os')                                            m    is unknown
+m**9**9**9**9                                               m    is unknown
+((((((((((((((((((((((((((((((m)))))))))))))))))))))))))))))  m    is unknown
+3 m                                                         m    is unknown
+""", parts),
+("", "m", ["'' is unknown"]),
+("m" * 10_000, "m", ["is unknown"])],
 )  # fmt: skip
 def test_wrong_units_are_named_with_a_remedy(source, target, words):
     with pytest.raises(SpecError) as caught:
@@ -140,12 +164,19 @@ def test_wrong_units_are_named_with_a_remedy(source, target, words):
 
 @pytest.mark.parametrize(
     ("text", "unit", "value"),
-    [
-        ("250 kPa", "kPa", 250), ("1.1 bar", "kPa", 110), ("88 mm", "m", 0.088), ("-40.2 s", "s",
-            -40.2), ("50%", "1", 0.5), ("3", "N", 3),
-        (".5e1 m", "mm", 5000), ("+2 kPa/s", "Pa/s", 2000), (" 7  ms ", "s", 0.007), ("1e-3bar",
-            "Pa", 100), ("17.45 cm", "m", 0.1745),
-    ],
+    [*rows_of("""
+250 kPa   kPa   250
+1.1 bar   kPa   110
+88 mm     m     0.088
+-40.2 s   s     -40.2
+50%       1     0.5
+3         N     3
+.5e1 m    mm    5000
++2 kPa/s  Pa/s  2000
+1e-3bar   Pa    100
+17.45 cm  m     0.1745
+""", float),
+(" 7  ms ", "s", 0.007)],
 )  # fmt: skip
 def test_parse_quantity_gives_the_exact_decimal(text, unit, value):
     assert parse_quantity(text, unit) == value

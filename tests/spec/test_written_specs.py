@@ -2,8 +2,6 @@
 editors.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from hypothesis import given

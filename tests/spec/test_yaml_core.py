@@ -1,7 +1,6 @@
 """YAML 1.2 core scalars, positions, duplicate keys, and input that means harm."""
 
-from __future__ import annotations
-
+import json
 import math
 import time
 from dataclasses import replace
@@ -10,20 +9,20 @@ from pathlib import Path
 
 import pytest
 import yaml
-from hypothesis import given, settings
+from common import rows_of
+from hypothesis import given
 from hypothesis import strategies as st
 from spec_examples import STATIC, refusal
 
 from mapmore_cli.domain.errors import SpecError
 from mapmore_cli.spec.campaign import load_campaign
-from mapmore_cli.spec.diagnostics import Mistake
 from mapmore_cli.spec.loader import load
 from mapmore_cli.spec.tree import SourceText, nearest, written
 from mapmore_cli.spec.yaml_loader import dump, parse
 
 
 def tree(text):
-    problems: list[object] = []
+    problems = []
     root = parse(SourceText("t.yaml", Path(), text), problems)
     assert not problems
     return root
@@ -31,22 +30,58 @@ def tree(text):
 
 @pytest.mark.parametrize(
     ("text", "value"),
-    [
-        ("1e-3", 0.001), ("1E5", 1e5), ("1.5e+3", 1500.0), (".5", 0.5), ("5.", 5.0), ("-0.0", -0.0),
-            ("+1.0", 1.0), ("12e03", 12000.0),
-        ("010", 10), ("-7", -7), ("+7", 7), ("0o10", 8), ("0x1F", 31), ("0", 0),
-        ("no", "no"), ("yes", "yes"), ("on", "on"), ("off", "off"), ("y", "y"), ("n", "n"), ("No",
-            "No"),
-        ("true", True), ("True", True), ("FALSE", False), ("tRUE", "tRUE"),
-        ("null", None), ("Null", None), ("~", None), ("", None), ("nULL", "nULL"),
-        ("1:30", "1:30"), ("190:20:30", "190:20:30"), ("2024-01-31", "2024-01-31"),
-            ("2024-01-31T10:00:00Z", "2024-01-31T10:00:00Z"),
-        ("1_000", "1_000"), ("0b101", "0b101"), ("0o8", "0o8"), ("1e", "1e"), ("e5", "e5"), (".",
-            "."), ("1.2.3", "1.2.3"), ("=", "="),
-        ("٣", "٣"), ("<<", "<<"), (".inf", math.inf), ("-.INF", -math.inf), ("'1'", "1"), ('"true"',
-            "true"), ("!!str 12", "12"),
-        ("!!float 3", 3.0), ("!!int 3", 3),
-    ],
+    [*rows_of("""
+1e-3                  0.001
+1E5                   100000.0
+1.5e+3                1500.0
+.5                    0.5
+5.                    5.0
+-0.0                  -0.0
++1.0                  1.0
+12e03                 12000.0
+010                   10
+-7                    -7
++7                    7
+0o10                  8
+0x1F                  31
+0                     0
+no                    "no"
+yes                   "yes"
+on                    "on"
+off                   "off"
+y                     "y"
+n                     "n"
+No                    "No"
+true                  true
+True                  true
+FALSE                 false
+tRUE                  "tRUE"
+null                  null
+Null                  null
+~                     null
+nULL                  "nULL"
+1:30                  "1:30"
+190:20:30             "190:20:30"
+2024-01-31            "2024-01-31"
+2024-01-31T10:00:00Z  "2024-01-31T10:00:00Z"
+1_000                 "1_000"
+0b101                 "0b101"
+0o8                   "0o8"
+1e                    "1e"
+e5                    "e5"
+.                     "."
+1.2.3                 "1.2.3"
+=                     "="
+٣                     "٣"
+<<                    "<<"
+.inf                  Infinity
+-.INF                 -Infinity
+'1'                   "1"
+"true"                "true"
+!!str 12              "12"
+!!float 3             3.0
+!!int 3               3
+""", json.loads), ('', None)],
 )  # fmt: skip
 def test_scalars_of_yaml_1_2(text, value):
     read = written(tree(f"k: {text}"))["k"]
@@ -108,7 +143,6 @@ LOOKALIKES = [
 ]
 
 
-@settings(deadline=None)
 @given(
     st.dictionaries(
         TEXT.filter(lambda key: "${" not in key),
@@ -218,21 +252,21 @@ def test_hostile_input_is_refused_in_good_time(tmp_path, text, words):
 
 
 def test_a_long_list_is_no_bomb_and_aliases_still_are(tmp_path):
-    """What is counted is what aliases repeat: thirty thousand runs are thirty thousand lines."""
+    """What is counted is what aliases repeat: twenty thousand runs are twenty thousand lines."""
     path = tmp_path / "c.yaml"
     path.write_text(
         "campaign: c\nbase: s.yaml\nruns:\n"
-        + "".join(f"  - {{name: r{i}}}\n" for i in range(30_000))
+        + "".join(f"  - {{name: r{i}}}\n" for i in range(20_000))
     )
     campaign, entries = load_campaign(path)
-    assert (len(campaign.runs), entries[-1].overrides) == (30_000, ('name="r29999"',))
+    assert (len(campaign.runs), entries[-1].overrides) == (20_000, ('name="r19999"',))
     one = "a: &a [" + ",".join(["1"] * 1000) + "]\n"
     assert "multiply" in refusal(tmp_path, one + "b: [" + ",".join(["*a"] * 60) + "]\n")
 
 
 def test_specs_with_a_thousand_variations_are_read_by_their_tree_once(tmp_path):
     source = SourceText("s.yaml", tmp_path, "a: [1, 2]\na: 3\n")
-    problems: list[Mistake] = []
+    problems = []
     assert parse(source, problems) is parse(replace(source), problems)
     assert [problem.message for problem in problems] == [
         problems[0].message

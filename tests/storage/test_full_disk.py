@@ -2,22 +2,15 @@
 and while a column is spooled.
 """
 
-import subprocess
-import sys
-
 import pytest
+from common import python
 
 pytest.importorskip("resource", reason="the size of files can be limited on POSIX alone")
 
 
 def told_by(script, *arguments):
     """What a program of its own says."""
-    done = subprocess.run(
-        [sys.executable, "-c", script, *map(str, arguments)],
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    done = python(script, *arguments)
     assert (done.returncode, done.stderr) == (0, "")
     return done.stdout
 

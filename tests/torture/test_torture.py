@@ -2,11 +2,9 @@
 tests/pipeline.
 """
 
-from __future__ import annotations
-
-import subprocess
-import sys
 from pathlib import Path
+
+from common import python
 
 HERE = Path(__file__).parent
 
@@ -21,9 +19,7 @@ print(json.dumps({"ends": {how: found.total() for how, found in ends.items()}, "
 def test_disturbed_commands_leave_whole_files(tmp_path):
     import json
 
-    done = subprocess.run(
-        [sys.executable, "-c", SCRIPT], cwd=HERE, capture_output=True, text=True, check=True
-    )
+    done = python(SCRIPT, cwd=HERE, check=True)
     outcome = json.loads(done.stdout.splitlines()[-1])
     assert outcome["wrong"] == []
     assert sum(outcome["ends"].values()) == 4

@@ -1,10 +1,8 @@
 """`FROLS` keeps the protocol of scikit-learn, and says what the engine says."""
 
-import subprocess
-import sys
-
 import numpy as np
 import pytest
+from common import python
 from sklearn.model_selection import GridSearchCV
 from sklearn.utils.estimator_checks import check_estimator
 
@@ -51,4 +49,4 @@ def test_neither_scikit_learn_nor_numpy_is_loaded_before_it_is_needed():
         "except ValueError as e: assert 'not fitted' in str(e)\n"
         "assert 'sklearn' not in sys.modules, 'sklearn'; assert 'matplotlib' not in sys.modules"
     )
-    subprocess.run([sys.executable, "-c", code], check=True)
+    python(code, check=True)

@@ -1,6 +1,7 @@
 """Data that the tests of the formulas share."""
 
 import numpy as np
+from common import rows_of
 from scipy.optimize import brentq
 
 from mapmore_cli.modelling.literature import get, names
@@ -12,26 +13,22 @@ STATIC, DAMPING = (
 """Those that need nothing but the data."""
 
 PLANTED = {
-    "chou_hannaford": {"c1": 2.4, "c2": 1.8},
-    "tondu_lopez": {"area": 1.05, "theta": 0.8},
-    "tondu_lopez_corrected": {"area": 0.6, "theta": 0.6, "a_k": 3.0, "b_k": -1.4},
-    "kerscher": {"theta": 0.6, "a_k": 3.5, "b_k": -1.2, "a_e": 0.3, "b_e": -0.5},
-    "none": {},
-    "linear_viscous": {"B0": -333.0},
-    "pressure_viscous": {"B1": -1.1},
-    "reynolds": {"B0_rise": -284.0, "B1_rise": 0.42, "B0_fall": -518.0, "B1_fall": 1.1},
-    "cao": {
-        **{
-            "B0_rise_low": -155.0,
-            "B1_rise_low": -0.46,
-            "B0_rise_high": -812.0,
-            "B1_rise_high": 2.2,
-        },
-        **{"B0_fall_low": -525.0, "B1_fall_low": 1.2, "B0_fall_high": 66.0, "B1_fall_high": -1.6},
-    },
-    "tondu_kinetic_friction": {"B0": -40.0, "B1": -25.0, "B2": 0.3},
-    "peternel": {"B0": -20.0, "B1": 9.0, "B2": -6.0, "B3": -15.0, "B4": 0.25},
-    "peternel_absolute": {"B0": -20.0, "B1": -9.0, "B2": -6.0, "B3": -15.0, "B4": 0.25},
+    name: {parameter: float(value) for parameter, value in map(str.split, values)}
+    for name, *values in rows_of("""
+chou_hannaford  c1 2.4  c2 1.8
+tondu_lopez  area 1.05  theta 0.8
+tondu_lopez_corrected  area 0.6  theta 0.6  a_k 3.0  b_k -1.4
+kerscher  theta 0.6  a_k 3.5  b_k -1.2  a_e 0.3  b_e -0.5
+none
+linear_viscous  B0 -333.0
+pressure_viscous  B1 -1.1
+reynolds  B0_rise -284.0  B1_rise 0.42  B0_fall -518.0  B1_fall 1.1
+cao  B0_rise_low -155.0  B1_rise_low -0.46  B0_rise_high -812.0  B1_rise_high 2.2  \
+     B0_fall_low -525.0  B1_fall_low 1.2  B0_fall_high 66.0  B1_fall_high -1.6
+tondu_kinetic_friction  B0 -40.0  B1 -25.0  B2 0.3
+peternel  B0 -20.0  B1 9.0  B2 -6.0  B3 -15.0  B4 0.25
+peternel_absolute  B0 -20.0  B1 -9.0  B2 -6.0  B3 -15.0  B4 0.25
+""")
 }
 """Parameters that a muscle may have; pressures in kPa."""
 

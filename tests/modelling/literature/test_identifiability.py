@@ -64,7 +64,7 @@ def test_a_formula_with_one_valley_has_no_rival():
     assert literature.get("sarosi").fit(columns, force).rivals == ()
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 @given(st.floats(1e-10, 3e-3), st.integers(0, 100))
 def test_scatter_of_held_pressures_hides_no_deficiency(scatter, seed):
     """`polynomial_5` has rank 18 with four pressures, however these scatter; the fit is that at the

@@ -5,6 +5,7 @@ from itertools import product
 
 import numpy as np
 import pytest
+from agreement import points
 from dense_model import dense
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -70,31 +71,6 @@ def segment(rng, name, cell, names, boundaries):
     )
 
 
-def places(rng, model, n=25):
-    """Rows all over, well beyond every limit, and exactly at levels, limits, boundaries and ends of
-    zones.
-    """
-    columns = {}
-    for quantity in model.inputs:
-        name = quantity.name
-        exact = [x for curve in model.body.curves for x in curve.limits[name]]
-        exact += [curve.level for curve in model.body.curves] if name == model.level else []
-        for curve, j in product(
-            model.body.curves,
-            [j for j, variable in enumerate(model.body.variables) if variable == name],
-        ):
-            at, widths = curve.boundaries[j], np.diff(curve.boundaries[j])
-            exact += [
-                *at,
-                *(at[1:-1] - model.body.fusion.z_s * widths[:-1]),
-                *(at[1:-1] + model.body.fusion.z_s * widths[1:]),
-            ]
-        low, high = min(exact), max(exact)
-        anywhere = rng.uniform(low - (high - low), high + (high - low), n)
-        columns[name] = np.where(rng.random(n) < 0.4, rng.choice(exact, n), anywhere)
-    return columns
-
-
 def agree(model, columns):
     expected = dense(model, columns)
     np.testing.assert_allclose(
@@ -146,7 +122,7 @@ def test_agrees_with_the_sum_over_all_segments(seed, way, made):
     rng = np.random.default_rng(seed)
     names = made[0]
     model = joined(imagined(rng, tuple(names), *made[1:]), extrapolation=sides(rng, names), **way)
-    agree(model, places(rng, model))
+    agree(model, points(model, 40, seed))
 
 
 @pytest.mark.parametrize("level", ["b", None])
@@ -154,7 +130,7 @@ def test_rows_depend_on_themselves_alone(level):
     """Bit for bit, whatever the other rows are; what is not finite stays where it is."""
     rng = np.random.default_rng(2)
     model = imagined(rng, ("a", "b"), level, 4, {"a": 3})
-    columns = places(rng, model, 500)
+    columns = points(model, 500)
     whole = predict(model, columns)
     spoilt = rng.random(500) < 0.1
     spoilt_columns = {

@@ -5,6 +5,7 @@ import pickle
 
 import numpy as np
 import pytest
+from common import rows_of
 from expression_cases import NAMES, analytic_texts, by_numpy, by_python, texts
 from hypothesis import assume, given
 from hypothesis import strategies as st
@@ -98,16 +99,16 @@ def test_slope_of_every_function(function):
 
 @pytest.mark.parametrize(
     ("text", "slope"),
-    [
-        ("x^3", "3*x^2"),
-        ("2*x^3*y", "6*x^2*y"),
-        ("x", "1"),
-        ("y", "0"),
-        ("exp(-x/0.02)", "-exp(-x/0.02)/0.02"),
-        ("x^-20", "-20/x^20/x"),
-        ("log(x)", "1/x"),
-        ("abs(x)", "sign(x)"),
-    ],
+    rows_of("""
+x^3           3*x^2
+2*x^3*y       6*x^2*y
+x             1
+y             0
+exp(-x/0.02)  -exp(-x/0.02)/0.02
+x^-20         -20/x^20/x
+log(x)        1/x
+abs(x)        sign(x)
+"""),
 )
 def test_derivative_reads_as_a_person_would_write_it(text, slope):
     assert to_text(derivative(parse(text), "x")) == slope

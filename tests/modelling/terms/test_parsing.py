@@ -5,6 +5,7 @@ states are names, written one way.
 import math
 
 import pytest
+from common import rows_of
 from expression_cases import texts
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
@@ -30,42 +31,36 @@ from mapmore_cli.modelling.expressions.states import Lagged, Measured, Operated
 @pytest.mark.parametrize(
     ("text", "canonical"),
     [
-        ("strain**2", "strain^2"),
-        ("2*3*strain", "6*strain"),
-        ("strain + 0", "strain"),
-        ("1*strain/1", "strain/1"),
-        ("2^3^2", "2^9"),
-        ("x^-2", "1/x^2"),
-        ("x^(1/2)", "x^0.5"),
-        ("a + (b + c)", "a + b + c"),
-        ("- - -x", "-x"),
-        ("a - -b", "a + b"),
+        *rows_of("""
+strain**2                                          strain^2
+2*3*strain                                         6*strain
+strain + 0                                         strain
+1*strain/1                                         strain/1
+2^3^2                                              2^9
+x^-2                                               1/x^2
+x^(1/2)                                            x^0.5
+a + (b + c)                                        a + b + c
+- - -x                                             -x
+a - -b                                             a + b
+1e-3*x                                             0.001*x
+.5*_y1                                             0.5*_y1
+force [ k - 12 ] ^2                                force[k-12]^2
+pressure*slow( pressure ,.50)                      pressure*slow(pressure, 0.5)
+slow(play(pressure,0.16),3e-1)                     slow(play(pressure, 0.16), 0.3)
+-resonance(p)/2 + resonance_velocity(p, 4.50, .1)  \
+    -resonance(p)/2 + resonance_velocity(p, 4.5, 0.1)
+-x^2                                               -x^2
+(-x)^2                                             (-x)^2
+a - (b - c)                                        a - (b - c)
+a/b/c                                              a/b/c
+a/(b*c)                                            a/(b*c)
+(0.083 - length)/0.083                             (0.083 - length)/0.083
+force[k-1]                                         force[k-1]
+play(force[k-2], 0.5)[k-3]                         play(force[k-2], 0.5)[k-3]
+exp(-saturate(x)/3)                                exp(-saturate(x)/3)
+slow + play*k                                      slow + play*k
+"""),
         (" exp( -strain / 0.02 )\n", "exp(-strain/0.02)"),
-        ("1e-3*x", "0.001*x"),
-        (".5*_y1", "0.5*_y1"),
-        ("force [ k - 12 ] ^2", "force[k-12]^2"),
-        ("pressure*slow( pressure ,.50)", "pressure*slow(pressure, 0.5)"),
-        ("slow(play(pressure,0.16),3e-1)", "slow(play(pressure, 0.16), 0.3)"),
-        (
-            "-resonance(p)/2 + resonance_velocity(p, 4.50, .1)",
-            "-resonance(p)/2 + resonance_velocity(p, 4.5, 0.1)",
-        ),
-        *(
-            (text, text)
-            for text in (
-                "-x^2",
-                "(-x)^2",
-                "a - (b - c)",
-                "a/b/c",
-                "a/(b*c)",
-                "(0.083 - length)/0.083",
-                "force[k-1]",
-            )
-        ),
-        *(
-            (text, text)
-            for text in ("play(force[k-2], 0.5)[k-3]", "exp(-saturate(x)/3)", "slow + play*k")
-        ),  # quantities like operators
     ],
 )
 def test_canonical_text(text, canonical):
@@ -281,17 +276,17 @@ def test_digits_round_numbers_but_not_whole_exponents():
 
 @pytest.mark.parametrize(
     ("text", "latex"),
-    [
-        ("strain^2", r"\mathrm{strain}^{2}"),
-        ("strain_rate*a1", r"\mathrm{strain\_rate} \, a_{1}"),
-        ("-3*x/(2*y)", r"-\frac{3 \, x}{2 \, y}"),
-        ("1/x^2", r"\frac{1}{x^{2}}"),
-        ("((strain - 0.045)/0.0453)^2", r"\left(\frac{\mathrm{strain} - 0.045}{0.0453}\right)^{2}"),
-        ("1.5e-7*x", r"1.5 \times 10^{-7} \, x"),
-        ("exp(-x)^2", r"\left(\exp\left(-x\right)\right)^{2}"),
-        ("-(x - y)", r"-\left(x - y\right)"),
-        ("x*2^3", r"x \cdot 2^{3}"),
-    ],
+    rows_of(r"""
+strain^2                     \mathrm{strain}^{2}
+strain_rate*a1               \mathrm{strain\_rate} \, a_{1}
+-3*x/(2*y)                   -\frac{3 \, x}{2 \, y}
+1/x^2                        \frac{1}{x^{2}}
+((strain - 0.045)/0.0453)^2  \left(\frac{\mathrm{strain} - 0.045}{0.0453}\right)^{2}
+1.5e-7*x                     1.5 \times 10^{-7} \, x
+exp(-x)^2                    \left(\exp\left(-x\right)\right)^{2}
+-(x - y)                     -\left(x - y\right)
+x*2^3                        x \cdot 2^{3}
+"""),
 )
 def test_latex(text, latex):
     assert to_latex(parse(text)) == latex

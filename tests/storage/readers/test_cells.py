@@ -10,6 +10,7 @@ from datetime import datetime, time, timedelta
 import numpy as np
 import pytest
 import scipy.io
+from common import parts, rows_of
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 from reading import csv_table, refusal, table_of, workbook
@@ -183,34 +184,48 @@ def test_typed_cells_are_of_one_opinion(tmp_path, cell):
         assert clock or found == {"refused"}
 
 
+def numbers(cell):
+    return [*map(float, cell.split())]
+
+
+def content_of(cells):
+    """A log with such stamps."""
+    stamps = parts(cells.replace("(empty)", ""))
+    return "\n".join(["t;P", *(f"{cell};1" for cell in stamps)]).encode()
+
+
 @pytest.mark.parametrize(
     ("cells", "seconds"),
-    [
-        (["11:59:59 AM", "12:00:00 PM", "1:00:00 pm"], [43199, 43200, 46800]),
-        (["12:00:01 AM", "12:59:59 AM", "01:00:00AM"], [1, 3599, 3600]),
-        (["12:00:00:250", "12:00:00:500"], [43200.25, 43200.5]),
-        (["12:00:00,250", "12:00:00,500"], [43200.25, 43200.5]),
-        (["00:59.9", "01:00.0", "61:00.5"], [59.9, 60, 3660.5]),
-        (
-            ["59:59.9", "1:00:00.0", "1:00:00.1"],
-            [3599.9, 3600, 3600.1],
-        ),  # a logger that goes on so after an hour
-        (["23:59:59", "24:00:00", "101:00:00"], [86399, 86400, 363600]),
-        (["0 days 23:59:59.5", "1 days 00:00:00"], [86399.5, 86400]),
-        (["2026-03-01 12:00", "2026-03-01 12:01"], [1772366400, 1772366460]),
-        (["2026-03-01T12:00:00+02:00", "2026-03-01T12:00:00.5+02"], [1772359200, 1772359200.5]),
-        (["2026-03-01T12:00:00Z", "2026-03-01 12:00:00"], [1772366400, 1772366400]),
-        (["1.3.2026 1:00:00 PM", "01.03.2026 01:00:00,5 PM"], [1772370000, 1772370000.5]),
-        (["2026/03/01 12:00:01.500000"], [1772366401.5]),
-        (["1969-12-31 23:59:59.25", "1970-01-01 00:00:00"], [-0.75, 0]),
-        (["12:00:00", "", "nan", "12:00:01"], [43200, math.nan, math.nan, 43201]),
-    ],
+    rows_of(
+        """
+11:59:59 AM | 12:00:00 PM | 1:00:00 pm                43199 43200 46800
+12:00:01 AM | 12:59:59 AM | 01:00:00AM                1 3599 3600
+12:00:00:250 | 12:00:00:500                           43200.25 43200.5
+12:00:00,250 | 12:00:00,500                           43200.25 43200.5
+00:59.9 | 01:00.0 | 61:00.5                           59.9 60 3660.5
+59:59.9 | 1:00:00.0 | 1:00:00.1                       3599.9 3600 3600.1
+23:59:59 | 24:00:00 | 101:00:00                       86399 86400 363600
+0 days 23:59:59.5 | 1 days 00:00:00                   86399.5 86400
+2026-03-01 12:00 | 2026-03-01 12:01                   1772366400 1772366460
+2026-03-01T12:00:00+02:00 | 2026-03-01T12:00:00.5+02  1772359200 1772359200.5
+2026-03-01T12:00:00Z | 2026-03-01 12:00:00            1772366400 1772366400
+1.3.2026 1:00:00 PM | 01.03.2026 01:00:00,5 PM        1772370000 1772370000.5
+2026/03/01 12:00:01.500000                            1772366401.5
+1969-12-31 23:59:59.25 | 1970-01-01 00:00:00          -0.75 0
+12:00:00 | (empty) | nan | 12:00:01                    43200 nan nan 43201
+""",
+        numbers,
+    ),
 )
 def test_stamps_that_need_no_format(tmp_path, cells, seconds):
-    content = "\n".join(["t;P", *(f"{cell};1" for cell in cells)]).encode()
     for decimal in ".,":
         table = csv_table(
-            tmp_path / "a", content, "t", delimiter=";", decimal=decimal, clocks=frozenset({"t"})
+            tmp_path / "a",
+            content_of(cells),
+            "t",
+            delimiter=";",
+            decimal=decimal,
+            clocks=frozenset({"t"}),
         )
         np.testing.assert_array_equal(table.columns["t"], seconds)
         refusal(
@@ -224,34 +239,37 @@ def test_stamps_that_need_no_format(tmp_path, cells, seconds):
 
 
 @pytest.mark.parametrize(
-    ("cells", "parts"),
+    ("cells", "told"),
     [
-        (["12:00:00", "5"], ["row 3", "'5' is a number, where a time as `hh:mm:ss` stands above"]),
-        (
-            ["5", "12:00:00"],
-            ["row 3", "'12:00:00' is a time as `hh:mm:ss`, where a number stands above"],
+        *rows_of(
+            """
+12:00:00 | 5  \
+    row 3 | '5' is a number, where a time as `hh:mm:ss` stands above
+5 | 12:00:00  \
+    row 3 | '12:00:00' is a time as `hh:mm:ss`, where a number stands above
+1:00:00.0 | 59:59.9  \
+    row 3 | `mm:ss.s`, where a time as `hh:mm:ss` stands above
+12:00:00 | 01:00:00 PM                           row 3 | with AM and PM
+2026-03-01 12:00:00 | 2026-03-01T12:00:00+01:00  row 3 | a zone
+2026-03-01 12:00:00 | 12:00:01                   row 3
+01/02/2026 12:00:00                              row 2 | a date stands here | format:
+13/02/26 12:00:00                                row 2 | a date stands here | format:
+12:30                                            row 2 | a time stands here | format:
+2026-13-01 12:00:00                              row 2 | format:
+noon                                             row 2 | is not a number
+13:00:00 PM                                      row 2 | format:
+12:60:00                                         row 2 | format:
+2026-02-30 12:00:00                              row 2 | format:
+2026-03-01 24:30:00                              row 2 | format:
+""",
+            parts,
         ),
-        (["1:00:00.0", "59:59.9"], ["row 3", "`mm:ss.s`, where a time as `hh:mm:ss` stands above"]),
-        (["12:00:00", "01:00:00 PM"], ["row 3", "with AM and PM"]),
-        (["2026-03-01 12:00:00", "2026-03-01T12:00:00+01:00"], ["row 3", "a zone"]),
-        (["2026-03-01 12:00:00", "12:00:01"], ["row 3"]),
-        (["01/02/2026 12:00:00"], ["row 2", "a date stands here", "format:"]),
-        (["13/02/26 12:00:00"], ["row 2", "a date stands here", "format:"]),
-        (["12:30"], ["row 2", "a time stands here", "format:"]),
-        (["2026-13-01 12:00:00"], ["row 2", "format:"]),
-        (["noon"], ["row 2", "is not a number"]),
-        (["9" * 5000 + ":"], ["row 2", "is not a number"]),
-        (["13:00:00 PM"], ["row 2", "format:"]),
-        (["12:60:00"], ["row 2", "format:"]),
-        (["2026-02-30 12:00:00"], ["row 2", "format:"]),
-        (["2026-03-01 24:30:00"], ["row 2", "format:"]),
+        ("9" * 5000 + ":", ["row 2", "is not a number"]),
     ],
 )
-def test_stamps_that_are_refused(tmp_path, cells, parts):
-    (tmp_path / "a").write_bytes("\n".join(["t;P", *(f"{cell};1" for cell in cells)]).encode())
-    refusal(
-        ["column t", *parts], "csv", tmp_path / "a", "t", delimiter=";", clocks=frozenset({"t"})
-    )
+def test_stamps_that_are_refused(tmp_path, cells, told):
+    (tmp_path / "a").write_bytes(content_of(cells))
+    refusal(["column t", *told], "csv", tmp_path / "a", "t", delimiter=";", clocks=frozenset({"t"}))
 
 
 def test_the_form_of_stamps_is_known_from_block_to_block(tmp_path, monkeypatch):
@@ -290,29 +308,34 @@ def test_a_format_says_how_stamps_are_read(tmp_path, layout, cells, seconds):
 
 
 @pytest.mark.parametrize(
-    ("marks", "cell", "number"),
+    ("decimal", "thousands", "cell", "number"),
     [
-        ((".", ","), "1,234.5", 1234.5),
-        ((".", ","), "-1,234,567", -1234567),
-        ((".", ","), "950.25", 950.25),
-        ((",", "."), "1.234,5", 1234.5),
-        ((",", "."), "1.500", 1500),
-        ((".", "'"), "1'234.5", 1234.5),
-        ((",", " "), "1 234,5", 1234.5),
-        ((",", "\u202f"), "1\u202f234,5", 1234.5),
-        ((".", ","), "1,23.4", None),
-        ((".", ","), "1,2345", None),
-        ((".", ","), "1234,567", None),
-        ((".", ","), ",234", None),
-        ((".", ","), "1.234,567", None),
-        ((",", "."), "1.50", None),
+        *rows_of(
+            """
+.  ,  1,234.5     1234.5
+.  ,  -1,234,567  -1234567
+.  ,  950.25      950.25
+,  .  1.234,5     1234.5
+,  .  1.500       1500
+.  '  1'234.5     1234.5
+.  ,  1,23.4      nan
+.  ,  1,2345      nan
+.  ,  1234,567    nan
+.  ,  ,234        nan
+.  ,  1.234,567   nan
+,  .  1.50        nan
+""",
+            float,
+        ),
+        (",", " ", "1 234,5", 1234.5),
+        (",", "\u202f", "1\u202f234,5", 1234.5),
     ],
 )
-def test_thousands_stand_in_groups_of_three(tmp_path, marks, cell, number):
-    decimal, thousands = marks
+def test_thousands_stand_in_groups_of_three(tmp_path, decimal, thousands, cell, number):
+    """NaN where the cell is refused."""
     asked = {"delimiter": ";", "decimal": decimal, "thousands": thousands}
     content = f"F;x\n{cell};1\n2;2\n".encode()
-    if number is None:
+    if math.isnan(number):
         (tmp_path / "a").write_bytes(content)
         refusal(["row 2, column F"], "csv", tmp_path / "a", "F", **asked)
     else:
@@ -320,24 +343,29 @@ def test_thousands_stand_in_groups_of_three(tmp_path, marks, cell, number):
 
 
 @pytest.mark.parametrize(
-    ("cell", "parts"),
-    [
-        *(
-            (cell, ['`thousands: ","`', '`decimal: ","`'])
-            for cell in ("1,234.5", "1.234,5", "1,234", "1,5", "1'234", "1 234,5")
-        ),
-        ("20 N", ["a unit stands behind it", "unit:"]),
-        ("1e5 N", ["a unit stands behind it"]),
-        ("TRUE", ["TRUE or FALSE stands here"]),
-        ("\uff11", ["digits of another script"]),
-        ("2026-03-01", ["a date stands here"]),
-    ],
+    ("cell", "told"),
+    rows_of(
+        """
+1,234.5     `thousands: ","` | `decimal: ","`
+1.234,5     `thousands: ","` | `decimal: ","`
+1,234       `thousands: ","` | `decimal: ","`
+1,5         `thousands: ","` | `decimal: ","`
+1'234       `thousands: ","` | `decimal: ","`
+1 234,5     `thousands: ","` | `decimal: ","`
+20 N        a unit stands behind it | unit:
+1e5 N       a unit stands behind it
+TRUE        TRUE or FALSE stands here
+\uff11      digits of another script
+2026-03-01  a date stands here
+""",
+        parts,
+    ),
 )
-def test_remedies_keep_the_sample(tmp_path, cell, parts):
+def test_remedies_keep_the_sample(tmp_path, cell, told):
     """Tokens for missing values would lose it."""
     (tmp_path / "a").write_bytes(f"F;x\n{cell};1\n".encode())
     assert "tokens" not in refusal(
-        ["a.csv:row 2, column F", *parts], "csv", tmp_path / "a", "F", delimiter=";"
+        ["a.csv:row 2, column F", *told], "csv", tmp_path / "a", "F", delimiter=";"
     )
 
 

@@ -3,6 +3,7 @@ from functools import partial
 import h5py
 import numpy as np
 import pytest
+from common import parts
 from reading import refusal, table_of, tables_of
 
 from mapmore_cli.domain.errors import DataError
@@ -32,23 +33,26 @@ def file(tmp_path):
 read = partial(table_of, "hdf5")
 
 
-@pytest.mark.parametrize(
-    ("column", "request_", "expected"),
-    [
-        ("run/pressure", {}, T),
-        ("run.pressure", {}, T),
-        ("pressure", {"root": "run"}, T),
-        ("/run/both[:,1]", {}, -T),
-        ("run/both[2,:]", {}, [2, -2]),
-        (1, {"root": "run/both"}, -T),
-        ("F", {"root": "table"}, 7 * T),
-        ("table.t", {}, T),
-        ("run/scalar", {}, [3]),
-    ],
-)
-def test_addresses(file, column, request_, expected):
-    values = read(file, column, **request_).columns[column]
-    np.testing.assert_array_equal(values, expected)
+READ = """
+run/pressure     -        0 1 2 3 4 5
+run.pressure     -        0 1 2 3 4 5
+pressure         run      0 1 2 3 4 5
+/run/both[:,1]   -        0 -1 -2 -3 -4 -5
+run/both[2,:]    -        2 -2
+1                run/both 0 -1 -2 -3 -4 -5
+F                table    0 7 14 21 28 35
+table.t          -        0 1 2 3 4 5
+run/scalar       -        3
+"""
+"""Column, root, and what is read."""
+
+
+@pytest.mark.parametrize("line", READ.strip().splitlines())
+def test_addresses(file, line):
+    column, root, *expected = line.split()
+    column = int(column) if column.isdigit() else column
+    values = read(file, column, root=None if root == "-" else root).columns[column]
+    np.testing.assert_array_equal(values, [*map(float, expected)])
     assert values.dtype == np.float64
 
 
@@ -60,32 +64,26 @@ def test_members_of_a_group_come_in_natural_order(file):
     ]
 
 
-@pytest.mark.parametrize(
-    ("columns", "request_", "parts"),
-    [
-        (
-            ("run/presure",),
-            {},
-            ["no 'presure' on the way to 'run/presure'", "Did you mean 'pressure'?"],
-        ),
-        (("run",), {}, ["'run' is a group of 4, not an array", "both, pressure"]),
-        (("run/both",), {}, ["an array of 6 x 2", "`run/both[:,0]`"]),
-        (("run/both[:,2]",), {}, ["reaches beyond an array of 6 x 2"]),
-        (("run/text",), {}, ["'run/text' holds", "not real numbers"]),
-        (("table",), {}, ["'table' is a table of 6", "A table of 6 has: t, F"]),
-        (("table.force",), {}, ["no 'force'", "t, F"]),
-        (("run/scalar", "run/pressure"), {}, ["'run/scalar' has 1 samples, 'run/pressure' has 6"]),
-        (("link",), {}, ["a.h5: 'link' is a link that leads nowhere"]),
-        (("P",), {"root": "runs"}, ["there is no 'P'", "A group of 3 has: run_1, run_10, run_2"]),
-        (
-            ("x",),
-            {"root": "run/pressure[*]"},
-            ["every element of an array of 6", "`root: run/pressure`"],
-        ),
-    ],
-)
-def test_addresses_that_lead_nowhere(file, columns, request_, parts):
-    refusal(parts, "hdf5", file, *columns, **request_)
+WRONG = """
+run/presure | - | no 'presure' on the way to 'run/presure' | Did you mean 'pressure'?
+run | - | 'run' is a group of 4, not an array | both, pressure
+run/both | - | an array of 6 x 2 | `run/both[:,0]`
+run/both[:,2] | - | reaches beyond an array of 6 x 2
+run/text | - | 'run/text' holds | not real numbers
+table | - | 'table' is a table of 6 | A table of 6 has: t, F
+table.force | - | no 'force' | t, F
+run/scalar run/pressure | - | 'run/scalar' has 1 samples, 'run/pressure' has 6
+link | - | a.h5: 'link' is a link that leads nowhere
+P | runs | there is no 'P' | A group of 3 has: run_1, run_10, run_2
+x | run/pressure[*] | every element of an array of 6 | `root: run/pressure`
+"""
+"""Columns, root, and parts of the message."""
+
+
+@pytest.mark.parametrize("line", WRONG.strip().splitlines())
+def test_addresses_that_lead_nowhere(file, line):
+    columns, root, *told = parts(line)
+    refusal(told, "hdf5", file, *columns.split(), root=None if root == "-" else root)
 
 
 def test_cut_files_are_noticed(file, tmp_path):
