@@ -17,7 +17,6 @@ from mapmore_cli.storage.tables import Top
 
 WIDEST, LINES = 2000, 200  # columns, and lines of a table, that `init` looks at
 REMARKS = ("#", "%", "//", "!")  # what a line begins with that is no data
-FEW = 5  # lines
 LETTERS = "smNVAKgh1%-"  # that are units as everybody writes them
 # as microcontrollers plot: `t:12,p:3.4`
 _LABELLED = re.compile(r"\s*[A-Za-z_]\w*\s*[:=]\s*[-+]?[.\d]\S*")
@@ -111,7 +110,7 @@ def preview(path: Path, least: int = 2) -> Preview:
 
 
 def _no_table(path: Path, tops: Sequence[Top], remedy: str) -> DataError:
-    last = [str(cell) for top in tops for row in top.rows[-FEW:] for cell in row]
+    last = [str(cell) for top in tops for row in top.rows for cell in row]
     if any(map(_LABELLED.fullmatch, last)):
         line = f"sed -E 's/[A-Za-z_][A-Za-z_0-9]*[:=] *//g' '{path.name}' > '{path.stem}.csv'"
         return DataError(

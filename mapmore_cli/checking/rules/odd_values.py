@@ -8,13 +8,12 @@ import numpy as np
 
 from mapmore_cli.checking.evidence import spikes
 from mapmore_cli.checking.rules import Issue, Subject
-from mapmore_cli.domain.arrays import IntArray, give_back
+from mapmore_cli.domain.arrays import IntArray, give_back, row_blocks
 from mapmore_cli.domain.errors import SpecError
 from mapmore_cli.domain.recording import Recording
 from mapmore_cli.spec.units import convert
 
 VACUUM = -101.4  # kPa, of a gauge that reads zero in air
-PIECE = 1 << 20  # samples among which a spike stands out: a long record may change its ways
 WITH_ROWS = ("csv", "xlsx")  # readers of files with rows
 
 
@@ -23,8 +22,9 @@ def spikes_in(subject: Subject) -> Iterator[Issue]:
     for name in (name for name in subject.spec.data.columns if name != "time"):
         for recording in (one for one in subject.recordings if name in one.columns):
             values = recording.columns[name]
-            starts = range(0, max(values.size, 1), PIECE)
-            found = np.concatenate([at + spikes(values[at : at + PIECE]) for at in starts])
+            # block by block: a long record may change its ways
+            blocks = row_blocks(values.size)
+            found = np.concatenate([rows.start + spikes(values[rows]) for rows in blocks])
             give_back(values)
             limit = _vacuum(subject, name)
             found = found if limit is None else found[values[found] >= limit]
