@@ -20,7 +20,8 @@ from mapmore_cli.annexes.drafting.columns import (
 from mapmore_cli.annexes.drafting.draft import Column, NamedColumn
 from mapmore_cli.annexes.drafting.names import Condition, told_by_names
 from mapmore_cli.annexes.drafting.sources import Study
-from mapmore_cli.checking.evidence import same_signals
+from mapmore_cli.checking.evidence import FEWEST, ROUNDING, same_signals
+from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import UsageError
 
 
@@ -144,16 +145,34 @@ def _free(
     targets: Sequence[str],
     left_out: dict[Column, str],
 ) -> list[str]:
-    """Return all columns that may drive the targets; those that are one signal with a target are
-    left out and told.
+    """Return all columns that may drive the targets; those that are one signal with a target, or
+    of which it is a linear filter while others drive, are left out and told.
     """
     free = {name: one.column for name, one in columns.items() if name not in {"time", *targets}}
     for target in targets:
         wanted = table[columns[target].column]
         for name, column in list(free.items()):
             own = table[column]
+            if own.kind not in ("", wanted.kind):
+                continue
             both = [np.concatenate(one.values) for one in (own, wanted)]
-            if own.kind in ("", wanted.kind) and same_signals(both):
+            is_copy = same_signals(both)
+            if is_copy or (len(free) > 1 and _is_filtered(own.values, wanted.values)):
                 del free[name]
-                left_out[column] = f"is a copy of {target}: name it by --inputs to use it"
+                how = "is a copy of" if is_copy else "gives by a linear filter"
+                left_out[column] = f"{how} {target}: name it by --inputs to use it"
     return list(free)
+
+
+def _is_filtered(x: Sequence[Array], y: Sequence[Array]) -> bool:
+    """Return True where `y[k] = a x[k] + b x[k-1] + c x[k-2] + d` to 1e-4 of the range of y: it was
+    computed from x.
+    """
+    pairs = list(zip(x, y, strict=True))
+    if any(len(one) != len(other) or len(one) < FEWEST for one, other in pairs):
+        return False
+    rows = [np.column_stack([one[2:], one[1:-1], one[:-2]]) for one, _ in pairs]
+    wanted = np.concatenate([other[2:] for _, other in pairs])
+    design = np.column_stack([np.concatenate(rows), np.ones(len(wanted))])
+    left = wanted - design @ np.linalg.lstsq(design, wanted, rcond=None)[0]
+    return bool(np.abs(left).max() <= ROUNDING * np.ptp(wanted))

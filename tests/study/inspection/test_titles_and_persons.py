@@ -185,11 +185,19 @@ def test_targets_and_inputs_are_named_by_titles_words_or_places(tmp_path, target
 
 def test_of_a_target_neither_copies_nor_what_computes_it_are_inputs(tmp_path):
     drive, force = WAVES[1], 3 * WAVES[0]
-    columns = {"u": drive, "q": WAVES[2], "sensor": 0.2 * force + 1, "torque": force}
+    smooth = np.sin(3.0 * (T - 0.4))  # the next samples of it give the force
+    columns = {
+        "u": drive,
+        "q": WAVES[2],
+        "sensor": 0.2 * force + 1,
+        "late": smooth,
+        "torque": force,
+    }
     write(tmp_path / "a.csv", {name: values + 1e-9 * T for name, values in columns.items()})
     draft = drafted(tmp_path, answers=answers_of(target="torque"))
     assert list(draft.data["columns"]) == ["u", "q", "torque"]
     assert "left out: sensor (is a copy of torque" in draft.text()
+    assert "late (gives by a linear filter torque" in draft.text()
     draft = drafted(tmp_path, answers=answers_of(target="torque", inputs="sensor"))
     assert list(draft.data["columns"]) == ["sensor", "torque"]
 
