@@ -14,6 +14,7 @@ from mapmore_cli.domain.errors import DataError, SpecError
 from mapmore_cli.spec.units import check_unit
 from mapmore_cli.storage.readers import reader_of, suffix_of
 from mapmore_cli.storage.tables import Top
+from mapmore_cli.storage.tables.cells import stamp_of
 
 WIDEST, LINES = 2000, 200  # columns, and lines of a table, that `init` looks at
 REMARKS = ("#", "%", "//", "!")  # what a line begins with that is no data
@@ -171,6 +172,10 @@ class _FoundTable:
         others = [tuple(lines[line]) for line in sorted(lines) if line != titled]
         units = self.top.units or next(filter(_are_units, others), ())
         width = 1 + max([*self.numeric, *(place for place, title in enumerate(titles) if title)])
+        said = [_without_brackets(unit) for unit in (*units, *[""] * width)[:width]]
+        for place in (one for one in self.numeric if not said[one]):
+            is_stamped = stamp_of(str(self.columns[place][0]).strip()) is not None
+            said[place] = "s" if is_stamped else ""  # as stamps are read
         header, skipped = 0, self.first
         if titled is not None and len(self.rows[titled]) <= self.wide:
             header, skipped = max(lines) - titled + 1, titled
@@ -183,7 +188,7 @@ class _FoundTable:
             width,
             (*titles, *[""] * width)[:width] if titles else None,
             settings,
-            tuple(map(_without_brackets, units[:width])) if any(units) else (),
+            tuple(said) if any(said) else (),
             addresses=self.top.addresses,
             remark=bool(titles) and not header,
             numeric=self.numeric,

@@ -338,6 +338,15 @@ def test_time_stamps_are_read_in_seconds(tmp_path, stamp):
     assert "missing" not in spec["data"]
 
 
+def test_the_unit_of_stamps_is_no_question(tmp_path):
+    stamped(tmp_path / "a.csv", "2026-03-01 12:{:02}:{:04.1f}")
+    text = (tmp_path / "a.csv").read_text()
+    (tmp_path / "a.csv").write_text(text.replace("time [s]", "Timestamp"))
+    draft = drafted(tmp_path)
+    assert draft.data["columns"]["time"] == {"column": "Timestamp", "unit": "s"}
+    assert ("data", "columns", "time") not in draft.open
+
+
 @pytest.mark.parametrize("odd", ["0:03:20", "01.05.2026 12:00:00", "TRUE", '"20"1.2', "1'234.5"])
 def test_a_cell_that_is_no_number_is_told_rather_than_left_out(tmp_path, odd):
     stamped(tmp_path / "a.csv", "12:{:02}:{:04.1f}", odd=odd)
