@@ -96,6 +96,8 @@ _SPELLINGS = {
         "1": "-, frac, fraction, ratio",
         "N": "newton, newtons",
         "lbf": "lbs",
+        "g": "gram, grams",
+        "kg": "kilogram, kilograms",
         "um": "µm, μm",
         "N*m": "N m",
         "degC": "°c, deg c, celsius",

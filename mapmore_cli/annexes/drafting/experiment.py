@@ -149,13 +149,12 @@ def with_experiment(
     samples = sum(one.rows_kept for one in recordings)
     is_static = held is not None and (held.why == "you" or target == "force")
     if not is_static and "time" in recordings[0].columns and samples >= FEWEST:
-        held = None
         draft = _as_memory_study(draft, recordings).with_section("target", target)
-        return with_split(draft, recordings, held, told)
+        return _with_split(draft, recordings, told)
     draft = draft.with_section("target", "static" if target == "force" else target)
     if held is not None:
         draft = _with_levels(_with_static_samples(draft, recordings, held), held)
-    draft = with_split(draft, recordings, held, told)
+    draft = _with_split(draft, recordings, told)
     inputs = {*recordings[0].columns, *told}
     formulas = [
         name
@@ -205,24 +204,19 @@ def _with_levels(draft: Draft, held: Held) -> Draft:
     return draft.with_data("levels", levels, why)
 
 
-def with_split(
-    draft: Draft,
-    recordings: Sequence[Recording],
-    held: Held | None,
-    told: Mapping[str, Sequence[float]],
+def _with_split(
+    draft: Draft, recordings: Sequence[Recording], told: Mapping[str, Sequence[float]]
 ) -> Draft:
-    """Return the draft with something held out: inner levels, else inner values that names tell,
-    else recordings, else the last samples of each.
+    """Return the draft with something held out: inner levels; without levels inner values that
+    names tell, else recordings; else the last samples of each.
     """
-    groups = draft.data.get("groups", {})
-    names = [] if {"gain", "offset"} & {*groups} else [one.id for one in recordings]
-    levels = draft.data["levels"]["at"] if "levels" in draft.data else []
-    if held is not None and (some := inner(levels)):
-        return draft.with_data("split", {"validate": {held.of: some}}, "inner levels")
-    for quantity, values in told.items() if held is None else ():
-        if some := inner(sorted(set(values))):
+    levels, groups = draft.data.get("levels"), draft.data.get("groups", {})
+    values = {levels["of"]: levels["at"]} if levels else told
+    for quantity, own in values.items():
+        if some := inner(sorted({*own})):
             return draft.with_data("split", {"validate": {quantity: some}}, "inner values")
-    if len(names) > 2 and held is None:
+    names = [one.id for one in recordings]
+    if len(names) > 2 and not levels and {"gain", "offset"}.isdisjoint(groups):
         return draft.with_data("split", {"validate": {"recordings": names[1:-1:3]}})
     return draft.with_data("split", {"validate": {"last": LAST}}, "the last of every recording")
 

@@ -13,23 +13,26 @@ from mapmore_cli.annexes.drafting.answers import Hold
 from mapmore_cli.annexes.drafting.columns import words
 from mapmore_cli.checking.names import read_label
 from mapmore_cli.domain.errors import UsageError
-from mapmore_cli.spec.units import CANONICAL, can_convert, convert
+from mapmore_cli.spec.units import CANONICAL, can_convert, convert, unit_of
 from mapmore_cli.storage.readers import suffix_of
 from mapmore_cli.storage.tables.lines import name_of_packed
 
-_SPELT = {
-    "pressure": {"pa": "Pa", "hpa": "hPa", "kpa": "kPa", "mpa": "MPa", "bar": "bar"}
-    | {"mbar": "mbar", "psi": "psi"},
-    "load": {"g": "gf", "gram": "gf", "grams": "gf", "kg": "kgf", "kilograms": "kgf"},
-    "temperature": {"degc": "degC", "°c": "degC"},
-    "voltage": {"v": "V", "mv": "mV"},
-    "current": {"ma": "mA"},
-    "frequency": {"hz": "Hz"},
-    "length": {"mm": "mm", "cm": "cm", "um": "um"},
-    "percent": {"%": "%", "pct": "%", "percent": "%"},
+_WRITTEN = {
+    "pressure": ("kPa", "Pa hPa kPa MPa bar mbar psi psig barg"),
+    "load": ("N", "g gram grams kg kilograms"),
+    "temperature": ("degC", "degC °C"),
+    "voltage": ("V", "V mV"),
+    "current": ("A", "mA"),
+    "frequency": ("Hz", "Hz"),
+    "length": ("m", "mm cm um"),
+    "percent": ("%", "% pct percent"),
 }
-"""Units in names, by the quantity that they tell, as they are written in small letters."""
-_UNITS = {written: (of, unit) for of, units in _SPELT.items() for written, unit in units.items()}
+"""Units that are read in names, by the quantity that they tell and one unit of it."""
+_UNITS = {
+    word.casefold(): (quantity, str(unit_of(word, like)))
+    for quantity, (like, words_of_units) in _WRITTEN.items()
+    for word in words_of_units.split()
+}
 _BY_WORD = ("length", "percent")  # quantities of which the word beside the number tells more
 _RUNS = (
     "test|run|rep|repeat|trial|take|try|no|nr|num|cycle|loop|log|file|data|set|exp|experiment|part"

@@ -46,10 +46,7 @@ NOTHING_SAID = Answers()
 
 @dataclass(frozen=True)
 class Start:
-    """The drafts, that of the most files first, and remarks about what they do not cover.
-
-    The outputs of one study are drafts of one `study`.
-    """
+    """The drafts, that of the most files first, and remarks about what they do not cover."""
 
     drafts: tuple[Draft, ...]
     remarks: tuple[str, ...]
