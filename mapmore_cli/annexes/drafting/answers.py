@@ -38,7 +38,7 @@ class Hold(NamedTuple):
 
 @dataclass(frozen=True)
 class Answers:
-    """What a person has said; None and empty where nothing is said.
+    """Keep what a person has said; a field is None or empty where nothing is said.
 
     Attributes
     ----------
