@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
-from annotated_types import Interval
+from annotated_types import Interval, Len
 
 from mapmore_cli.domain.declared import Contradiction, Either, InUnit, OfHeld, Settings
 
@@ -16,6 +17,9 @@ FORWARD = 3
 
 Stop = Literal["tolerance", "bic", "aicc", "press", "free_run"]
 """When fewer terms than `max_terms` are enough."""
+
+Word = Literal["increasing", "decreasing", "convex", "concave", "positive"]
+"""What is known of the output along an input; `positive` of the output itself."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -31,6 +35,10 @@ class Fit(Settings):
       dictionary has a constant. It ends no other `stop` rule.
     - A `ridge`, a fraction of a candidate's variance or `auto`, selects `forward` terms (three
       times `max_terms`) and prunes them.
+    - `shape` is what is known of the output along its inputs, as `{pressure: increasing, strain:
+      [decreasing, convex], force: positive}`. It holds over the training range, and `beyond` as a
+      share of it, where the training output stands more than the share `slack` of its range above
+      its minimum. Coefficients follow it; the choice of terms does not.
     - With delays of the output: `criterion: free_run` refines the coefficients on the simulation
       error. `stop: free_run` chooses the number of terms on the last quarter of each training
       recording.
@@ -45,6 +53,12 @@ class Fit(Settings):
     criterion: Literal["one_step", "free_run"] = "one_step"
     ridge: Annotated[Literal["auto"] | Annotated[float, Interval(ge=0)], Either()] = 0.0
     forward: Annotated[int, Interval(ge=1)] | None = None
+    shape: (
+        Annotated[dict[str, Annotated[Word | Annotated[Sequence[Word], Len(1)], Either()]], Len(1)]
+        | None
+    ) = None
+    slack: Annotated[float, Interval(ge=0, lt=1), InUnit(lambda _: "1")] = 0.05
+    beyond: Annotated[float, Interval(ge=0, le=10), InUnit(lambda _: "1")] = 0.0
 
     @property
     def forward_terms(self) -> int:
@@ -60,6 +74,9 @@ class Fit(Settings):
                 f"write {LEAST_RIDGE:g} or more, 0 or `auto`",
                 "ridge",
             )
+        for key in ("slack", "beyond"):
+            if self.shape is None and key in self.changed:
+                raise Contradiction(f"`{key}` is about a `shape`", f"remove `{key}`", key)
 
 
 @dataclass(frozen=True, kw_only=True)

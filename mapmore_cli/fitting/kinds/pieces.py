@@ -112,12 +112,17 @@ def build(part: ModelChoices, given: Given, result: FitResult) -> Model:
     """Fuse; on a backbone, keep as much of the residual as left-out training data support."""
     from mapmore_cli.modelling.pieces import build as method
     from mapmore_cli.modelling.pieces.cross_validation import with_trusted_residual
+    from mapmore_cli.modelling.pieces.shaped import shaped
 
     quantities = given.dataset.quantities
     curves, recipe = _trained(part, given.dataset)
     model = method.fuse(part.name, curves, given.segmentation, result, recipe, quantities)
-    if result.backbone is None:
-        return model
-    return with_trusted_residual(
-        model, curves, recipe, quantities, lambda done, total: given.progress("folds", done, total)
-    )
+    if result.backbone is not None:
+        model = with_trusted_residual(
+            model,
+            curves,
+            recipe,
+            quantities,
+            lambda done, total: given.progress("folds", done, total),
+        )
+    return shaped(model, curves, given.segmentation, recipe)
