@@ -253,9 +253,17 @@ class Shape:
     held_out_without: Annotated[float, "error on them without the shape", "[target]"] = math.nan
 
     @property
+    def monotone(self) -> frozenset[str]:
+        """Inputs along which the output rises, or falls, everywhere."""
+        return frozenset(k.quantity for k in self.kept if k.word in ("increasing", "decreasing"))
+
+    @property
     def promise(self) -> str:
         """What the model keeps, in one line, as headers of exports say it."""
-        words = ", ".join(f"{one.word} in {one.quantity}" for one in self.kept)
+        words = ", ".join(
+            one.word if one.word == "positive" else f"{one.word} in {one.quantity}"
+            for one in self.kept
+        )
         where = f"where the training output stands {self.slack:.3g} of its range above its least"
         return f"{words} over the training range, {where}"
 

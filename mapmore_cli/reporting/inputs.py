@@ -16,6 +16,7 @@ from mapmore_cli.domain.recording import Curve, Dataset, Quantity
 from mapmore_cli.domain.results import FitResult, Search, Validation
 from mapmore_cli.domain.scores import REPEATABILITY, SIMPLE, Published, deciding
 from mapmore_cli.modelling.kinds import outside_range, page_of, runs_over_time
+from mapmore_cli.modelling.shape.violations import Violation
 from mapmore_cli.modelling.validation.intervals import INTERVAL, ends, half_widths_of
 from mapmore_cli.modelling.validation.shown import in_time, is_turned
 
@@ -82,6 +83,7 @@ class ReportInputs:
     - `asked`: ids of the curves and recordings that alone are to be drawn; empty for some that
       stand for all.
     - `search`: the structures that were tried, where the spec left the structure to a search.
+    - `violations`: of the shape that the spec asks for, or the kind of muscle implies.
     """
 
     name: str
@@ -102,6 +104,7 @@ class ReportInputs:
     doubts: tuple[str, ...] = ()
     asked: frozenset[str] = frozenset()
     search: Search | None = None
+    violations: tuple[Violation, ...] = ()
 
     @property
     def dataset(self) -> Dataset:

@@ -36,6 +36,7 @@ def all_tables(inputs: ReportInputs) -> tuple[Table, ...]:
         terms_table(inputs.fit),
         coefficients_table(inputs),
         equations_table(inputs.equations, inputs.other_equations),
+        shape_table(inputs),
         formulas_table(inputs),
         folds_table(pieces.cross_validation if pieces else (), unit),
     ]
@@ -208,16 +209,58 @@ def coefficients_table(inputs: ReportInputs) -> Table:
         *(f"theta × y_slope [{unit}]", f"± 95 % [{unit}] .3g"),
     )
     rows: list[tuple[Cell, ...]] = []
+    shaped = inputs.model.pieces if inputs.model.shape is not None else None
+    kept = {one.id: one for one in (shaped.segments if shaped else ())}
     for segment in inputs.fit.pieces:
         chosen, slope = segment.selection, segment.scaling.y_slope
+        own = kept.get(segment.id, chosen)
         for term, theta, error in zip(
-            segment.terms, chosen.theta.tolist(), chosen.theta_error.tolist(), strict=True
+            segment.terms, own.theta.tolist(), own.theta_error.tolist(), strict=True
         ):
             width = half_width(error, chosen.samples - len(chosen.theta))
             scaled = (theta, width, theta - width, theta + width)
             rows.append((segment.id, term, *scaled, theta * slope, width * abs(slope)))
     title = "Coefficients with 95 % confidence intervals"
     return Table.of("coefficients", title, columns, rows, INDEPENDENCE_CAVEAT)
+
+
+def shape_table(inputs: ReportInputs) -> Table:
+    """Return what is known of the output along inputs: where the model violates it, and where that
+    decided about its coefficients.
+    """
+    unit, asked = inputs.model.output.unit, inputs.model.shape
+    before = {(one.quantity, one.word): one for one in (asked.kept if asked else ())}
+    columns = (
+        *(
+            "along",
+            "the output is",
+            "known from",
+            f"violated by [{unit}] .3g",
+            "% of its range .3g",
+        ),
+        *("worst at", f"without the shape [{unit}] .3g", "it binds at"),
+    )
+    rows: list[tuple[Cell, ...]] = []
+    for one in inputs.violations:
+        kept = before.get((one.asked.quantity, one.asked.word))
+        worst = ", ".join(f"{name} {x:.4g}" for name, x in one.place.items())
+        known: tuple[Cell, ...] = ("the kind of muscle", None, None)
+        if kept is not None:
+            binds = (f"{name} {low:.4g} to {high:.4g}" for name, (low, high) in kept.binds.items())
+            known = ("fit.shape", kept.violated, ", ".join(binds) or None)
+        word, share = (one.asked.quantity, one.asked.word), 100 * one.amount / one.span
+        rows.append((*word, known[0], one.amount, share, worst or None, *known[1:]))
+    notes = [
+        "Violated by: the largest fall without a break, over the training range where the training "
+        "output stands 5 % of its range above its least."
+    ]
+    if asked:
+        notes.append(
+            f"RMSE of training data {asked.training:.4g} {unit} with, {asked.training_without:.4g} "
+            f"{unit} without; of held-out data {asked.held_out:.4g} and "
+            f"{asked.held_out_without:.4g} {unit}."
+        )
+    return Table.of("shape", "Shape of the surface", columns, rows, *notes)
 
 
 def equations_table(

@@ -20,7 +20,7 @@ from mapmore_cli.annexes.exporting.templates import (
     identifier,
     lines_of_code,
     names_of_inputs,
-    renaming_notes,
+    notes_of,
     rendered_template,
     word,
 )
@@ -61,7 +61,7 @@ def python_module(model: Model, plain: bool = False) -> tuple[str, str]:
         "model": model,
         "names": names,
         "plain": plain,
-        "renamed": renaming_notes(names),
+        "notes": notes_of(model, names),
         "tolerance": OUTSIDE_TOLERANCE,
     }
     words |= {"output": word(identifiers([model.output.name], taken)[0]), "kept": program.kept}

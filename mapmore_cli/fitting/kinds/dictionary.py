@@ -8,6 +8,7 @@ import graphlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from math import inf
 
 from mapmore_cli.domain.errors import SpecError
 from mapmore_cli.domain.recording import Signal
@@ -98,6 +99,20 @@ def terms_of(dictionary: Sequence[DictionaryEntry], clock: Clock | None = None) 
     return tuple(
         dict.fromkeys(term for entry in dictionary for term in _terms(entry, clock, constant=True))
     )
+
+
+def bounds_of(
+    dictionary: Sequence[DictionaryEntry], clock: Clock | None = None
+) -> dict[str, tuple[float, float]]:
+    """Return the least and the greatest coefficient of terms that have some, in the target's unit;
+    of a term of several entries, those of the first.
+    """
+    return {
+        term: entry.limits
+        for entry in reversed(dictionary)
+        for term in _terms(entry, clock, constant=True)
+        if entry.limits != (-inf, inf)
+    }
 
 
 def _terms(entry: DictionaryEntry, clock: Clock | None, *, constant: bool) -> Sequence[str]:

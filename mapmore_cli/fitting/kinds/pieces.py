@@ -14,7 +14,7 @@ from mapmore_cli.fitting.kinds.choices import (
     by_trial,
     level_of,
 )
-from mapmore_cli.fitting.kinds.dictionary import terms_of
+from mapmore_cli.fitting.kinds.dictionary import bounds_of, terms_of
 from mapmore_cli.fitting.kinds.formula import fitted
 from mapmore_cli.modelling.pieces.recipe import Cut, Recipe
 from mapmore_cli.modelling.pieces.segmentation import trained_at
@@ -45,6 +45,7 @@ def recipe_of(target: str, part: ModelChoices) -> Recipe:
         pooled=None if part.levels is None or level is not None else part.levels.of,
         fit=part.fit,
         fuse=part.fuse,
+        bounds={} if remembers(part.dictionary) else bounds_of(part.dictionary),
     )
 
 

@@ -23,15 +23,12 @@ from mapmore_cli.domain.errors import FitError
 from mapmore_cli.domain.fits import SegmentedCurve
 from mapmore_cli.domain.models import (
     CurveFunction,
-    KeptShape,
     Model,
     Pieces,
-    Shape,
 )
 from mapmore_cli.domain.recording import Curve
 from mapmore_cli.modelling.expressions import dictionary_matrix, parse
 from mapmore_cli.modelling.kinds import predict
-from mapmore_cli.modelling.literature.backbone import pooled
 from mapmore_cli.modelling.pieces.definition import levels_program, pieces_program
 from mapmore_cli.modelling.pieces.recipe import Recipe
 from mapmore_cli.modelling.pieces.segmentation import samples_at, scaled_inputs, training_curves
@@ -39,8 +36,8 @@ from mapmore_cli.modelling.program.model import program_of, with_slopes
 from mapmore_cli.modelling.program.values import evaluator
 from mapmore_cli.modelling.shape.least_squares import Constrained, least_squares_under
 from mapmore_cli.modelling.shape.region import Region, grid_of, region_of
-from mapmore_cli.modelling.shape.stencils import Asked, Grid, Stencils
-from mapmore_cli.modelling.shape.violations import violations
+from mapmore_cli.modelling.shape.stencils import Asked, Grid, Stencils, asked_of
+from mapmore_cli.modelling.shape.violations import violations, with_shape
 
 # nodes of the grid where the exchange begins, and of the one on which nothing may be violated
 COARSE, FINE = 625, 62_500
@@ -64,27 +61,16 @@ def shaped(
     """
     body = model.body
     assert isinstance(body, Pieces)
-    asked = asked_of(recipe)
-    region = region_of(model, curves, recipe.fit.slack, recipe.fit.beyond) if asked else None
+    asked = asked_of(recipe.fit)
+    region = region_of(model, curves, recipe.fit) if asked else None
     if not body.segments or (region is None and not recipe.bounds):
         return model
     surface = _Surface(model, body, _factor(body, curves, segmentation, recipe))
     exchange = _Exchange(surface, *_bounds(body, recipe.bounds), region)
     if region is not None:
         exchange.until_kept(asked, region)
-    if region is None:
-        return exchange.model
-    kept = _told(model, exchange, curves, region, asked)
-    return replace(exchange.model, shape=kept)
-
-
-def asked_of(recipe: Recipe) -> list[Asked]:
-    """Return every word about every quantity, one by one."""
-    return [
-        Asked(name, word)
-        for name, words in (recipe.fit.shape or {}).items()
-        for word in ([words] if isinstance(words, str) else words)
-    ]
+    kept = violations(model, asked, region) if region is not None else []
+    return with_shape(model, exchange.model, curves, recipe.fit, kept, exchange.where())
 
 
 def _factor(
@@ -238,10 +224,21 @@ class _Exchange:
             for row in np.flatnonzero(solution.force[first : first + len(stencils.weights)])
         ]
 
+    def where(self) -> dict[Asked, dict[str, tuple[float, float]]]:
+        """Return the range of the inputs in which each word binds."""
+        ranges: dict[Asked, dict[str, tuple[float, float]]] = {}
+        for stencils in self.binding(self.solution):
+            own = ranges.setdefault(stencils.asked, {})
+            for name, x in stencils.points.items():
+                low, high = own.get(name, (np.inf, -np.inf))
+                own[name] = min(low, float(x.min())), max(high, float(x.max()))
+        return ranges
+
     def until_kept(self, asked: Sequence[Asked], region: Region) -> None:
         """Add inequalities until the shape is kept on a coarse grid, then on a fine one, then close
         to the places where it binds.
         """
+        asked = region.asks(asked)
         knots = program_of(self.surface.start).knots
         for nodes in (COARSE, FINE):
             self._on([(grid_of(region, knots, nodes), asked)], region)
@@ -309,39 +306,3 @@ def _about(stencils: Stencils, steps: Mapping[str, float], closer: int) -> Grid:
         step, middle = steps.get(name, 0.0) * (2 / (CLOSE - 1)) ** closer, float(x[0].mean())
         axes[name] = np.unique(np.linspace(middle - step, middle + step, CLOSE))
     return Grid(axes)
-
-
-def _told(
-    plain: Model,
-    exchange: _Exchange,
-    curves: Sequence[Curve],
-    region: Region,
-    asked: Sequence[Asked],
-) -> Shape:
-    """Return what the model keeps, where that decides about its coefficients, and what it costs."""
-    binding = exchange.binding(exchange.solution)
-
-    def where(one: Asked) -> dict[str, tuple[float, float]]:
-        points = [stencils.points for stencils in binding if stencils.asked == one]
-        return {
-            name: (min(p[name].min() for p in points), max(p[name].max() for p in points))
-            for name in (points[0] if points else ())
-        }
-
-    kept = tuple(
-        KeptShape(one.asked.quantity, one.asked.word, one.amount, where(one.asked))
-        for one in violations(plain, asked, region)
-    )
-    errors = [
-        _error(each, curves, training)
-        for training in (True, False)
-        for each in (exchange.model, plain)
-    ]
-    return Shape(kept, region.slack, region.beyond, *errors)
-
-
-def _error(model: Model, curves: Sequence[Curve], training: bool) -> float:
-    """Return the root mean square error on training or held-out samples; NaN without any."""
-    rows = pooled([(curve, curve.training if training else curve.held_out) for curve in curves])
-    errors = predict(model, rows) - rows[model.output.name]
-    return float(np.sqrt(np.nanmean(errors**2))) if np.isfinite(errors).any() else float("nan")

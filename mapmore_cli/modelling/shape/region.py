@@ -15,6 +15,7 @@ from mapmore_cli.domain.models import CurveRange, Model
 from mapmore_cli.domain.recording import Curve
 from mapmore_cli.modelling.kinds import OUTSIDE_TOLERANCE, limits
 from mapmore_cli.modelling.literature.backbone import pooled_training
+from mapmore_cli.modelling.selection import Fit
 from mapmore_cli.modelling.shape.stencils import Asked, Grid
 
 # cells of all inputs together in which training samples are averaged
@@ -102,6 +103,10 @@ class Region:
             ends[name] = float(low.min()) - margin, float(high.max()) + margin
         return {name: ends[name] for name in self.output.places}
 
+    def asks(self, asked: Sequence[Asked]) -> list[Asked]:
+        """Return the words about the output, and about inputs that vary."""
+        return [one for one in asked if one.word == "positive" or one.quantity in self.ends]
+
     def holds(self, columns: Columns) -> BoolArray:
         """Return True at places in it, (n,)."""
         least = self.output.values.min() + self.slack * self.output.span
@@ -114,18 +119,29 @@ class Region:
         return inside
 
 
-def region_of(
-    model: Model, curves: Sequence[Curve], slack: float, beyond: float = 0.0
-) -> Region | None:
+def region_of(model: Model, curves: Sequence[Curve], fit: Fit) -> Region | None:
     """Return the region of a model in which training `curves` vary; None where nothing does, or the
     model does not know its range.
     """
     ranges = getattr(model.body, "ranges", ())
-    inputs = [one.name for one in model.inputs if ranges and one.name in ranges[0].limits]
-    output = TrainingOutput.of(curves, inputs, model.output.name) if inputs else None
+    inputs = [one.name for one in model.inputs]
+    return region_over(ranges, model.level, curves, inputs, model.output.name, fit)
+
+
+def region_over(
+    ranges: Sequence[CurveRange],
+    level: str | None,
+    curves: Sequence[Curve],
+    inputs: Sequence[str],
+    target: str,
+    fit: Fit,
+) -> Region | None:
+    """Return the region over the ranges of some `inputs`; None where none of them varies."""
+    known = [name for name in inputs if ranges and name in ranges[0].limits]
+    output = TrainingOutput.of(curves, known, target) if known else None
     if output is None or not output.places or output.span == 0.0:
         return None
-    return Region(ranges, model.level, output, slack, beyond)
+    return Region(ranges, level, output, fit.slack, fit.beyond)
 
 
 def grid_of(region: Region, knots: Mapping[str, Sequence[float]], nodes: int) -> Grid:
@@ -146,7 +162,8 @@ BESIDE = 1e-6
 
 
 def refuse_unsupported(asked: Sequence[Asked], region: Region, unit: str) -> None:
-    """Raise FitError for a sign that training data contradict, or hardly tell.
+    """Raise FitError for a quantity that does not vary, and for a sign that training data
+    contradict, or hardly tell.
 
     Differences are of the interpolated training output, between neighbouring values of the
     quantity, at the values of the other inputs.
@@ -158,6 +175,11 @@ def refuse_unsupported(asked: Sequence[Asked], region: Region, unit: str) -> Non
     inside = region.holds(grid.columns)
     values = np.where(inside, region.output.interpolated(grid.columns), np.nan)
     for one in asked:
+        if one.word != "positive" and one.quantity not in axes:
+            raise FitError(
+                f"fit.shape: `{one.quantity}` is no input of the model that varies in training",
+                f"name one of {', '.join(axes)}",
+            )
         if one.word not in ("increasing", "decreasing"):
             continue
         along = grid.along(one, values, inside)

@@ -10,7 +10,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from scipy.ndimage import binary_dilation
 
 from mapmore_cli.domain.arrays import Array, BoolArray, Columns, IntArray
-from mapmore_cli.modelling.selection import Word
+from mapmore_cli.modelling.selection import Fit, Word
 
 # one value is not below zero; of two, the second is not below the first; of three, the middle one
 # is not above the line through the others
@@ -46,6 +46,15 @@ class Asked:
 
     quantity: str
     word: Word
+
+
+def asked_of(fit: Fit) -> list[Asked]:
+    """Return every word about every quantity, one by one."""
+    return [
+        Asked(name, word)
+        for name, words in (fit.shape or {}).items()
+        for word in ([words] if isinstance(words, str) else words)
+    ]
 
 
 @dataclass(frozen=True)

@@ -5,15 +5,16 @@ memory.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, Annotated, Any
+from math import inf
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import Field, create_model
 
-from mapmore_cli.domain.declared import Contradiction, Either, InUnit
+from mapmore_cli.domain.declared import Contradiction, Either, InUnit, ListToo
 from mapmore_cli.modelling.expressions import ExpressionError, parse, state
 from mapmore_cli.modelling.expressions.operator import Operator
 from mapmore_cli.modelling.expressions.operators import families
-from mapmore_cli.spec.fields import Section
+from mapmore_cli.spec.fields import OfTarget, Section
 from mapmore_cli.spec.tree import Loc
 
 Of = Annotated[list[str], Field(min_length=1)]
@@ -212,6 +213,10 @@ Family = Polynomial | Lags | OperatorFamily | AlongRange | Products | list[str]
 """One family of terms; a list holds expressions."""
 
 
+LIMITS = ("sign", "bounds")
+"""Keys of an entry that are about the coefficients of its terms."""
+
+
 class Families(Section):
     """The families that are no operator's."""
 
@@ -222,13 +227,22 @@ class Families(Section):
     spline: Spline | None = None
     ends: Ends | None = None
     steps: SmoothSteps | None = None
+    sign: Literal["positive", "negative"] | None = None
+    bounds: Annotated[tuple[OfTarget, OfTarget], ListToo()] | None = None
 
     def _given(self) -> dict[str, Family]:
         return {
             name: family
             for name in type(self).model_fields
-            if (family := getattr(self, name)) is not None
+            if name not in LIMITS and (family := getattr(self, name)) is not None
         }
+
+    @property
+    def limits(self) -> tuple[float, float]:
+        """The least and the greatest coefficient of the family's terms, in the target's unit."""
+        if self.bounds is not None:
+            return self.bounds
+        return {"positive": (0.0, inf), "negative": (-inf, 0.0)}.get(self.sign or "", (-inf, inf))
 
     @property
     def family(self) -> tuple[str, Family]:
@@ -236,10 +250,15 @@ class Families(Section):
         return next(iter(self._given().items()))
 
     def _contradictions(self) -> Iterator[ValueError]:
+        if self.sign is not None and self.bounds is not None:
+            yield Contradiction("a sign is a bound", "give either `sign` or `bounds`", "sign")
+        if self.bounds is not None and not self.bounds[0] <= self.bounds[1]:
+            yield Contradiction("the bounds do not ascend", "put the lower one first", "bounds")
         if len(self._given()) != 1:
             found = "two families" if self._given() else "no family"
+            names = [name for name in type(self).model_fields if name not in LIMITS]
             remedy = (
-                f"give one of {', '.join(f'`{name}`' for name in type(self).model_fields)}; "
+                f"give one of {', '.join(f'`{name}`' for name in names)}; "
                 "further families are entries of their own"
             )
             yield Contradiction(f"this entry has {found} of terms", remedy)
@@ -256,7 +275,9 @@ else:
         __base__=Families,
         __doc__=(
             "One family of candidate terms: monomials, states with memory, products of both, "
-            "or `terms` written out as expressions."
+            "or `terms` written out as expressions.\n\n"
+            "`sign` or `bounds` hold for the coefficient of each of its terms, in the target's "
+            "unit; inputs are scaled as `fit.scaling` says."
         ),
         __module__=__name__,
         **{key: (form | None, None) for key, form in FORMS.items()},
