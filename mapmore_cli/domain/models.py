@@ -248,8 +248,8 @@ class Shape:
     slack: Annotated[Number, "share of the range of the training output"]
     beyond: Annotated[Number, "share of the training range of each input"]
     training: Annotated[Number, "error on the training samples", "[target]"] = 0.0
-    training_without: Annotated[Number, "error on them without the shape", "[target]"] = 0.0
     held_out: Annotated[float, "error on the held-out samples; NaN without", "[target]"] = math.nan
+    training_without: Annotated[Number, "training error without it", "[target]"] = 0.0
     held_out_without: Annotated[float, "error on them without the shape", "[target]"] = math.nan
 
     @property

@@ -10,7 +10,7 @@ from pathlib import Path
 from pydantic_core import to_json
 
 from mapmore_cli.fitting import kinds
-from mapmore_cli.fitting.kinds import Given, refuse_unsupported
+from mapmore_cli.fitting.kinds import Given
 from mapmore_cli.fitting.kinds.choices import (
     ModelChoices,
     by_trial,
@@ -135,8 +135,6 @@ def fit(part: ModelChoices, workspace: Workspace) -> None:
     dataset = workspace.files.dataset()
     given = Given(dataset, workspace.files.segmentation(), progress=workspace.progress)
     result = kinds.fit(part, given)
-    if part.fit.shape is not None and not part.over_time:
-        refuse_unsupported(part, given, result)
     for note in result.constant_alone:
         workspace.warn(note)
     result = replace(result, notes=(*result.constant_alone, *result.notes))
@@ -170,6 +168,10 @@ def fuse(part: ModelChoices, workspace: Workspace) -> None:
         workspace.progress,
     )
     model = kinds.build(part, given, result)
+    if model.shape is not None:
+        from mapmore_cli.modelling.shape.region import refuse_unsupported
+
+        refuse_unsupported(model, dataset.curves, part.fit)
     model = replace(
         model, signals=needed_signals(part.signals, [quantity.name for quantity in model.inputs])
     )

@@ -104,7 +104,7 @@ class ReportInputs:
     doubts: tuple[str, ...] = ()
     asked: frozenset[str] = frozenset()
     search: Search | None = None
-    violations: tuple[Violation, ...] = ()
+    violations: Sequence[Violation] = ()
 
     @property
     def dataset(self) -> Dataset:

@@ -225,42 +225,36 @@ def coefficients_table(inputs: ReportInputs) -> Table:
 
 
 def shape_table(inputs: ReportInputs) -> Table:
-    """Return what is known of the output along inputs: where the model violates it, and where that
-    decided about its coefficients.
+    """Return by how much the model violates what is known of its output along inputs, and where
+    that decided about its coefficients.
     """
-    unit, asked = inputs.model.output.unit, inputs.model.shape
-    before = {(one.quantity, one.word): one for one in (asked.kept if asked else ())}
-    columns = (
-        *(
-            "along",
-            "the output is",
-            "known from",
-            f"violated by [{unit}] .3g",
-            "% of its range .3g",
-        ),
-        *("worst at", f"without the shape [{unit}] .3g", "it binds at"),
-    )
+    unit, shape = inputs.model.output.unit, inputs.model.shape
+    known = {(one.quantity, one.word): one for one in (shape.kept if shape else ())}
     rows: list[tuple[Cell, ...]] = []
     for one in inputs.violations:
-        kept = before.get((one.asked.quantity, one.asked.word))
-        worst = ", ".join(f"{name} {x:.4g}" for name, x in one.place.items())
-        known: tuple[Cell, ...] = ("the kind of muscle", None, None)
-        if kept is not None:
-            binds = (f"{name} {low:.4g} to {high:.4g}" for name, (low, high) in kept.binds.items())
-            known = ("fit.shape", kept.violated, ", ".join(binds) or None)
-        word, share = (one.asked.quantity, one.asked.word), 100 * one.amount / one.span
-        rows.append((*word, known[0], one.amount, share, worst or None, *known[1:]))
-    notes = [
-        "Violated by: the largest fall without a break, over the training range where the training "
-        "output stands 5 % of its range above its least."
-    ]
-    if asked:
+        row = (one.asked.quantity, one.asked.word, one.amount, 100 * one.share, one.place or None)
+        kept = known.get(row[:2])
+        places = kept.binds.items() if kept else ()
+        binds = ", ".join(f"{name} {low:.4g} to {high:.4g}" for name, (low, high) in places)
+        rows.append((*row, kept.violated if kept else None, binds or None))
+    columns = (
+        *("along", "the output is", f"violated by [{unit}] .3g", "% of its range .3g", "most for"),
+        *(f"without fit.shape [{unit}] .3g", "it binds at"),
+    )
+    notes = [VIOLATED.format("the kind of muscle" if shape is None else "the spec")]
+    if shape:
         notes.append(
-            f"RMSE of training data {asked.training:.4g} {unit} with, {asked.training_without:.4g} "
-            f"{unit} without; of held-out data {asked.held_out:.4g} and "
-            f"{asked.held_out_without:.4g} {unit}."
+            f"RMSE with the shape | without: training {shape.training:.4g} | "
+            f"{shape.training_without:.4g} {unit}, held out {shape.held_out:.4g} | "
+            f"{shape.held_out_without:.4g} {unit}."
         )
     return Table.of("shape", "Shape of the surface", columns, rows, *notes)
+
+
+VIOLATED = (
+    "Known from {}. Violated by: how far the output falls (or rises) against it along one line, "
+    "within the training range, where the training output stands clear of its least."
+)
 
 
 def equations_table(

@@ -59,29 +59,6 @@ def build(part: ModelChoices, given: Given, result: FitResult) -> Model:
     return model
 
 
-def refuse_unsupported(part: ModelChoices, given: Given, result: FitResult) -> None:
-    """Raise FitError for a shape that the training data contradict, or hardly tell."""
-    from mapmore_cli.domain.declared import taken
-    from mapmore_cli.domain.models import CurveRange
-    from mapmore_cli.fitting.kinds.choices import level_of
-    from mapmore_cli.modelling import literature
-    from mapmore_cli.modelling.shape import region
-    from mapmore_cli.modelling.shape.stencils import asked_of
-
-    dataset, level = given.dataset, level_of(part.levels, part.segment)
-    inputs = {name for one in given.segmentation for name in one.variables}
-    inputs |= {name for one in result.segments for name in one.scaling.variables}
-    inputs |= {*literature.of(result.formula).inputs} if result.formula else set()
-    inputs |= {level} if level is not None else set()
-    curves = sorted(given.segmentation, key=lambda curve: (curve.level is not None, curve.level))
-    ranges = [taken(CurveRange, curve) for curve in curves]
-    where = region.region_over(
-        ranges, level, dataset.curves, sorted(inputs), dataset.target, part.fit
-    )
-    if where is not None:
-        region.refuse_unsupported(asked_of(part.fit), where, dataset.unit(dataset.target))
-
-
 def refit(
     part: ModelChoices, dataset: Dataset, model_of: Callable[[str], Model] = added_up
 ) -> Model:

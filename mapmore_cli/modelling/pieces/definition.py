@@ -43,42 +43,21 @@ def pieces_value(m: Writer, body: Pieces, inputs: Inputs) -> Expression:
     functions = [_curve_function(m, curve, body, free) for curve in body.curves]
     if body.level is None:
         return m.use("pieces", functions[0], inputs.values())
-    m.knot(body.level, *_levels(body))
+    levels, sides = (
+        [float(curve.level) for curve in body.curves if curve.level is not None],
+        body.fusion.extrapolation[body.level],
+    )
+    m.knot(body.level, *levels)
+    level = m.choose(
+        "level",
+        _held_places(inputs[body.level], (levels[0], levels[-1]), sides, words=("saturate",)),
+        inputs[body.level],
+    )
 
-    def curve_at(number: int, level: Expression) -> Expression:
+    def curve_at(number: int) -> Expression:
         return m.use("value", functions[number], [*(inputs[name] for name in free), level])
 
-    return _between_curves(m, body, inputs[body.level], curve_at)
-
-
-def _levels(body: Pieces) -> list[float]:
-    return [float(curve.level) for curve in body.curves if curve.level is not None]
-
-
-def _between_curves(
-    m: Writer, body: Pieces, x: Expression, curve_at: Callable[[int, Expression], Expression]
-) -> Expression:
-    """Write the curves across their levels, at the level x; beyond the outermost it is held."""
-    assert body.level is not None
-    levels, sides = _levels(body), body.fusion.extrapolation[body.level]
-    level = m.choose(
-        "level", _held_places(x, (levels[0], levels[-1]), sides, words=("saturate",)), x
-    )
-    return across_levels(
-        m, level, levels, sides, body.fusion, lambda number: curve_at(number, level)
-    )
-
-
-def levels_program(body: Pieces) -> Program:
-    """Return the output between curves as a program of the level and of the value of each curve,
-    `curve_0`, `curve_1`, ...
-    """
-    m, curves = Writer(), [f"curve_{number}" for number in range(len(body.curves))]
-    level = str(body.level)
-    value = _between_curves(
-        m, body, Name(f"{INPUT}{level}"), lambda number, _: Name(f"{INPUT}{curves[number]}")
-    )
-    return m.program([level, *curves], value)
+    return across_levels(m, level, levels, sides, body.fusion, curve_at)
 
 
 def across_levels(

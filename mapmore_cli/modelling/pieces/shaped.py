@@ -2,52 +2,51 @@
 
 FROLS has chosen the terms. The sum of squares of all segments is minimised again under linear
 inequalities: bounds of coefficients, and the shape on a grid of the fused model, zones and levels
-included. Only where a solution violates the shape are inequalities added, and the grid becomes
-finer about those that bind, until nothing is violated (an exchange method for semi-infinite
-problems: Hettich and Kortanek 1993). With `levels: linear` the model is linear in its coefficients;
-with `pchip` the inequalities are linearised where it stands.
+included. Inequalities are added where a solution violates the shape, and the grid becomes finer
+about those that bind, until nothing is violated (an exchange method for semi-infinite problems:
+Hettich and Kortanek 1993). With `levels: linear` the model is linear in its coefficients; with
+`pchip` the inequalities are linearised about the last solution.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from scipy.linalg import block_diag
+from scipy.ndimage import binary_dilation
 
 from mapmore_cli.domain.arrays import Array, BoolArray, Columns
 from mapmore_cli.domain.errors import FitError
 from mapmore_cli.domain.fits import SegmentedCurve
-from mapmore_cli.domain.models import (
-    CurveFunction,
-    Model,
-    Pieces,
-)
+from mapmore_cli.domain.models import Model, Pieces, SegmentFunction
 from mapmore_cli.domain.recording import Curve
 from mapmore_cli.modelling.expressions import dictionary_matrix, parse
-from mapmore_cli.modelling.kinds import predict
-from mapmore_cli.modelling.pieces.definition import levels_program, pieces_program
+from mapmore_cli.modelling.literature.model import backbone_values
+from mapmore_cli.modelling.pieces.definition import pieces_program
 from mapmore_cli.modelling.pieces.recipe import Recipe
 from mapmore_cli.modelling.pieces.segmentation import samples_at, scaled_inputs, training_curves
-from mapmore_cli.modelling.program.model import program_of, with_slopes
+from mapmore_cli.modelling.program.model import program_of
 from mapmore_cli.modelling.program.values import evaluator
-from mapmore_cli.modelling.shape.least_squares import Constrained, least_squares_under
-from mapmore_cli.modelling.shape.region import Region, grid_of, region_of
+from mapmore_cli.modelling.shape.least_squares import least_squares_under
+from mapmore_cli.modelling.shape.region import Region, region_of
 from mapmore_cli.modelling.shape.stencils import Asked, Grid, Stencils, asked_of
-from mapmore_cli.modelling.shape.violations import violations, with_shape
+from mapmore_cli.modelling.shape.violations import with_shape
 
-# nodes of the grid where the exchange begins, and of the one on which nothing may be violated
-COARSE, FINE = 625, 62_500
-# nodes along each input of the grid about an inequality that binds, and how often it becomes finer
-CLOSE, CLOSER = 9, 3
+# nodes of the grid on which nothing may be violated; of each input about an inequality that binds,
+# and how often that grid becomes finer
+FINE, CLOSE, CLOSER = 62_500, 9, 3
 # rounds of the exchange on one grid; inequalities of a word that are added in one of them
 ROUNDS, ADDED = 60, 200
 # a fall by this share of the range of the training output, from node to node, is none
 ROUNDING = 1e-11
-# part of the length of a row below which the coefficients do not count at a place
+# step of a coefficient for a derivative, as a part of what would change the output by its size
+STEP = 1e-4
+# coefficients whose derivatives are computed together
+TOGETHER = 16
+# part of the output below which coefficients count for nothing at a place
 NOTHING = 1e-12
 
 
@@ -59,25 +58,20 @@ def shaped(
 
     Raises FitError where no coefficients of the chosen terms do.
     """
-    body = model.body
+    body, asked = model.body, asked_of(recipe.fit)
     assert isinstance(body, Pieces)
-    asked = asked_of(recipe.fit)
     region = region_of(model, curves, recipe.fit) if asked else None
     if not body.segments or (region is None and not recipe.bounds):
         return model
-    surface = _Surface(model, body, _factor(body, curves, segmentation, recipe))
-    exchange = _Exchange(surface, *_bounds(body, recipe.bounds), region)
+    exchange = _Exchange(model, body, _factor(body, curves, segmentation, recipe), recipe.bounds)
     if region is not None:
-        exchange.until_kept(asked, region)
-    kept = violations(model, asked, region) if region is not None else []
-    return with_shape(model, exchange.model, curves, recipe.fit, kept, exchange.where())
+        exchange.until_kept(region.asks(asked), region)
+    kept = replace(model, body=_with_coefficients(body, exchange.theta))
+    return with_shape(model, kept, curves, region, recipe.fit, exchange.where())
 
 
 def _factor(
-    body: Pieces,
-    curves: Sequence[Curve],
-    segmentation: Sequence[SegmentedCurve],
-    recipe: Recipe,
+    body: Pieces, curves: Sequence[Curve], segmentation: Sequence[SegmentedCurve], recipe: Recipe
 ) -> Array:
     """Return the triangular factor of the regressors of all segments, in the target's unit, (k, k):
     all that the sum of squares needs of the samples.
@@ -94,181 +88,143 @@ def _factor(
     return np.asarray(block_diag(*blocks))
 
 
-def _bounds(body: Pieces, bounds: Mapping[str, tuple[float, float]]) -> tuple[Array, Array]:
-    """Return rows and right sides of `D theta >= d` for bounds of coefficients in the target's
-    unit, by term.
+def _with_coefficients(body: Pieces, theta: Array) -> Pieces:
+    """Return the pieces with other coefficients; those that changed have no standard error."""
+    parts = iter(np.split(theta, np.cumsum([len(one.theta) for one in body.segments])))
+
+    def changed(one: SegmentFunction) -> SegmentFunction:
+        own = next(parts)
+        same = np.allclose(own, one.theta, rtol=1e-9, atol=0.0)
+        return one if same else replace(one, theta=own, theta_error=np.full(len(own), np.nan))
+
+    curves = [replace(c, segments=tuple(map(changed, c.segments))) for c in body.curves]
+    return replace(body, curves=tuple(curves))
+
+
+def _of_coefficients(body: Pieces, names: Sequence[str]) -> Pieces:
+    """Return the pieces with their coefficients as inputs of these names: `name*term` with the
+    coefficient one.
     """
-    terms = [(t, one.scaling.y_slope) for one in body.segments for t in one.terms]
-    rows, least = [], []
-    for number, (term, slope) in enumerate(terms):
-        for sign, bound in zip((1.0, -1.0), bounds.get(term, ()), strict=False):
-            if np.isfinite(bound):
-                rows.append(sign * slope * np.eye(len(terms))[number])
-                least.append(sign * bound)
-    return np.reshape(rows, (-1, len(terms))), np.array(least)
+    left, everywhere = iter(names), dict.fromkeys(names, (-1e300, 1e300))
+    sides = {**body.fusion.extrapolation, **dict.fromkeys(names, ("continue", "continue"))}
 
-
-@dataclass(frozen=True)
-class _Surface:
-    """A fused model as a function of the coefficients of all its segments; `R` is their factor."""
-
-    start: Model
-    body: Pieces
-    R: Array
-
-    def model(self, theta: Array) -> Model:
-        """Return the model with other coefficients."""
-        at, curves = 0, []
-        for curve in self.body.curves:
-            segments = []
-            for one in curve.segments:
-                own, at = theta[at : at + len(one.theta)], at + len(one.theta)
-                error = one.theta_error if (own == one.theta).all() else own * np.nan
-                segments.append(replace(one, theta=own, theta_error=error))
-            curves.append(replace(curve, segments=tuple(segments)))
-        return replace(self.start, body=replace(self.body, curves=tuple(curves)))
-
-    def derivatives(self, theta: Array, columns: Columns) -> Array:
-        """Return the derivatives of the output by the coefficients, (n, k), at inputs (n,) each."""
-        by_curve = [np.column_stack([one(columns)[0] for one in curve]) for curve in self._units]
-        if self.body.level is None:
-            return by_curve[0]
-        counts = np.cumsum([0, *(one.shape[1] for one in by_curve)])
-        values = {
-            f"curve_{number}": offset(columns)[0] + regressors @ theta[first:end]
-            for number, (offset, regressors, first, end) in enumerate(
-                zip(self._offsets, by_curve, counts, counts[1:], strict=False)
-            )
-        }
-        level = {self.body.level: np.asarray(columns[self.body.level])}
-        _, _, *weights = self._across({**level, **values})
-        return np.hstack([w[:, None] * P for w, P in zip(weights, by_curve, strict=True)])
-
-    @cached_property
-    def _across(self) -> Any:
-        return evaluator(with_slopes(levels_program(self.body)))
-
-    @cached_property
-    def _offsets(self) -> list[Any]:
-        """Each curve with all coefficients zero."""
-        return [self._curve(curve, None) for curve in self.body.curves]
-
-    @cached_property
-    def _units(self) -> list[list[Any]]:
-        """Each curve with one coefficient one, and all else zero."""
-        return [
-            [self._curve(curve, unit) for unit in np.eye(sum(len(s.theta) for s in curve.segments))]
-            for curve in self.body.curves
-        ]
-
-    def _curve(self, curve: CurveFunction, theta: Array | None) -> Any:
-        """Return a curve by itself, ready to be evaluated, with some coefficients; without any, its
-        constants.
-        """
-        segments, at = [], 0
-        for one in curve.segments:
-            own = np.zeros(len(one.theta)) if theta is None else theta[at : at + len(one.theta)]
-            at += len(one.theta)
-            kept = np.flatnonzero(own)
-            constant = one.scaling.y_intercept if theta is None else 0.0
-            segments.append(
-                replace(
-                    one,
-                    terms=tuple(one.terms[i] for i in kept),
-                    theta=own[kept],
-                    scaling=replace(one.scaling, y_intercept=constant),
-                )
-            )
-        fusion = self.body.fusion
-        if self.body.level is not None:
-            sides = {**fusion.extrapolation, self.body.level: ("continue", "continue")}
-            fusion = replace(fusion, extrapolation=sides)
-        alone = replace(
-            self.body, curves=(replace(curve, segments=tuple(segments)),), fusion=fusion
+    def opened(one: SegmentFunction) -> SegmentFunction:
+        own = [next(left) for _ in one.terms]
+        ones, scaling = np.ones(len(own)), one.scaling
+        return replace(
+            one,
+            terms=tuple(f"{name}*({term})" for name, term in zip(own, one.terms, strict=True)),
+            theta=ones,
+            scaling=replace(
+                scaling,
+                variables=(*scaling.variables, *own),
+                slope=np.append(scaling.slope, ones),
+                intercept=np.append(scaling.intercept, 0 * ones),
+            ),
         )
-        return evaluator(pieces_program(alone, [one.name for one in self.start.inputs]))
+
+    curves = [
+        replace(c, segments=tuple(map(opened, c.segments)), limits={**c.limits, **everywhere})
+        for c in body.curves
+    ]
+    return replace(body, curves=tuple(curves), fusion=replace(body.fusion, extrapolation=sides))
 
 
 class _Exchange:
-    """The inequalities so far, `D theta >= d`, and the coefficients that meet them.
+    """The inequalities so far, `D theta >= d`, and the coefficients `theta` that meet them.
 
-    `stencils` has those of the shape, each with the row that it begins at.
+    `stencils` has those of the shape, each with the row of D that it begins at.
     """
 
-    def __init__(self, surface: _Surface, D: Array, d: Array, region: Region | None) -> None:
-        self.surface, self.D, self.d, self.region = surface, D, d, region
+    def __init__(
+        self, model: Model, body: Pieces, R: Array, bounds: Mapping[str, tuple[float, float]]
+    ) -> None:
+        self.model, self.body, self.R = model, body, R
+        self.start = np.concatenate([one.theta for one in body.segments])
+        self.inputs = [one.name for one in model.inputs]
+        self.names = [f"coefficient_{number}" for number in range(len(self.start))]
+        self.value = evaluator(
+            pieces_program(_of_coefficients(body, self.names), [*self.inputs, *self.names])
+        )
+        size, lengths = np.linalg.norm(R @ self.start), np.linalg.norm(R, axis=0)
+        self.steps = STEP * (size or 1.0) / np.where(lengths > 0, lengths, 1.0)
         self.stencils: list[tuple[int, Stencils]] = []
-        self.start = np.concatenate([one.theta for one in surface.body.segments])
+        self.D, self.d = self._bounds(bounds)
         self._solve()
+
+    def _bounds(self, bounds: Mapping[str, tuple[float, float]]) -> tuple[Array, Array]:
+        """Return the inequalities of bounds of coefficients in the target's unit, by term."""
+        terms = [(term, one.scaling.y_slope) for one in self.body.segments for term in one.terms]
+        of_all = np.array([bounds.get(term, (-np.inf, np.inf)) for term, _ in terms])
+        slopes = np.diag([slope for _, slope in terms])
+        D, d = np.vstack([slopes, -slopes]), np.append(of_all[:, 0], -of_all[:, 1])
+        return D[np.isfinite(d)], d[np.isfinite(d)]
 
     def _solve(self) -> None:
         """Solve, with the inequalities as they are; raise FitError where they contradict."""
-        R = self.surface.R
-        solution = least_squares_under(R, R @ self.start, self.D, self.d)
-        if solution.met:
-            self.solution, self.model = solution, self.surface.model(solution.theta)
-            return
-        places = [one.told for one in self.binding(solution)]
-        shown = "; ".join(dict.fromkeys(places)) or "bounds of coefficients"
-        raise FitError(
-            f"fit.shape: no coefficients of the chosen terms keep it: {shown}",
-            "allow more terms or others (fit.max_terms, dictionary), raise fit.slack, or ask for "
-            "less",
-        )
+        solution = least_squares_under(self.R, self.R @ self.start, self.D, self.d)
+        self.theta, self.force = solution.theta, solution.force
+        if not solution.met:
+            places = dict.fromkeys(one.told for one in self.binding())
+            raise FitError(
+                "fit.shape: no coefficients of the chosen terms keep it: "
+                f"{'; '.join([*places][:3]) or 'bounds of coefficients'}",
+                "allow more terms or others (fit.max_terms, dictionary), raise fit.slack, or ask "
+                "for less",
+            )
 
-    def binding(self, solution: Constrained) -> list[Stencils]:
+    def binding(self) -> list[Stencils]:
         """Return the stencils whose inequalities bind, one by one."""
         return [
             stencils.at(np.array([row]))
             for first, stencils in self.stencils
-            for row in np.flatnonzero(solution.force[first : first + len(stencils.weights)])
+            for row in np.flatnonzero(self.force[first : first + len(stencils.weights)])
         ]
 
     def where(self) -> dict[Asked, dict[str, tuple[float, float]]]:
         """Return the range of the inputs in which each word binds."""
-        ranges: dict[Asked, dict[str, tuple[float, float]]] = {}
-        for stencils in self.binding(self.solution):
-            own = ranges.setdefault(stencils.asked, {})
-            for name, x in stencils.points.items():
-                low, high = own.get(name, (np.inf, -np.inf))
-                own[name] = min(low, float(x.min())), max(high, float(x.max()))
-        return ranges
+        points: dict[Asked, dict[str, Array]] = {}
+        for one in self.binding():
+            own = points.setdefault(one.asked, dict.fromkeys(one.points, np.empty(0)))
+            own.update({name: np.append(own[name], x) for name, x in one.points.items()})
+        return {
+            asked: {name: (float(x.min()), float(x.max())) for name, x in own.items()}
+            for asked, own in points.items()
+        }
+
+    def values(self, columns: Columns, theta: Array | None = None) -> Array:
+        """Return the output at inputs, (n,) each; of rows of coefficients, (r, k), (r, n)."""
+        theta, n = self.theta if theta is None else theta, len(next(iter(columns.values())))
+        rows = np.atleast_2d(theta)
+        given = {name: np.tile(x, len(rows)) for name, x in columns.items()}
+        given |= {name: np.repeat(c, n) for name, c in zip(self.names, rows.T, strict=True)}
+        base = backbone_values(self.body.backbone, columns, n)
+        return np.asarray(self.value(given)[0].reshape(*theta.shape[:-1], n) + base)
 
     def until_kept(self, asked: Sequence[Asked], region: Region) -> None:
-        """Add inequalities until the shape is kept on a coarse grid, then on a fine one, then close
-        to the places where it binds.
+        """Add inequalities until the shape is kept on a fine grid, and close to the places where it
+        binds.
         """
-        asked = region.asks(asked)
-        knots = program_of(self.surface.start).knots
-        for nodes in (COARSE, FINE):
-            self._on([(grid_of(region, knots, nodes), asked)], region)
-        steps = {
-            name: (high - low) / FINE ** (1 / len(region.ends))
-            for name, (low, high) in region.ends.items()
-        }
+        knots, cells = program_of(self.model).knots, FINE ** (1 / len(region.names))
+        self._on([(region.grid(knots, FINE), asked)], region)
         for closer in range(CLOSER):
-            grids = [
-                (_about(stencils, steps, closer), [stencils.asked])
-                for stencils in self.binding(self.solution)
-            ]
-            self._on(grids, region)
+            reach = (2 / (CLOSE - 1)) ** closer / cells
+            steps = {name: reach * (high - low) for name, (low, high) in region.ends.items()}
+            self._on([(_about(one, steps), [one.asked]) for one in self.binding()], region)
 
     def _on(self, grids: Sequence[tuple[Grid, Sequence[Asked]]], region: Region) -> None:
         """Add inequalities until nothing is violated on some grids."""
-        if not grids:
-            return
-        columns = [grid.columns for grid, _ in grids]
-        ends = np.cumsum([len(next(iter(one.values()))) for one in columns])[:-1]
-        nodes = {name: np.concatenate([one[name] for one in columns]) for name in columns[0]}
-        inside = np.split(region.holds(nodes), ends)
+        columns = [(grid, grid.columns) for grid, _ in grids]
+        inside = [_widened(grid, region.holds(nodes)) for grid, nodes in columns]
         for _ in range(ROUNDS):
-            values = np.split(predict(self.model, nodes), ends)
-            violated = [
-                stencils
-                for (grid, words), y, within in zip(grids, values, inside, strict=True)
-                for one in words
-                if len((stencils := _violated(grid, one, y, within, region)).weights)
-            ]
+            violated = []
+            for (grid, words), within, (_, nodes) in zip(grids, inside, columns, strict=True):
+                values = np.where(within, self.values(nodes), np.nan)
+                for one in words:
+                    rises = grid.rises(one, values).ravel()
+                    worst = np.argsort(rises)[:ADDED]
+                    worst = worst[rises[worst] < -ROUNDING * region.span]
+                    violated += [grid.stencils(one, worst)] if len(worst) else []
             if not violated:
                 return
             for stencils in violated:
@@ -281,28 +237,27 @@ class _Exchange:
 
     def _add(self, stencils: Stencils) -> None:
         """Add the inequality of each stencil, linear in the coefficients about those so far."""
-        theta = self.solution.theta
-        rows = stencils.of(self.surface.derivatives(theta, stencils.columns))
-        value = stencils.of(predict(self.model, stencils.columns))
-        counts = np.linalg.norm(rows, axis=1) > NOTHING
+        columns, value = stencils.columns, self.values(stencils.columns)
+        moved = [
+            self.values(columns, self.theta + some)
+            for some in np.split(np.diag(self.steps), range(TOGETHER, len(self.steps), TOGETHER))
+        ]
+        rows = stencils.of((np.vstack(moved) - value).T / self.steps)
+        counts = np.linalg.norm(rows * self.steps, axis=1) > NOTHING * np.abs(value).max()
         self.stencils.append((len(self.D), stencils.at(counts)))
         self.D = np.vstack([self.D, rows[counts]])
-        self.d = np.append(self.d, (rows @ theta - value)[counts])
+        self.d = np.append(self.d, (rows @ self.theta - stencils.of(value))[counts])
 
 
-def _violated(
-    grid: Grid, asked: Asked, values: Array, inside: BoolArray, region: Region
-) -> Stencils:
-    """Return the stencils at which the shape is violated most."""
-    along = grid.along(asked, values, inside)
-    worst = np.argsort(along.rises)[:ADDED]
-    return along.stencils.at(worst[along.rises[worst] < -ROUNDING * region.output.span])
+def _widened(grid: Grid, inside: BoolArray) -> BoolArray:
+    """Return a region with the nodes beside it, (n,), so that a finer grid has no more."""
+    shape = tuple(map(len, grid.axes.values()))
+    beside = np.ones((3,) * len(shape), dtype=np.bool_)
+    return np.asarray(binary_dilation(inside.reshape(shape), beside).ravel())
 
 
-def _about(stencils: Stencils, steps: Mapping[str, float], closer: int) -> Grid:
-    """Return a grid about a stencil: a cell to each side of its middle."""
-    axes = {}
-    for name, x in stencils.points.items():
-        step, middle = steps.get(name, 0.0) * (2 / (CLOSE - 1)) ** closer, float(x[0].mean())
-        axes[name] = np.unique(np.linspace(middle - step, middle + step, CLOSE))
-    return Grid(axes)
+def _about(stencils: Stencils, steps: Mapping[str, float]) -> Grid:
+    """Return a grid about a stencil, a step to each side of its middle."""
+    middles = {name: float(x[0].mean()) for name, x in stencils.points.items()}
+    reach = np.linspace(-1, 1, CLOSE)
+    return Grid({name: np.unique(x + reach * steps.get(name, 0.0)) for name, x in middles.items()})
