@@ -8,7 +8,6 @@ import graphlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from math import inf
 
 from mapmore_cli.domain.errors import SpecError
 from mapmore_cli.domain.recording import Signal
@@ -110,8 +109,8 @@ def bounds_of(
     return {
         term: entry.limits
         for entry in reversed(dictionary)
+        if entry.bounded
         for term in _terms(entry, clock, constant=True)
-        if entry.limits != (-inf, inf)
     }
 
 

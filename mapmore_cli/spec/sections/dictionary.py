@@ -238,6 +238,11 @@ class Families(Section):
         }
 
     @property
+    def bounded(self) -> bool:
+        """Whether something is said of the coefficients of its terms."""
+        return self.sign is not None or self.bounds is not None
+
+    @property
     def limits(self) -> tuple[float, float]:
         """The least and the greatest coefficient of the family's terms, in the target's unit."""
         if self.bounds is not None:

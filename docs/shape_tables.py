@@ -1,0 +1,206 @@
+"""Write the tables of docs/shape.md, with studies brought up to date first: `python
+docs/shape_tables.py RUNS`.
+
+The measured recordings must be there (docs/data.md).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import cache
+from itertools import product
+from pathlib import Path
+from statistics import geometric_mean
+
+import numpy as np
+from pages import rms, run, write_page
+
+from mapmore_cli.domain.errors import FitError
+from mapmore_cli.domain.models import Model
+from mapmore_cli.domain.recording import Curve, Dataset
+from mapmore_cli.modelling.inverse import invert
+from mapmore_cli.modelling.kinds import predict
+from mapmore_cli.modelling.literature.backbone import pooled
+from mapmore_cli.modelling.pieces.build import build
+from mapmore_cli.modelling.pieces.recipe import Recipe
+from mapmore_cli.modelling.selection import Fit, Word
+from mapmore_cli.modelling.shape.region import refuse_unsupported, region_of
+from mapmore_cli.modelling.shape.stencils import asked_of
+from mapmore_cli.modelling.shape.violations import violations
+from mapmore_cli.reporting.table import Cell, Table
+
+PULLS: dict[str, Word] = {"pressure": "increasing", "strain": "decreasing"}
+PUSHES: dict[str, Word] = {"pressure": "decreasing", "strain": "increasing"}
+STUDIES = {
+    "m2/dmsp-20-88-static": PULLS,
+    "m2/peano-static": PULLS,
+    "wrist/wrist-static-held-out": PULLS,
+    "festo/festo_datasheet": PULLS,
+    "festo/festo_10mm_10cm_strain": PULLS,
+    "festo/festo_10mm_20cm_strain": PULLS,
+    "festo/festo_10mm_30cm_strain": PULLS,
+    "pgm/pgm_force": PULLS,
+    "bellows/bellows_strain": PUSHES,
+}
+"""Static studies of the force, and what is known of it."""
+
+FORMS, ORDERS = ("curves", "surface"), (2, 3, 4, 5)
+MOST = 400  # samples of a curve that train or judge
+NODES = 250_000  # of the grid on which a kept shape is looked for violations: ten times finer
+LEAST = 2e-2  # change of the error that counts as one
+
+
+@dataclass(frozen=True)
+class Case:
+    """A polynomial without a shape and with one, in this order, on one split of a study: errors on
+    held-out rows, largest violations as parts of the range, and the share of these rows whose force
+    several pressures make, outside of the slack.
+    """
+
+    study: str
+    split: str
+    levels: int
+    form: str
+    order: int
+    errors: list[float]
+    against: list[float]
+    several: list[float]
+
+    @property
+    def ratio(self) -> float:
+        """Held-out error with the shape over that without."""
+        return self.errors[1] / self.errors[0]
+
+
+def splits(curves: Sequence[Curve]) -> Iterator[tuple[str, list[Curve]]]:
+    """Yield the split of the study, and others, made after everything else was fixed: three levels
+    train, or every second.
+    """
+    yield "its own", list(curves)
+    last, seen = len(curves) - 1, [[not curve.held_out.all() for curve in curves]]
+    for name, kept in (
+        ("three levels", {0, last // 2, last}),
+        ("every second level", {*range(0, last, 2), last}),
+    ):
+        trains = [number in kept for number in range(len(curves))]
+        if 2 < sum(trains) < len(curves) and trains not in seen:
+            seen.append(trains)
+            held_out = [np.full(one.size, not t) for one, t in zip(curves, trains, strict=True)]
+            yield (
+                name,
+                [replace(c, held_out=out) for c, out in zip(curves, held_out, strict=True)],
+            )
+
+
+def _recipe(dataset: Dataset, form: str, order: int, fit: Fit) -> Recipe:
+    if form == "surface":
+        powers = [(i, j) for i, j in product(range(order + 1), repeat=2) if i + j <= order]
+        terms = [f"pressure^{i}*strain^{j}" if i + j else "1" for i, j in powers]
+    else:
+        (along,) = {"pressure", "strain"} - {dataset.level}
+        terms = ["1", along, *(f"{along}^{n}" for n in range(2, order + 1))]
+    return Recipe(
+        target="force",
+        dictionary=tuple(terms),
+        level=dataset.level if form == "curves" else None,
+        fit=replace(fit, max_terms=len(terms), stop="bic"),
+    )
+
+
+@cache
+def cases(config: str, runs: Path) -> list[Case]:
+    """Return every polynomial of one study, where its training data support the shape."""
+    dataset = run(config, runs, until="ingest").dataset()
+    few = [
+        curve.at(np.unique(np.linspace(0, curve.size - 1, MOST).astype(int)))
+        for curve in sorted(dataset.curves, key=lambda curve: curve.level or 0.0)
+    ]
+    asked, found = Fit(shape=dict(STUDIES[config])), []
+    for (split, curves), form, order in product(splits(few), FORMS, ORDERS):
+        if form == "curves" and (dataset.level is None or min(c.size for c in curves) < order + 2):
+            continue
+        plain, shaped = (
+            build(config, curves, _recipe(dataset, form, order, fit), dataset.quantities)
+            for fit in (Fit(), asked)
+        )
+        try:
+            refuse_unsupported(shaped, curves, asked)
+        except FitError:
+            continue
+        judged = [_judged(model, curves, asked) for model in (plain, shaped)]
+        levels = sum(bool(curve.training.any()) for curve in curves)
+        columns = map(list, zip(*judged, strict=True))
+        found.append(Case(config.partition("/")[2], split, levels, form, order, *columns))
+    return found
+
+
+def _judged(model: Model, curves: Sequence[Curve], asked: Fit) -> tuple[float, float, float]:
+    """Return the error on held-out rows, the largest violation, and the share of rows with several
+    solutions.
+    """
+    region = region_of(model, curves, asked)
+    assert region is not None
+    rows = pooled([(curve, curve.held_out) for curve in curves])
+    predicted = predict(model, rows)
+    worst = max(one.share for one in violations(model, asked_of(asked), region, NODES))
+    some = np.flatnonzero(region.holds(rows))[::10]
+    strain = rows["strain"][some]
+    inverse = invert(model, predicted[some], {"strain": strain}, "pressure")
+    inside = region.holds({"pressure": inverse.values, "strain": strain[inverse.rows]})
+    counts = np.bincount(inverse.rows[inside], minlength=len(some))
+    return rms(predicted - rows["force"]), worst, float((counts > 1).mean())
+
+
+def _row(name: str, some: Sequence[Case]) -> tuple[Cell, ...]:
+    ratios = [one.ratio for one in some]
+    changed = (
+        sum(ratio < 1 - LEAST for ratio in ratios),
+        sum(ratio > 1 + LEAST for ratio in ratios),
+    )
+    worst = (max(one.against[i] for one in some) for i in (0, 1))
+    several = (max(one.several[i] for one in some) for i in (0, 1))
+    return (
+        *(name, len(some), geometric_mean(ratios), *(100 * n / len(some) for n in changed)),
+        *(max(ratios), *(100 * x for x in worst), *(100 * x for x in several)),
+    )
+
+
+COLUMNS = (
+    *("fits", "number", "error with / without .2f", "better [%] .2g", "worse [%] .2g", "worst .2f"),
+    *("violation without [%] .2g", "with [%] .2g", "several without [%] .2g", "with [%] .2g"),
+)
+
+
+def summary(runs: Path) -> Table:
+    """Return what a shape brings over all studies and splits."""
+    every = [case for config in STUDIES for case in cases(config, runs)]
+    groups = {
+        "all": every,
+        "at most three levels": [one for one in every if one.levels <= 3],
+        "more levels": [one for one in every if one.levels > 3],
+        "curves": [one for one in every if one.form == "curves"],
+        "surfaces": [one for one in every if one.form == "surface"],
+        "that violate it by 1 %": [one for one in every if one.against[0] > 0.01],
+        "others": [one for one in every if one.against[0] <= 0.01],
+    }
+    rows = [_row(name, some) for name, some in groups.items()]
+    refused = [config.partition("/")[2] for config in STUDIES if not cases(config, runs)]
+    note = f"Refused, since the training data contradict the signs: {', '.join(refused) or 'none'}."
+    return Table.of("summary", "Polynomials of order 2 to 5", COLUMNS, rows, note)
+
+
+def studies(runs: Path) -> Table:
+    """Return the same, study by study and split by split."""
+    rows = []
+    for config in STUDIES:
+        for key in dict.fromkeys((one.study, one.split) for one in cases(config, runs)):
+            some = [one for one in cases(config, runs) if (one.study, one.split) == key]
+            rows.append(_row(f"{key[0]}, {key[1]}", some))
+    return Table.of("studies", "The same by study and split", COLUMNS, rows)
+
+
+TABLES = {"summary": summary, "studies": studies}
+
+if __name__ == "__main__":
+    write_page("shape.md", TABLES)
