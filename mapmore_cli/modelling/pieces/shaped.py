@@ -37,13 +37,16 @@ from mapmore_cli.modelling.shape.violations import with_shape
 
 # nodes of the grid on which nothing may be violated; of each input about an inequality that binds,
 # and how often that grid becomes finer
-FINE, CLOSE, CLOSER = 62_500, 9, 3
+FINE, CLOSE, CLOSER = 40_000, 9, 3
 # rounds of the exchange on one grid; inequalities of a word that are added in one of them
 ROUNDS, ADDED = 60, 200
 # a fall by this share of the range of the training output, from node to node, is none
 ROUNDING = 1e-11
-# step of a coefficient for a derivative, as a part of what would change the output by its size
-STEP = 1e-4
+# step of a coefficient for a derivative, as a part of what would change the output by its size; a
+# model that is linear in them may go as far as it likes
+STEPS = {"linear": 1.0, "pchip": 1e-4}
+# root of a ridge, as a part of each column, for terms that the data hardly tell apart
+RIDGE = 1e-5
 # coefficients whose derivatives are computed together
 TOGETHER = 16
 # part of the output below which coefficients count for nothing at a place
@@ -139,15 +142,18 @@ class _Exchange:
     def __init__(
         self, model: Model, body: Pieces, R: Array, bounds: Mapping[str, tuple[float, float]]
     ) -> None:
-        self.model, self.body, self.R = model, body, R
+        self.model, self.body = model, body
         self.start = np.concatenate([one.theta for one in body.segments])
         self.inputs = [one.name for one in model.inputs]
         self.names = [f"coefficient_{number}" for number in range(len(self.start))]
         self.value = evaluator(
             pieces_program(_of_coefficients(body, self.names), [*self.inputs, *self.names])
         )
-        size, lengths = np.linalg.norm(R @ self.start), np.linalg.norm(R, axis=0)
-        self.steps = STEP * (size or 1.0) / np.where(lengths > 0, lengths, 1.0)
+        y, lengths = R @ self.start, np.linalg.norm(R, axis=0)
+        lengths[lengths == 0] = 1.0
+        self.steps = STEPS[body.fusion.levels] * (np.linalg.norm(y) or 1.0) / lengths
+        Q, self.R = np.linalg.qr(np.vstack([R, RIDGE * np.diag(lengths)]))
+        self.f = Q.T @ np.append(y, 0 * y)
         self.stencils: list[tuple[int, Stencils]] = []
         self.D, self.d = self._bounds(bounds)
         self._solve()
@@ -162,8 +168,9 @@ class _Exchange:
 
     def _solve(self) -> None:
         """Solve, with the inequalities as they are; raise FitError where they contradict."""
-        solution = least_squares_under(self.R, self.R @ self.start, self.D, self.d)
-        self.theta, self.force = solution.theta, solution.force
+        solution = least_squares_under(self.R, self.f, self.D, self.d)
+        kept = (self.D @ self.start >= self.d).all()
+        self.theta, self.force = self.start if kept else solution.theta, solution.force
         if not solution.met:
             places = dict.fromkeys(one.told for one in self.binding())
             raise FitError(
@@ -192,20 +199,30 @@ class _Exchange:
             for asked, own in points.items()
         }
 
-    def values(self, columns: Columns, theta: Array | None = None) -> Array:
-        """Return the output at inputs, (n,) each; of rows of coefficients, (r, k), (r, n)."""
-        theta, n = self.theta if theta is None else theta, len(next(iter(columns.values())))
-        rows = np.atleast_2d(theta)
-        given = {name: np.tile(x, len(rows)) for name, x in columns.items()}
-        given |= {name: np.repeat(c, n) for name, c in zip(self.names, rows.T, strict=True)}
-        base = backbone_values(self.body.backbone, columns, n)
-        return np.asarray(self.value(given)[0].reshape(*theta.shape[:-1], n) + base)
+    def values(self, columns: Columns) -> Array:
+        """Return the output at inputs, (n,) each."""
+        n = len(next(iter(columns.values())))
+        found = self.value({**columns, **dict(zip(self.names, self.theta, strict=True))})[0]
+        return np.asarray(found + backbone_values(self.body.backbone, columns, n))
+
+    def derivatives(self, columns: Columns) -> Array:
+        """Return the derivatives of the output by the coefficients, (n, k)."""
+        at, parts = dict(zip(self.names, self.theta, strict=True)), []
+        start = self.value({**columns, **at})[0]
+        for first in range(0, len(self.names), TOGETHER):
+            own = slice(first, first + TOGETHER)
+            steps = np.repeat(np.diag(self.steps[own]), len(start), axis=1)
+            moved = dict(zip(self.names[own], self.theta[own, None] + steps, strict=True))
+            tiled = {name: np.tile(x, len(steps)) for name, x in columns.items()}
+            found = self.value({**tiled, **at, **moved})[0].reshape(len(steps), len(start))
+            parts.append(found - start)
+        return np.asarray(np.vstack(parts).T / self.steps)
 
     def until_kept(self, asked: Sequence[Asked], region: Region) -> None:
         """Add inequalities until the shape is kept on a fine grid, and close to the places where it
         binds.
         """
-        knots, cells = program_of(self.model).knots, FINE ** (1 / len(region.names))
+        knots, cells = program_of(self.model).knots, region.nodes_along(FINE)
         self._on([(region.grid(knots, FINE), asked)], region)
         for closer in range(CLOSER):
             reach = (2 / (CLOSE - 1)) ** closer / cells
@@ -214,39 +231,50 @@ class _Exchange:
 
     def _on(self, grids: Sequence[tuple[Grid, Sequence[Asked]]], region: Region) -> None:
         """Add inequalities until nothing is violated on some grids."""
-        columns = [(grid, grid.columns) for grid, _ in grids]
-        inside = [_widened(grid, region.holds(nodes)) for grid, nodes in columns]
+        if not grids:
+            return
+        nodes = [grid.columns for grid, _ in grids]
+        columns = {n: np.concatenate([one[n] for one in nodes]) for n in self.inputs}
+        ends = np.cumsum([len(one[self.inputs[0]]) for one in nodes])[:-1]
+        within = np.split(region.holds(columns), ends)
+        clear = [_widened(grid, own) for (grid, _), own in zip(grids, within, strict=True)]
         for _ in range(ROUNDS):
-            violated = []
-            for (grid, words), within, (_, nodes) in zip(grids, inside, columns, strict=True):
-                values = np.where(within, self.values(nodes), np.nan)
-                for one in words:
-                    rises = grid.rises(one, values).ravel()
-                    worst = np.argsort(rises)[:ADDED]
-                    worst = worst[rises[worst] < -ROUNDING * region.span]
-                    violated += [grid.stencils(one, worst)] if len(worst) else []
+            values = np.where(np.concatenate(clear), self.values(columns), np.nan)
+            violated = [
+                stencils
+                for (grid, words), own in zip(grids, np.split(values, ends), strict=True)
+                for one in words
+                if (stencils := _worst(grid, one, own, ROUNDING * region.span)).weights.size
+            ]
             if not violated:
                 return
-            for stencils in violated:
-                self._add(stencils)
+            self._add(violated)
             self._solve()
         raise FitError(
             f"fit.shape: no coefficients that keep it were found, {violated[0].told}",
             "use `fuse: {levels: linear}`, or ask for less",
         )
 
-    def _add(self, stencils: Stencils) -> None:
+    def _add(self, violated: Sequence[Stencils]) -> None:
         """Add the inequality of each stencil, linear in the coefficients about those so far."""
-        columns, value = stencils.columns, self.values(stencils.columns)
-        moved = [
-            self.values(columns, self.theta + some)
-            for some in np.split(np.diag(self.steps), range(TOGETHER, len(self.steps), TOGETHER))
-        ]
-        rows = stencils.of((np.vstack(moved) - value).T / self.steps)
-        counts = np.linalg.norm(rows * self.steps, axis=1) > NOTHING * np.abs(value).max()
-        self.stencils.append((len(self.D), stencils.at(counts)))
-        self.D = np.vstack([self.D, rows[counts]])
-        self.d = np.append(self.d, (rows @ self.theta - stencils.of(value))[counts])
+        names, ends = self.inputs, np.cumsum([one.weights.size for one in violated])[:-1]
+        columns = {n: np.concatenate([one.points[n].ravel() for one in violated]) for n in names}
+        values = np.split(self.values(columns), ends)
+        for one, y, dy in zip(
+            violated, values, np.split(self.derivatives(columns), ends), strict=True
+        ):
+            rows = one.of(dy)
+            counts = np.linalg.norm(rows * self.steps, axis=1) > NOTHING * np.abs(y).max()
+            self.stencils.append((len(self.D), one.at(counts)))
+            self.D = np.vstack([self.D, rows[counts]])
+            self.d = np.append(self.d, (rows @ self.theta - one.of(y))[counts])
+
+
+def _worst(grid: Grid, asked: Asked, values: Array, least: float) -> Stencils:
+    """Return the stencils that violate a word most, by more than the least."""
+    rises = grid.rises(asked, values).ravel()
+    worst = np.argsort(rises)[:ADDED]
+    return grid.stencils(asked, worst[rises[worst] < -least])
 
 
 def _widened(grid: Grid, inside: BoolArray) -> BoolArray:

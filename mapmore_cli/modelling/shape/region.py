@@ -25,6 +25,8 @@ CELLS = 4096
 COMPARED = 24
 # differences that a sign needs, and the share of them that may contradict it
 FEWEST, CONTRADICTED = 10, 0.05
+# even nodes of a grid along one input
+MOST = 400
 # how far beside a knot a node lies, as a part of the range
 BESIDE = 1e-6
 
@@ -89,13 +91,17 @@ class Region:
         """Return the words about the output, and about inputs that vary."""
         return [one for one in asked if one.word == "positive" or one.quantity in self.names]
 
+    def nodes_along(self, nodes: int) -> int:
+        """Return how many even nodes a grid of so many has along each input."""
+        return int(np.clip(round(nodes ** (1 / len(self.names))), 3, MOST))
+
     def grid(self, knots: Mapping[str, Sequence[float]], nodes: int) -> Grid:
         """Return a grid of even steps over the range, so many `nodes` in all, and of the knots with
         nodes close to each: the model may bend there.
         """
         axes = dict(self.fixed)
         for name, (low, high) in self.ends.items():
-            even = np.linspace(low, high, max(3, round(nodes ** (1 / len(self.names)))))
+            even = np.linspace(low, high, self.nodes_along(nodes))
             near = np.add.outer(knots.get(name, ()), np.array([-1, 0, 1]) * BESIDE * (high - low))
             axes[name] = np.unique(np.append(even, near[(near >= low) & (near <= high)]))
         return Grid(axes)

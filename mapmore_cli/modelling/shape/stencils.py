@@ -62,11 +62,6 @@ class Stencils:
     points: Columns
     weights: Array
 
-    @property
-    def columns(self) -> dict[str, Array]:
-        """The places one after the other, (m points,) each."""
-        return {name: x.ravel() for name, x in self.points.items()}
-
     def of(self, values: Array) -> Array:
         """Return the weighted sums of values at the places, (m,), or of rows of a matrix there,
         (m, k).
