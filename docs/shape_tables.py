@@ -67,11 +67,6 @@ class Case:
     against: list[float]
     several: list[float]
 
-    @property
-    def ratio(self) -> float:
-        """Held-out error with the shape over that without."""
-        return self.errors[1] / self.errors[0]
-
 
 def splits(curves: Sequence[Curve]) -> Iterator[tuple[str, list[Curve]]]:
     """Yield the split of the study, and others, made after everything else was fixed: three levels
@@ -152,12 +147,17 @@ def _judged(model: Model, curves: Sequence[Curve], asked: Fit) -> tuple[float, f
     return rms(predicted - rows["force"]), worst, float((counts > 1).mean())
 
 
+def ratio_of(some: Sequence[Case]) -> float:
+    """Return the geometric mean of held-out errors, with the shape over without."""
+    return geometric_mean(one.errors[1] / one.errors[0] for one in some)
+
+
 def _row(name: str, some: Sequence[Case]) -> tuple[Cell, ...]:
-    ratios = [one.ratio for one in some]
+    ratios = [one.errors[1] / one.errors[0] for one in some]
     better = sum(ratio < 1 - LEAST for ratio in ratios) / len(some)
     worse = sum(ratio > 1 + LEAST for ratio in ratios) / len(some)
     pairs = np.reshape([(*one.against, *one.several) for one in some], (-1, 4))
-    head = (name, len(some), geometric_mean(ratios), 100 * better, 100 * worse, max(ratios))
+    head = (name, len(some), ratio_of(some), 100 * better, 100 * worse, max(ratios))
     return *head, *(100 * pairs.max(axis=0)).tolist()
 
 
@@ -179,17 +179,22 @@ def summary(runs: Path) -> Table:
     }
     rows = [_row(name, some) for name, some in groups.items()]
     refused = ", ".join(c.partition("/")[2] for c in STUDIES if not cases(c, runs)) or "none"
-    note = f"Violations and several solutions without the shape, and kept. Refused: {refused}."
+    note = f"Violations and several solutions without, and kept. Refused: {refused}."
     return Table.of("summary", "Polynomials of order 2 to 5", COLUMNS, rows, note)
+
+
+def by_split(config: str, runs: Path) -> dict[tuple[str, str], list[Case]]:
+    """Return the polynomials of a study by its name and split."""
+    found: dict[tuple[str, str], list[Case]] = {}
+    for one in cases(config, runs):
+        found.setdefault((one.study, one.split), []).append(one)
+    return found
 
 
 def studies(runs: Path) -> Table:
     """Return the same, study by study and split by split."""
-    rows = []
-    for config in STUDIES:
-        for key in dict.fromkeys((one.study, one.split) for one in cases(config, runs)):
-            some = [one for one in cases(config, runs) if (one.study, one.split) == key]
-            rows.append(_row(f"{key[0]}, {key[1]}", some))
+    parts = [part for config in STUDIES for part in by_split(config, runs).items()]
+    rows = [_row(f"{study}, {split}", some) for (study, split), some in parts]
     return Table.of("studies", "The same by study and split", COLUMNS, rows)
 
 
