@@ -16,6 +16,7 @@ from statistics import geometric_mean
 import numpy as np
 from pages import rms, run, write_page
 
+from mapmore_cli.domain.declared import Word
 from mapmore_cli.domain.errors import FitError
 from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.recording import Curve, Dataset
@@ -24,7 +25,7 @@ from mapmore_cli.modelling.kinds import predict
 from mapmore_cli.modelling.literature.backbone import pooled
 from mapmore_cli.modelling.pieces.build import build
 from mapmore_cli.modelling.pieces.recipe import Recipe
-from mapmore_cli.modelling.selection import Fit, Word
+from mapmore_cli.modelling.selection import Fit
 from mapmore_cli.modelling.shape.region import refuse_unsupported, region_of
 from mapmore_cli.modelling.shape.stencils import asked_of
 from mapmore_cli.modelling.shape.violations import violations
@@ -48,7 +49,6 @@ STUDIES = {
 FORMS, ORDERS = ("curves", "surface"), (2, 3, 4, 5)
 MOST = 400  # samples of a curve that train or judge
 NODES = 250_000  # of the grid on which a kept shape is looked for violations: ten times finer
-LEAST = 2e-2  # change of the error that counts as one
 
 
 @dataclass(frozen=True)
@@ -154,15 +154,13 @@ def ratio_of(some: Sequence[Case]) -> float:
 
 def _row(name: str, some: Sequence[Case]) -> tuple[Cell, ...]:
     ratios = [one.errors[1] / one.errors[0] for one in some]
-    better = sum(ratio < 1 - LEAST for ratio in ratios) / len(some)
-    worse = sum(ratio > 1 + LEAST for ratio in ratios) / len(some)
     pairs = np.reshape([(*one.against, *one.several) for one in some], (-1, 4))
-    head = (name, len(some), ratio_of(some), 100 * better, 100 * worse, max(ratios))
+    head = (name, len(some), ratio_of(some), max(ratios))
     return *head, *(100 * pairs.max(axis=0)).tolist()
 
 
 COLUMNS = (
-    *("fits", "number", "error .2f", "better [%] .2g", "worse [%] .2g", "worst .2f"),
+    *("fits", "number", "error .2f", "worst .2f"),
     *("violation [%] .2g", "kept [%] .2g", "several [%] .2g", "kept several [%] .2g"),
 )
 

@@ -15,13 +15,10 @@ from mapmore_cli.domain.declared import (
     Label,
     QuantityName,
     TermName,
-    one_of,
+    Word,
 )
 from mapmore_cli.domain.fits import Boundaries, FormulaFit, MemoryModel, Scaling
 from mapmore_cli.domain.recording import Quantity, Signal
-
-WORDS = ("increasing", "decreasing", "convex", "concave", "positive")
-"""What may be known of the output along an input; `positive` of the output itself."""
 
 Side = Beyond | Number
 """Behaviour beyond one limit: `continue`, `continue_linear`, `saturate`, `zero`, or a value (M2 eq
@@ -229,9 +226,7 @@ class KeptShape:
     """
 
     quantity: Annotated[QuantityName, "the input; of `positive` the output itself"]
-    word: Annotated[
-        Label, "`increasing`, `decreasing`, `convex`, `concave` or `positive`", one_of(*WORDS)
-    ]
+    word: Annotated[Word, "`increasing`, `decreasing`, `convex`, `concave` or `positive`"]
     violated: Annotated[Number, "largest fall without it, or missed chord", "[target]"]
     binds: Annotated[Ranges, "inputs where it binds, from and to; empty where it does not", "[*]"]
 

@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 
 from annotated_types import Interval, Len
 
-from mapmore_cli.domain.declared import Contradiction, Either, InUnit, OfHeld, Settings
+from mapmore_cli.domain.declared import Contradiction, Either, InUnit, OfHeld, Settings, Word
 
 AUTO = "auto"  # what left-out training data choose: a backbone
 LEAST_RIDGE = 1e-9  # a smaller ridge, but for zero, would drown in the rounding of the Gram matrix
@@ -17,9 +17,6 @@ FORWARD = 3
 
 Stop = Literal["tolerance", "bic", "aicc", "press", "free_run"]
 """When fewer terms than `max_terms` are enough."""
-
-Word = Literal["increasing", "decreasing", "convex", "concave", "positive"]
-"""What is known of the output along an input; `positive` of the output itself."""
 
 
 @dataclass(frozen=True, kw_only=True)

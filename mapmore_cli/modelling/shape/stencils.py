@@ -9,7 +9,8 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
 from mapmore_cli.domain.arrays import Array, BoolArray, Columns, IntArray
-from mapmore_cli.modelling.selection import Fit, Word
+from mapmore_cli.domain.declared import Word
+from mapmore_cli.modelling.selection import Fit
 
 POINTS: Mapping[Word, int] = {
     "positive": 1,

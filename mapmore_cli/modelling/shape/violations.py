@@ -6,18 +6,18 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from types import MappingProxyType
-from typing import cast
 
 import numpy as np
 
 from mapmore_cli.domain.arrays import Ranges
+from mapmore_cli.domain.declared import Word
 from mapmore_cli.domain.errors import FitError
 from mapmore_cli.domain.models import KeptShape, Model, Shape
 from mapmore_cli.domain.recording import Curve
 from mapmore_cli.modelling.kinds import predict, runs_over_time
 from mapmore_cli.modelling.literature.backbone import pooled
 from mapmore_cli.modelling.program.model import program_of
-from mapmore_cli.modelling.selection import Fit, Word
+from mapmore_cli.modelling.selection import Fit
 from mapmore_cli.modelling.shape.region import Region, region_of
 from mapmore_cli.modelling.shape.stencils import POINTS, Asked, asked_of
 
@@ -78,7 +78,7 @@ def known_shape(kind: str | None, model: Model, curves: Sequence[Curve]) -> list
     asked = [Asked(one.name, words[one.name]) for one in model.inputs if one.name in words]
     fit = Fit()
     if model.shape is not None:
-        asked = [Asked(one.quantity, cast(Word, one.word)) for one in model.shape.kept] or asked
+        asked = [Asked(one.quantity, one.word) for one in model.shape.kept] or asked
         fit = Fit(shape={}, slack=model.shape.slack, beyond=model.shape.beyond)
     region = region_of(model, curves, fit) if asked and not runs_over_time(model) else None
     return [] if region is None else violations(model, asked, region)
