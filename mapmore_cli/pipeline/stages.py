@@ -168,7 +168,7 @@ def fuse(part: ModelChoices, workspace: Workspace) -> None:
         workspace.progress,
     )
     model = kinds.build(part, given, result)
-    if model.shape is not None:
+    if part.fit.shape is not None:
         from mapmore_cli.modelling.shape.region import refuse_unsupported
 
         refuse_unsupported(model, dataset.curves, part.fit)

@@ -33,7 +33,7 @@ from mapmore_cli.modelling.program.values import evaluator
 from mapmore_cli.modelling.shape.least_squares import least_squares_under
 from mapmore_cli.modelling.shape.region import Region, region_of
 from mapmore_cli.modelling.shape.stencils import Asked, Grid, Stencils, asked_of
-from mapmore_cli.modelling.shape.violations import with_shape
+from mapmore_cli.modelling.shape.violations import verified, with_shape
 
 # nodes of the grid on which nothing may be violated; of each input about an inequality that binds,
 # and how often that grid becomes finer
@@ -63,8 +63,10 @@ def shaped(
     """
     body, asked = model.body, asked_of(recipe.fit)
     assert isinstance(body, Pieces)
+    if not body.segments:  # the backbone stands alone
+        return verified(model, curves, recipe.fit)
     region = region_of(model, curves, recipe.fit) if asked else None
-    if not body.segments or (region is None and not recipe.bounds):
+    if region is None and not recipe.bounds:
         return model
     exchange = _Exchange(model, body, _factor(body, curves, segmentation, recipe), recipe.bounds)
     if region is not None:
@@ -252,7 +254,7 @@ class _Exchange:
             self._solve()
         raise FitError(
             f"fit.shape: no coefficients that keep it were found, {violated[0].told}",
-            "use `fuse: {levels: linear}`, or ask for less",
+            "interpolate linearly (`fuse: {levels: linear}`), or ask for less",
         )
 
     def _add(self, violated: Sequence[Stencils]) -> None:

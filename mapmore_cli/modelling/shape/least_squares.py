@@ -15,8 +15,11 @@ from mapmore_cli.domain.arrays import Array
 # steps of the non-negative least squares for each inequality; it takes about one for each that
 # binds
 STEPS = 50
-# part of the right side that is left where the inequalities contradict each other
-CONTRADICTS = 1e-12
+# by how much of the largest right side an inequality may be missed: rounding leaves far less, and
+# inequalities that contradict each other far more
+MISSED = 1e-6
+# a smaller remainder is none
+NOTHING_LEFT = 1e-30
 
 
 @dataclass(frozen=True)
@@ -52,6 +55,7 @@ def least_squares_under(R: Array, f: Array, D: Array, d: Array) -> Constrained:
     E, right = np.vstack([H.T, h / reach]), np.append(np.zeros(len(f)), 1.0)
     force, _ = nnls(E, right, maxiter=STEPS * len(D))
     rest = E @ force - right
-    if -rest[-1] <= CONTRADICTS:
-        return Constrained(solve_triangular(R, f), force, met=False)
-    return Constrained(solve_triangular(R, f - reach * rest[:-1] / rest[-1]), force)
+    z = -rest[:-1] / min(rest[-1], -NOTHING_LEFT)
+    if (H @ z - h / reach).min() >= -MISSED:
+        return Constrained(solve_triangular(R, f + reach * z), force)
+    return Constrained(solve_triangular(R, f), force, met=False)
