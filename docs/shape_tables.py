@@ -115,11 +115,11 @@ def cases(config: str, runs: Path) -> list[Case]:
     for (split, curves), form, order in product(splits(few), FORMS, ORDERS):
         if form == "curves" and (dataset.level is None or min(c.size for c in curves) < order + 2):
             continue
-        plain, shaped = (
-            build(config, curves, _recipe(dataset, form, order, fit), dataset.quantities)
-            for fit in (Fit(), asked)
-        )
         try:
+            plain, shaped = (
+                build(config, curves, _recipe(dataset, form, order, fit), dataset.quantities)
+                for fit in (Fit(), asked)
+            )
             refuse_unsupported(shaped, curves, asked)
         except FitError:
             continue

@@ -31,7 +31,7 @@ from mapmore_cli.modelling.pieces.segmentation import samples_at, scaled_inputs,
 from mapmore_cli.modelling.program.model import program_of
 from mapmore_cli.modelling.program.values import evaluator
 from mapmore_cli.modelling.shape.least_squares import least_squares_under
-from mapmore_cli.modelling.shape.region import Region, region_of
+from mapmore_cli.modelling.shape.region import Region, refuse_unsupported, region_of
 from mapmore_cli.modelling.shape.stencils import Asked, Grid, Stencils, asked_of
 from mapmore_cli.modelling.shape.violations import verified, with_shape
 
@@ -68,6 +68,8 @@ def shaped(
     region = region_of(model, curves, recipe.fit) if asked else None
     if region is None and not recipe.bounds:
         return model
+    if region is not None:
+        refuse_unsupported(model, curves, recipe.fit, fewest=0)
     exchange = _Exchange(model, body, _factor(body, curves, segmentation, recipe), recipe.bounds)
     if region is not None:
         exchange.until_kept(region.asks(asked), region)

@@ -126,16 +126,19 @@ def region_of(model: Model, curves: Sequence[Curve], fit: Fit) -> Region | None:
     return Region(names, np.column_stack(places), values, fixed, varied, fit)
 
 
-def refuse_unsupported(model: Model, curves: Sequence[Curve], fit: Fit) -> None:
+def refuse_unsupported(
+    model: Model, curves: Sequence[Curve], fit: Fit, fewest: int = FEWEST
+) -> None:
     """Raise FitError for a quantity that does not vary, and for a sign that training data
-    contradict, or hardly tell.
+    contradict, or of which they have fewer than the `fewest` differences; with 0, as for a part of
+    the data, only for the contradiction.
 
     Differences are of the interpolated training output, between neighbouring values of the
     quantity, at the values of the other inputs.
     """
     region, asked = region_of(model, curves, fit), asked_of(fit)
     known = [] if region is None else region.asks(asked)
-    if unknown := [one.quantity for one in asked if one not in known]:
+    if fewest and (unknown := [one.quantity for one in asked if one not in known]):
         raise FitError(
             f"fit.shape: `{unknown[0]}` is no input of the model that varies in training",
             f"name one of {', '.join(region.names if region else ())}",
@@ -150,7 +153,7 @@ def refuse_unsupported(model: Model, curves: Sequence[Curve], fit: Fit) -> None:
     for one in (one for one in known if one.word in ("increasing", "decreasing")):
         rises = grid.rises(one, output).ravel()
         count, wrong = int(np.isfinite(rises).sum()), int((rises < 0).sum())
-        if count < FEWEST or wrong > CONTRADICTED * count:
+        if count < fewest or wrong > CONTRADICTED * count:
             worst = grid.stencils(one, np.argsort(rises)[:1])
             raise FitError(
                 f"fit.shape: `{one.quantity}: {one.word}` rests on {count} differences of the "
