@@ -54,13 +54,6 @@ def test_without_a_shape_the_page_judges_what_the_kind_implies(tmp_path, mapmore
     assert "Known from the kind of muscle" in page
 
 
-def test_a_contradicted_sign_ends_the_run(tmp_path, mapmore):
-    study = CONFIGS / "m2" / "dmsp-20-88-static.yaml"
-    wrong = ("--set", "fit.shape={pressure: decreasing}", "--set", "fit.max_terms=3")
-    done = mapmore("fuse", study, "--runs", tmp_path, "-q", *wrong, code=5)
-    assert "differences of the training data, of which" in done.stderr
-
-
 @pytest.mark.long
 def test_a_study_of_the_table_is_made_anew(tmp_path):
     config = "m2/peano-static"
