@@ -7,15 +7,18 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import TypeVar
 
 import numpy as np
 
 from mapmore_cli.annexes.search.situation import Situation
-from mapmore_cli.domain.arrays import Array, BoolArray, IntArray
+from mapmore_cli.domain.arrays import Array, BoolArray, IntArray, extremes
 from mapmore_cli.domain.recording import Dataset
 from mapmore_cli.fitting.refitting import contiguous, training_only
 from mapmore_cli.modelling.pieces.cross_validation import BLOCKS
 from mapmore_cli.modelling.pieces.recipe import Fuse
+from mapmore_cli.modelling.simple import polynomial_fit
 from mapmore_cli.spec.sections.data import Between, Holdout, Levels
 from mapmore_cli.spec.sections.model import ModelChoice
 
@@ -38,6 +41,8 @@ MOST_SAMPLES, MOST_STEPS = 6_000, 12_000
 """Training samples that structures without memory are tried on, of more an even share; and those of
 any, in long pieces.
 """
+
+T = TypeVar("T")
 
 Masks = tuple[BoolArray, ...]
 """For every curve the samples that a fold leaves out."""
@@ -62,67 +67,66 @@ class Bench:
     turn.
 
     The first `blocks` of the folds are stretches of curves, the others whole levels, recordings or
-    ends of them. `weights` (f,) add up to 1. `thinned` are the same with an even share of the
-    samples, for models without memory. Errors are divided by `scale`.
+    ends of them. `weights` (f,) add up to 1. Errors are divided by `scale`. Of the `study`, which
+    has what is held out too, the inputs alone are looked at.
     """
 
     dataset: Dataset
+    study: Dataset
+    situation: Situation
     folds: tuple[Masks, ...]
-    thinned: Dataset
-    thinned_folds: tuple[Masks, ...]
     blocks: int
     weights: Array
     left_out: str
     parts_left_out: str
-    scale: float
     part: Slice
     asks_parts: bool
 
     @classmethod
     def of(cls, training: Dataset, situation: Situation, part: Slice, study: Dataset) -> Bench:
         """Return the folds of training samples, which resemble what the `study` holds out."""
-        timed = "time" in training.curves[0].columns
-        of = "training samples of every recording" if timed else "training samples of every curve"
-        left_out = f"each of {BLOCKS} {'' if timed else 'inner '}stretches of the {of}"
-        blocks = () if situation.timed else _bands(training, part.held_out, situation.moving)
-        if blocks:
-            left_out = f"each of {len(blocks)} bands of an input, as wide as those held out"
-        else:
-            run = held_run(study)
-            blocks = _stretch_folds(training, situation.moving or situation.inputs, run)
+        left_out, blocks = _stretches(training, situation, part.held_out, held_run(study))
         ends, asked = _holds_out(study)
         if ends:
             parts, which = _end_folds(training), f"each of {len(BEHIND)} ends of recordings"
+        elif training.level is not None:
+            parts, which = _level_folds(training, study), "levels"
         else:
-            parts, which = _part_folds(training)
+            parts, which = _recording_folds(training), "recordings"
         asked = len(parts) > 0 and (asked or part.by_level or ends)
         weight = (2 / 3 if asked else 1 / 2 if situation.timed else 1 / 4) * bool(parts)
         if len(parts) == 1:  # the only inner level
             weight = 1 / 2
         weight = weight if blocks else 1.0  # recordings that are too short for stretches
         shares = [(1 - weight) / max(len(blocks), 1), weight / max(len(parts), 1)]
-        thinning = thinning_of(training)
-        thinned = tuple(c.at(rows) for c, rows in zip(training.curves, thinning, strict=True))
-        folds = (*blocks, *parts)
-        values = np.concatenate(
-            [curve.columns[training.target][curve.training] for curve in training.curves]
-        )
         return cls(
             training,
-            folds,
-            replace(training, curves=thinned),
-            tuple(
-                tuple(mask[rows] for mask, rows in zip(fold, thinning, strict=True))
-                for fold in folds
-            ),
+            study,
+            situation,
+            (*blocks, *parts),
             len(blocks),
             np.repeat(shares, [len(blocks), len(parts)]),
             left_out,
-            which,
-            float(np.ptp(values)) or 1.0,
+            which if ends or not parts else f"each of {len(parts)} {which}",
             part,
             asked,
         )
+
+    @cached_property
+    def range(self) -> tuple[float, float]:
+        """Least and largest output: measured in training, and of a plane through these at all
+        inputs of the study, since what lies beyond is to be foretold.
+        """
+        target = self.study.target
+        plane = polynomial_fit(1, self.study, self.situation.inputs) or ()
+        every = [curve.columns[target][curve.training] for curve in self.study.curves]
+        return extremes(np.concatenate([*every, *plane]))
+
+    @cached_property
+    def thinned(self) -> Dataset:
+        """An even share of the samples, for models without memory."""
+        parts = zip(self.dataset.curves, thinning_of(self.dataset), strict=True)
+        return replace(self.dataset, curves=tuple(curve.at(rows) for curve, rows in parts))
 
 
 def searchable(dataset: Dataset) -> Dataset:
@@ -178,25 +182,36 @@ def thinning_of(dataset: Dataset) -> list[BoolArray]:
     ]
 
 
-def _stretch_folds(dataset: Dataset, inputs: Sequence[str], run: int) -> tuple[Masks, ...]:
-    """Stretches of every recording in the order of time; without a clock, inner ones of every curve
-    along each of the inputs.
+def _stretches(
+    dataset: Dataset, situation: Situation, held_out: Holdout | None, run: int
+) -> tuple[str, tuple[Masks, ...]]:
+    """Return what is left out of every curve, in words and masks: of recordings at even steps
+    stretches of time as long as the longest `run` that is held out; else bands of an input, as wide
+    as those that are held out, or stretches along each input.
 
-    In recordings they are as long as the longest `run` that is held out, one or several of each
-    recording. What lies at the end of an input can only be extrapolated: that would decide, and is
-    not what is asked.
+    Time says nothing of a model without a past. What lies at the end of an input can only be
+    extrapolated: that would decide, and is not what is asked.
     """
     curves = dataset.curves
-    if "time" in curves[0].columns:
+    if situation.timed:
         logs = [[log[curve.training[log]] for log in curve.logs] for curve in curves]
         each = [_stretch_masks(of, run, curve.size) for of, curve in zip(logs, curves, strict=True)]
-        return tuple(zip(*each, strict=True))
+        stretches = f"each of {BLOCKS} stretches of the training samples of every recording"
+        return stretches, tuple(zip(*each, strict=True))
+    inputs = situation.moving or situation.inputs
+    if bands := _bands(dataset, held_out, inputs):
+        return f"each of {len(bands)} bands of an input, as wide as those held out", bands
     folds: list[Masks] = []
     for name in inputs:
-        along = [np.argsort(curve.columns[name], kind="stable") for curve in curves]
-        every = [contiguous([rows], BLOCKS + 2, len(rows)) for rows in along]
-        folds += list(zip(*every, strict=True))[1:-1]
-    return tuple(folds)
+        within = []
+        for curve in curves:
+            rows = np.flatnonzero(curve.training)
+            rows = rows[np.argsort(curve.columns[name][rows], kind="stable")]
+            end = math.ceil(len(rows) / (BLOCKS + 2))
+            within.append(contiguous([rows[end : len(rows) - end]], BLOCKS, curve.size))
+        folds += zip(*within, strict=True)
+    told = f"each of {BLOCKS} inner stretches of the training samples of every curve"
+    return told, tuple(fold for fold in folds if any(mask.any() for mask in fold))
 
 
 def _stretch_masks(logs: Sequence[IntArray], run: int, size: int) -> list[BoolArray]:
@@ -231,7 +246,7 @@ def held_run(study: Dataset) -> int:
 
 def _bands(dataset: Dataset, held_out: Holdout | None, inputs: Sequence[str]) -> tuple[Masks, ...]:
     """Bands of an input that are as wide as those that the study holds out of it, in the middles of
-    even parts of what trains.
+    even parts of what trains; at an end, where those lie beyond that end.
 
     Blocks in the order of time hold every value of an input that was swept more than once: left
     out, they ask for nothing between.
@@ -246,7 +261,11 @@ def _bands(dataset: Dataset, held_out: Holdout | None, inputs: Sequence[str]) ->
         places = np.linspace(values.min(), values.max(), 1 + 100 * BLOCKS)
         within = (bands[:, :1] <= places) & (places <= bands[:, 1:])
         free = places[~within.any(axis=0)]
-        for middle in free[np.linspace(0, len(free) - 1, 2 * BLOCKS + 1)[1::2].astype(int)]:
+        low, high = bands[:, 0] <= values.min(), bands[:, 1] >= values.max()
+        middles = [values.min() + half] * any(low) + [values.max() - half] * any(high)
+        if not (low | high).all():
+            middles += free[np.linspace(0, len(free) - 1, 2 * BLOCKS + 1)[1::2].astype(int)]
+        for middle in middles:
             fold = tuple(
                 curve.training & (np.abs(curve.columns[name] - middle) <= half)
                 for curve in dataset.curves
@@ -284,22 +303,45 @@ def _end_folds(dataset: Dataset) -> tuple[Masks, ...]:
     return tuple(folds)
 
 
-def _part_folds(dataset: Dataset) -> tuple[tuple[Masks, ...], str]:
-    """Inner levels, or recordings where there are no levels; none where there are fewer than two
-    recordings of a fair size.
+def _level_folds(dataset: Dataset, study: Dataset) -> tuple[Masks, ...]:
+    """Levels as the study holds them out: inner ones, as many neighbours as its longest row of
+    them, or as many at an end where they lie beyond that end; inner ones alone where it holds none
+    out.
     """
+    held = [False, *(bool(curve.held_out.all()) for curve in study.curves), False]
+    edges = np.flatnonzero(np.diff(held)).reshape(-1, 2)
+    last = sum(1 for curve in dataset.curves if curve.training.any())
+    at_ends = {
+        *((0, stop) for start, stop in edges if start == 0),
+        *((last - stop + start, last) for start, stop in edges if stop == len(study.curves)),
+    }
+    inner = [stop - start for start, stop in edges if 0 < start and stop < len(study.curves)]
+    width = min(max(inner, default=1), last - 2)
+    rows: list[tuple[int, int]] = sorted(at_ends)
+    if width > 0 and (inner or not rows):
+        rows += [(first, first + width) for first in range(1, last - width)]
+    numbers = np.cumsum([curve.training.any() for curve in dataset.curves]) - 1
+    return tuple(
+        tuple(
+            curve.training & (first <= number < stop)
+            for curve, number in zip(dataset.curves, numbers, strict=True)
+        )
+        for first, stop in _spread(rows)
+    )
+
+
+def _recording_folds(dataset: Dataset) -> tuple[Masks, ...]:
+    """Recordings; none where there are fewer than two of a fair size."""
     sizes = np.array([curve.training.sum() for curve in dataset.curves])
     low, high = (bound * sizes.sum() / np.count_nonzero(sizes) for bound in FAIR)
-    if dataset.level is not None:
-        numbers, least, name = np.flatnonzero(sizes)[1:-1], 1, "inner levels"
-    else:
-        numbers, least = np.flatnonzero((low <= sizes) & (sizes <= high)), 2
-        name = "recordings"
-    if len(numbers) < least:
-        return (), ""
-    taken = np.linspace(0, len(numbers) - 1, min(len(numbers), MOST_PARTS)).round().astype(int)
-    folds = tuple(
+    fair = np.flatnonzero((low <= sizes) & (sizes <= high))
+    return tuple(
         tuple(curve.training & (number == out) for number, curve in enumerate(dataset.curves))
-        for out in numbers[taken]
+        for out in (_spread(fair) if len(fair) > 1 else ())
     )
-    return folds, f"each of {len(folds)} {name}"
+
+
+def _spread(items: Sequence[T]) -> list[T]:
+    """Return at most `MOST_PARTS` of them, evenly chosen."""
+    places = np.linspace(0, len(items) - 1, min(len(items), MOST_PARTS)).round().astype(int)
+    return [items[place] for place in places]

@@ -211,7 +211,10 @@ def _choose_structure(outcomes: Sequence[Outcome], bench: Bench, most: int | Non
             f"no structure could be fitted without some of the data: {reasons}",
             "name one, or raise `model.budget`",
         )
-    errors = _on_common_rows([outcomes[number][1] for number in usable]) / bench.scale
+    target = bench.dataset.target
+    measured = [curve.columns[target][curve.training] for curve in bench.dataset.curves]
+    scale = float(np.ptp(np.concatenate(measured))) or 1.0
+    errors = _on_common_rows([outcomes[number][1] for number in usable]) / scale
     rank = simplest_of(sizes.tolist(), errors, bench.weights, eligible, median=most is None)
     as_good = eligible & (rank.excess <= WITHIN[0]) & (sizes <= sizes[rank.chosen])
     plain = np.flatnonzero(as_good & np.isin(kinds, PLAIN)).tolist()
@@ -231,10 +234,10 @@ def _choose_structure(outcomes: Sequence[Outcome], bench: Bench, most: int | Non
         )
     return Search(
         "search",
-        bench.dataset.target,
+        target,
         bench.left_out,
         bench.parts_left_out,
-        bench.scale,
+        scale,
         tuple(tried),
         usable[rank.best],
         usable[chosen],
@@ -313,16 +316,22 @@ def _fitted(choices: ModelChoices, bench: Bench, fold: int | None) -> FoldFit:
     left-out ones; others are fitted to that share.
     """
     slow = choices.over_time
-    dataset = bench.dataset if slow else bench.thinned
+    dataset, rows = bench.dataset if slow else bench.thinned, thinning_of(bench.dataset)
     if fold is None:
         model = refit(choices, dataset)
         failure = ""
         if slow and rings(model, dataset):
             failure = "goes on by itself: its start still rings late in a recording"
+        if not slow and astray(model, bench):
+            failure = "goes astray: far beyond all that was measured, at inputs of the study"
         return FoldFit(parameters=parameters(model), failure=failure)
-    masks = (bench.folds if slow else bench.thinned_folds)[fold]
-    rows = thinning_of(dataset) if slow else masks
-    counted = [out & some for out, some in zip(masks, rows, strict=True) if out.any()]
+    masks, counted = bench.folds[fold], [*bench.folds[fold]]
+    if slow:
+        counted = [out & some for out, some in zip(masks, rows, strict=True)]
+    else:
+        masks = tuple(out[some] for out, some in zip(masks, rows, strict=True))
+        counted = [*masks]
+    counted = [one for one, out in zip(counted, masks, strict=True) if out.any()]
     every = left_out_of(dataset, masks, partial(refit, choices))
     errors, ready = [np.zeros(0)], [np.zeros(0, dtype=np.bool_)]
     for (curve, _, said), some in zip(every, counted, strict=True):
@@ -374,6 +383,18 @@ def rings(model: Model, dataset: Dataset) -> bool:
     if not np.isfinite(late).any():
         return False
     return bool(np.nanstd(late) > SWING * np.nanmax(np.abs(apart)))
+
+
+def astray(model: Model, bench: Bench) -> bool:
+    """Tell whether a model without a past leaves what was measured, and what a plane foretells, by
+    more than their range, at any inputs of the study.
+
+    A steep formula may pass through all training samples, left-out ones too, and explode in a gap
+    between them.
+    """
+    low, high = bench.range
+    values = np.concatenate([forecast(model, curve).values for curve in bench.study.curves])
+    return bool((np.abs(values - (low + high) / 2) > 1.5 * (high - low)).any())
 
 
 _ENTRIES = TypeAdapter(list[DictionaryEntry])
