@@ -264,7 +264,7 @@ def _bands(dataset: Dataset, held_out: Holdout | None, inputs: Sequence[str]) ->
         low, high = bands[:, 0] <= values.min(), bands[:, 1] >= values.max()
         middles = [values.min() + half] * any(low) + [values.max() - half] * any(high)
         if not (low | high).all():
-            middles += free[np.linspace(0, len(free) - 1, 2 * BLOCKS + 1)[1::2].astype(int)]
+            middles.extend(free[np.linspace(0, len(free) - 1, 2 * BLOCKS + 1)[1::2].astype(int)])
         for middle in middles:
             fold = tuple(
                 curve.training & (np.abs(curve.columns[name] - middle) <= half)
