@@ -8,13 +8,14 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TypeVar
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
 from mapmore_cli.annexes.search.situation import Situation
 from mapmore_cli.domain.arrays import Array, BoolArray, IntArray, extremes
-from mapmore_cli.domain.recording import Dataset
+from mapmore_cli.domain.recording import Curve, Dataset
+from mapmore_cli.fitting.baselines import even_share
 from mapmore_cli.fitting.refitting import contiguous, training_only
 from mapmore_cli.modelling.pieces.cross_validation import BLOCKS
 from mapmore_cli.modelling.pieces.recipe import Fuse
@@ -37,12 +38,9 @@ FAIR = (0.2, 1.2)
 """Times an even share of the training samples that a recording has, which is left out: without a
 larger one too little is learnt, and a smaller one says nothing."""
 
-MOST_SAMPLES, MOST_STEPS = 6_000, 12_000
-"""Training samples that structures without memory are tried on, of more an even share; and those of
-any, in long pieces.
-"""
-
-T = TypeVar("T")
+MOST_SAMPLES = 12_000
+"""Training samples that structures are tried on: of more an even share of every curve, or of
+recordings that models with a past run along, long pieces."""
 
 Masks = tuple[BoolArray, ...]
 """For every curve the samples that a fold leaves out."""
@@ -122,12 +120,6 @@ class Bench:
         every = [curve.columns[target][curve.training] for curve in self.study.curves]
         return extremes(np.concatenate([*every, *plane]))
 
-    @cached_property
-    def thinned(self) -> Dataset:
-        """An even share of the samples, for models without memory."""
-        parts = zip(self.dataset.curves, thinning_of(self.dataset), strict=True)
-        return replace(self.dataset, curves=tuple(curve.at(rows) for curve, rows in parts))
-
 
 def searchable(dataset: Dataset) -> Dataset:
     """Return the training samples; in recordings, with the inputs between them, which states
@@ -152,34 +144,29 @@ def searchable(dataset: Dataset) -> Dataset:
     return replace(dataset, curves=tuple(curves))
 
 
-def cut_short(dataset: Dataset, run: int) -> Dataset:
-    """At most so many samples, where recordings are longer: of each one some even pieces, which are
-    no shorter than a held-out `run`.
+def cut_short(dataset: Dataset, run: int, timed: bool) -> Dataset:
+    """Return at most so many samples: an even share of every curve, or of recordings in time some
+    even pieces, which are no shorter than a held-out `run`.
 
     Each piece begins from measured outputs: shorter ones would flatter models that feed their
     output back.
     """
-    total = sum(curve.size for curve in dataset.curves)
-    if total <= MOST_STEPS or "time" not in dataset.curves[0].columns:
-        return dataset
-    share, curves = MOST_STEPS / total, []
-    for curve in dataset.curves:
-        mask = np.zeros(curve.size, dtype=np.bool_)
-        for log in curve.logs:
-            count = int(np.clip(share * len(log) // max(run, 1), 1, BLOCKS))
-            for piece in np.array_split(log, count):
-                mask[piece[: int(np.ceil(share * len(piece)))]] = True
-        curves.append(curve.at(mask))
-    return replace(dataset, curves=tuple(curves))
+    most = max(MOST_SAMPLES // len(dataset.curves), 1)
+    share = min(MOST_SAMPLES / sum(curve.size for curve in dataset.curves), 1.0)
 
+    def kept(curve: Curve) -> IntArray:
+        if not timed:
+            return even_share(np.flatnonzero(curve.training), most)
+        pieces = [
+            piece[: math.ceil(share * len(piece))]
+            for log in curve.logs
+            for piece in np.array_split(
+                log, int(np.clip(share * len(log) // max(run, 1), 1, BLOCKS))
+            )
+        ]
+        return np.sort(np.concatenate(pieces))
 
-def thinning_of(dataset: Dataset) -> list[BoolArray]:
-    """Return an even share of the samples of every curve."""
-    most = max(MOST_SAMPLES // max(len(dataset.curves), 1), 1)
-    return [
-        curve.training & ((np.cumsum(curve.training) - 1) % -(-curve.training.sum() // most) == 0)
-        for curve in dataset.curves
-    ]
+    return replace(dataset, curves=tuple(curve.at(kept(curve)) for curve in dataset.curves))
 
 
 def _stretches(
@@ -245,8 +232,8 @@ def held_run(study: Dataset) -> int:
 
 
 def _bands(dataset: Dataset, held_out: Holdout | None, inputs: Sequence[str]) -> tuple[Masks, ...]:
-    """Bands of an input that are as wide as those that the study holds out of it, in the middles of
-    even parts of what trains; at an end, where those lie beyond that end.
+    """Bands of an input that are as wide as those that the study holds out of it, about even
+    quantiles of what trains; at an end, where those lie beyond that end.
 
     Blocks in the order of time hold every value of an input that was swept more than once: left
     out, they ask for nothing between.
@@ -255,22 +242,21 @@ def _bands(dataset: Dataset, held_out: Holdout | None, inputs: Sequence[str]) ->
     for name, held in ({} if held_out is None else held_out.quantities).items():
         if name not in inputs or not isinstance(held, Between):
             continue
-        bands = np.array(held.between)
+        low, high = np.array(held.between).T
+        half = float(np.median(high - low)) / 2
         values = np.concatenate([curve.columns[name][curve.training] for curve in dataset.curves])
-        half = float(np.median(np.ptp(bands, axis=1))) / 2
-        places = np.linspace(values.min(), values.max(), 1 + 100 * BLOCKS)
-        within = (bands[:, :1] <= places) & (places <= bands[:, 1:])
-        free = places[~within.any(axis=0)]
-        low, high = bands[:, 0] <= values.min(), bands[:, 1] >= values.max()
-        middles = [values.min() + half] * any(low) + [values.max() - half] * any(high)
-        if not (low | high).all():
-            middles.extend(free[np.linspace(0, len(free) - 1, 2 * BLOCKS + 1)[1::2].astype(int)])
-        for middle in middles:
-            fold = tuple(
+        least, largest = extremes(values)
+        middles = [least + half] * bool(low.min() <= least)
+        middles += [largest - half] * bool(high.max() >= largest)
+        if ((low > least) & (high < largest)).any():
+            middles.extend(np.quantile(values, np.linspace(0, 1, BLOCKS + 2)[1:-1]))
+        folds += [
+            tuple(
                 curve.training & (np.abs(curve.columns[name] - middle) <= half)
                 for curve in dataset.curves
             )
-            folds += [fold] if any(mask.any() for mask in fold) else []
+            for middle in middles
+        ]
     return tuple(folds) if len(folds) > 1 else ()
 
 
@@ -292,56 +278,49 @@ def _holds_out(study: Dataset) -> tuple[bool, bool]:
 
 def _end_folds(dataset: Dataset) -> tuple[Masks, ...]:
     """Return the last shares of the training samples of every recording."""
-    folds = []
-    for share in BEHIND:
-        masks = [np.zeros(curve.size, dtype=np.bool_) for curve in dataset.curves]
-        for curve, mask in zip(dataset.curves, masks, strict=True):
-            for log in curve.logs:
-                rows = log[curve.training[log]]
-                mask[rows[len(rows) - int(share * len(rows)) :]] = True
-        folds.append(tuple(masks))
-    return tuple(folds)
+
+    def behind(curve: Curve, share: float) -> BoolArray:
+        mask = np.zeros(curve.size, dtype=np.bool_)
+        for log in curve.logs:
+            rows = log[curve.training[log]]
+            mask[rows[len(rows) - int(share * len(rows)) :]] = True
+        return mask
+
+    return tuple(tuple(behind(curve, share) for curve in dataset.curves) for share in BEHIND)
 
 
 def _level_folds(dataset: Dataset, study: Dataset) -> tuple[Masks, ...]:
     """Levels as the study holds them out: inner ones, as many neighbours as its longest row of
-    them, or as many at an end where they lie beyond that end; inner ones alone where it holds none
-    out.
+    them, or as many at an end where they lie beyond that end; inner ones one by one where it holds
+    none out.
     """
-    held = [False, *(bool(curve.held_out.all()) for curve in study.curves), False]
-    edges = np.flatnonzero(np.diff(held)).reshape(-1, 2)
-    last = sum(1 for curve in dataset.curves if curve.training.any())
-    at_ends = {
-        *((0, stop) for start, stop in edges if start == 0),
-        *((last - stop + start, last) for start, stop in edges if stop == len(study.curves)),
-    }
-    inner = [stop - start for start, stop in edges if 0 < start and stop < len(study.curves)]
-    width = min(max(inner, default=1), last - 2)
-    rows: list[tuple[int, int]] = sorted(at_ends)
-    if width > 0 and (inner or not rows):
-        rows += [(first, first + width) for first in range(1, last - width)]
-    numbers = np.cumsum([curve.training.any() for curve in dataset.curves]) - 1
-    return tuple(
-        tuple(
-            curve.training & (first <= number < stop)
-            for curve, number in zip(dataset.curves, numbers, strict=True)
-        )
-        for first, stop in _spread(rows)
-    )
+    held = np.array([curve.held_out.all() for curve in study.curves])
+    last = len(held) - 1
+    rows = np.split(np.arange(last + 1), np.flatnonzero(np.diff(held)) + 1)
+    gaps = [row for row in rows if held[row[0]]]
+    inner = [len(gap) for gap in gaps if gap[0] > 0 and gap[-1] < last]
+    trained = np.flatnonzero([curve.training.any() for curve in dataset.curves])
+    out = [trained[: len(gap)] for gap in gaps if gap[0] == 0]
+    out += [trained[-len(gap) :] for gap in gaps if gap[-1] == last]
+    width = min(max(inner, default=1), len(trained) - 2)
+    if width > 0 and (inner or not out):
+        out += [*sliding_window_view(trained[1:-1], width)]
+    return _without(dataset, out)
 
 
 def _recording_folds(dataset: Dataset) -> tuple[Masks, ...]:
-    """Recordings; none where there are fewer than two of a fair size."""
+    """Return recordings; none where there are fewer than two of a fair size."""
     sizes = np.array([curve.training.sum() for curve in dataset.curves])
     low, high = (bound * sizes.sum() / np.count_nonzero(sizes) for bound in FAIR)
     fair = np.flatnonzero((low <= sizes) & (sizes <= high))
+    return _without(dataset, fair[:, None] if len(fair) > 1 else ())
+
+
+def _without(dataset: Dataset, out: Sequence[IntArray]) -> tuple[Masks, ...]:
+    """Return the masks of the curves of these numbers; of `MOST_PARTS` at most, evenly chosen."""
     return tuple(
-        tuple(curve.training & (number == out) for number, curve in enumerate(dataset.curves))
-        for out in (_spread(fair) if len(fair) > 1 else ())
+        tuple(
+            curve.training & (number in out[place]) for number, curve in enumerate(dataset.curves)
+        )
+        for place in even_share(np.arange(len(out)), MOST_PARTS)
     )
-
-
-def _spread(items: Sequence[T]) -> list[T]:
-    """Return at most `MOST_PARTS` of them, evenly chosen."""
-    places = np.linspace(0, len(items) - 1, min(len(items), MOST_PARTS)).round().astype(int)
-    return [items[place] for place in places]

@@ -22,7 +22,6 @@ from mapmore_cli.annexes.search.bench import (
     cut_short,
     held_run,
     searchable,
-    thinning_of,
 )
 from mapmore_cli.annexes.search.black_boxes import Left, black_boxes
 from mapmore_cli.annexes.search.candidate import Structure, offered_structures
@@ -112,16 +111,12 @@ def search(
     FitError
         Where no structure could be fitted.
     """
-    whole = searchable(dataset)
-    training = cut_short(whole, held_run(dataset))
+    training = searchable(dataset)
     situation = situation_of(training, part.ignored, part.model.inputs)
-    past = situation.timed
-    uneven = _uneven(dataset) if past else ()
-    if part.by_level or uneven or not past:
-        # a model that runs along recordings cannot be fitted without a level; any other takes its
-        # share from all of their samples
-        training = whole
-        situation = replace(situation_of(whole, part.ignored, part.model.inputs), step=None)
+    uneven = _uneven(dataset) if situation.timed else ()
+    if part.by_level or uneven:  # a model that runs along recordings cannot be fitted then
+        situation = replace(situation, step=None)
+    training = cut_short(training, held_run(dataset), situation.timed)
     listed = [one for name in FAMILIES for one in offered_structures(family(name), situation)]
     bench = Bench.of(training, situation, part, dataset)
     budget = Budget(part.model.budget)
@@ -130,16 +125,12 @@ def search(
         for one in listed
         for fold in [*range(len(bench.folds)), None]
     ]
-    second = min(1, len(jobs))
-    if beside:
-        rows, inputs = thinning_of(bench.dataset), situation.inputs
-        jobs.insert(second, partial(black_boxes, bench.dataset, bench.folds, rows, inputs, past))
-    done = shared_out(
+    jobs.append(partial(black_boxes, training, bench.folds, situation) if beside else dict)
+    *done, boxes = shared_out(
         _called,
         jobs,
         lambda done, total: progress("structures", done * len(listed) // total, len(listed)),
     )
-    boxes: Mapping[str, Sequence[Left]] = done.pop(second) if beside else {}
     size = len(bench.folds) + 1
     fitted = [done[place : place + size] for place in range(0, len(done), size)]
     outcomes = [
@@ -312,32 +303,21 @@ def _try_structure(
 
 
 def _fitted(choices: ModelChoices, bench: Bench, fold: int | None) -> FoldFit:
-    """Models that run along recordings are fitted to all samples, and score an even share of the
-    left-out ones; others are fitted to that share.
-    """
-    slow = choices.over_time
-    dataset, rows = bench.dataset if slow else bench.thinned, thinning_of(bench.dataset)
+    """Fit to all samples, or without a fold, and predict that."""
+    dataset = bench.dataset
     if fold is None:
         model = refit(choices, dataset)
         failure = ""
-        if slow and rings(model, dataset):
+        if rings(model, dataset):
             failure = "goes on by itself: its start still rings late in a recording"
-        if not slow and astray(model, bench):
+        elif not choices.over_time and astray(model, bench):
             failure = "goes astray: far beyond all that was measured, at inputs of the study"
         return FoldFit(parameters=parameters(model), failure=failure)
-    masks, counted = bench.folds[fold], [*bench.folds[fold]]
-    if slow:
-        counted = [out & some for out, some in zip(masks, rows, strict=True)]
-    else:
-        masks = tuple(out[some] for out, some in zip(masks, rows, strict=True))
-        counted = [*masks]
-    counted = [one for one, out in zip(counted, masks, strict=True) if out.any()]
-    every = left_out_of(dataset, masks, partial(refit, choices))
-    errors, ready = [np.zeros(0)], [np.zeros(0, dtype=np.bool_)]
-    for (curve, _, said), some in zip(every, counted, strict=True):
-        errors.append((said.values - curve.columns[dataset.target])[some])
-        ready.append(said.ready[some])
-    return FoldFit(left=(np.concatenate(errors), np.concatenate(ready)))
+    every = left_out_of(dataset, bench.folds[fold], partial(refit, choices))
+    missed = [(said.values - curve.columns[dataset.target])[out] for curve, out, said in every]
+    return FoldFit(
+        left=(np.concatenate(missed), np.concatenate([said.ready[out] for _, out, said in every]))
+    )
 
 
 def _outcome(candidate: Structure, folds: Sequence[FoldFit], blocks: int) -> Outcome:

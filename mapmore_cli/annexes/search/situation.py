@@ -9,9 +9,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import Array, BoolArray
+from mapmore_cli.domain.arrays import Array
+from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.recording import Curve, Dataset
-from mapmore_cli.modelling.signals.sampling import UNEVEN, correlation
+from mapmore_cli.modelling.memory.records import records_of, time_step
+from mapmore_cli.modelling.signals.sampling import correlation
 
 NOT_INPUTS = ("time", "hysteresis")
 """Quantities that are no inputs: the clock, and what `cycles` makes of the target."""
@@ -20,15 +22,10 @@ SAME = 1e-9
 """Of its variance: what another input leaves of one that says the same."""
 
 FEWEST_IN_A_RECORD = 60
-"""Samples of the longest recording, from which on a model with memory is tried."""
+"""Steps of the longest recording, from which on a model with memory is tried."""
 
 WITHIN = (1, 3)
 """Steps over which changes are told."""
-
-FEWEST_IN_ORDER = 0.5
-"""Share of the training samples that lie in recordings at even steps, from which on a model with
-memory is tried.
-"""
 
 
 @dataclass(frozen=True)
@@ -160,24 +157,12 @@ def _different(names: Sequence[str], pooled: Mapping[str, Array], level: str | N
 
 
 def _even_step(curves: Sequence[Curve]) -> tuple[float | None, float]:
-    """Return the even time step and the longest uninterrupted recording, s; None where the most
-    samples are not in order at even steps.
+    """Return the even time step and the longest uninterrupted recording, s; None where samples are
+    not in order at even steps.
     """
-    steps = [np.diff(curve.columns["time"][log]) for curve in curves for log in curve.logs]
-    every = np.concatenate(steps) if steps else np.zeros(0)
-    if not len(every) or (usual := float(np.median(every))) <= 0:
+    try:
+        step = time_step(curves)
+        longest = max(record.size for record in records_of(curves, step))
+    except DataError:
         return None, 0.0
-    latest = max(float(np.abs(curve.columns["time"]).max()) for curve in curves)
-    slack = UNEVEN * usual + 4 * np.finfo(np.float64).eps * latest
-    early = (every >= 0) & (every < usual - slack)
-    longest = max(_longest_run(np.abs(one - usual) <= slack) for one in steps)
-    even = np.mean(np.abs(every - usual) <= slack)
-    if early.any() or even < FEWEST_IN_ORDER or longest < FEWEST_IN_A_RECORD:
-        return None, 0.0
-    return usual, usual * longest
-
-
-def _longest_run(true: BoolArray) -> int:
-    """Return the most samples in a row for which something is true."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], true.astype(int), [0]])))
-    return int((edges[1::2] - edges[::2]).max(initial=0))
+    return (step, step * (longest - 1)) if longest > FEWEST_IN_A_RECORD else (None, 0.0)
