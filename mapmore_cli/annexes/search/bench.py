@@ -16,7 +16,7 @@ from mapmore_cli.annexes.search.situation import Situation
 from mapmore_cli.domain.arrays import Array, BoolArray, IntArray, extremes
 from mapmore_cli.domain.recording import Curve, Dataset
 from mapmore_cli.fitting.baselines import even_share
-from mapmore_cli.fitting.refitting import contiguous, training_only
+from mapmore_cli.fitting.refitting import contiguous
 from mapmore_cli.modelling.pieces.cross_validation import BLOCKS
 from mapmore_cli.modelling.pieces.recipe import Fuse
 from mapmore_cli.modelling.simple import polynomial_fit
@@ -90,7 +90,7 @@ class Bench:
         elif training.level is not None:
             parts, which = _level_folds(training, study), "levels"
         else:
-            parts, which = _recording_folds(training), "recordings"
+            parts, which = _recording_folds(training, part.held_out), "recordings"
         asked = len(parts) > 0 and (asked or part.by_level or ends)
         weight = (2 / 3 if asked else 1 / 2 if situation.timed else 1 / 4) * bool(parts)
         if len(parts) == 1:  # the only inner level
@@ -122,14 +122,12 @@ class Bench:
 
 
 def searchable(dataset: Dataset) -> Dataset:
-    """Return the training samples; in recordings, with the inputs between them, which states
-    follow, but without the held-out outputs.
+    """Return the training samples with the inputs between them, which states follow, but without
+    the held-out outputs.
 
     Without these inputs, whatever follows slowly would begin anew behind every piece that is held
     out, and look worse than it is.
     """
-    if "time" not in dataset.curves[0].columns:
-        return training_only(dataset)
     curves = []
     for curve in dataset.curves:
         between = np.zeros(curve.size, dtype=np.bool_)
@@ -138,7 +136,7 @@ def searchable(dataset: Dataset) -> Dataset:
             if len(own):
                 between[log[own[0] : own[-1] + 1]] = True
         output = np.where(curve.held_out, np.nan, curve.columns[dataset.target])
-        if curve.training.any():
+        if between.any():
             columns = {**curve.columns, dataset.target: output}
             curves.append(replace(curve, columns=columns).at(between))
     return replace(dataset, curves=tuple(curves))
@@ -185,7 +183,11 @@ def _stretches(
         each = [_stretch_masks(of, run, curve.size) for of, curve in zip(logs, curves, strict=True)]
         stretches = f"each of {BLOCKS} stretches of the training samples of every recording"
         return stretches, tuple(zip(*each, strict=True))
-    inputs = situation.moving or situation.inputs
+    inputs = [
+        name
+        for name in situation.moving or situation.inputs
+        if any(np.ptp(curve.columns[name]) > 0 for curve in curves)
+    ]
     if bands := _bands(dataset, held_out, inputs):
         return f"each of {len(bands)} bands of an input, as wide as those held out", bands
     folds: list[Masks] = []
@@ -308,12 +310,19 @@ def _level_folds(dataset: Dataset, study: Dataset) -> tuple[Masks, ...]:
     return _without(dataset, out)
 
 
-def _recording_folds(dataset: Dataset) -> tuple[Masks, ...]:
-    """Return recordings; none where there are fewer than two of a fair size."""
-    sizes = np.array([curve.training.sum() for curve in dataset.curves])
-    low, high = (bound * sizes.sum() / np.count_nonzero(sizes) for bound in FAIR)
+def _recording_folds(dataset: Dataset, held_out: Holdout | None) -> tuple[Masks, ...]:
+    """Return recordings, those together in which what the study holds out stands at one value; none
+    where there are fewer than two of a fair size.
+    """
+    curves = dataset.curves
+    held = () if held_out is None else held_out.quantities
+    still = [one for one in held if all(np.ptp(curve.columns[one]) == 0 for curve in curves)]
+    values = [[c.columns[one][0] for one in still] or [n] for n, c in enumerate(curves)]
+    _, place = np.unique(values, axis=0, return_inverse=True)
+    sizes = np.bincount(place, [curve.training.sum() for curve in curves])
+    low, high = (bound * sizes.mean() for bound in FAIR)
     fair = np.flatnonzero((low <= sizes) & (sizes <= high))
-    return _without(dataset, fair[:, None] if len(fair) > 1 else ())
+    return _without(dataset, [np.flatnonzero(place == one) for one in fair[len(fair) < 2 :]])
 
 
 def _without(dataset: Dataset, out: Sequence[IntArray]) -> tuple[Masks, ...]:

@@ -264,14 +264,12 @@ def _on_common_rows(predicted: Sequence[Sequence[Left]]) -> Array:
     """RMSE of every structure on every fold, on the rows that all structures predict, (s, f);
     infinite where a run diverged.
     """
-    rmse = np.empty((len(predicted), len(predicted[0])))
-    for fold in range(rmse.shape[1]):
-        common = np.logical_and.reduce([one[fold][1] for one in predicted])
-        for number, one in enumerate(predicted):
-            squares = one[fold][0][common] ** 2
-            error = float(np.sqrt(np.mean(squares))) if len(squares) else np.inf
-            rmse[number, fold] = error if np.isfinite(error) else np.inf
-    return rmse
+    rmse = []
+    for fold in zip(*predicted, strict=True):
+        common = np.logical_and.reduce([ready for _, ready in fold])
+        squares = np.array([missed[common] for missed, _ in fold]) ** 2
+        rmse.append(np.sqrt(np.sum(squares, axis=1) / max(common.sum(), 1)))
+    return np.nan_to_num(np.column_stack(rmse), nan=np.inf, posinf=np.inf)
 
 
 @dataclass(frozen=True)
