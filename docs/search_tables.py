@@ -191,7 +191,8 @@ LATEST = {
     "bellows_strain": '{strain: ["58.33 %"]}',
     "festo_20mm": "{pressure: {between: [[119, 159], [351, 392]]}}",
     "fmax_by_length": "{pressure: [620]}",
-    "printed_cylinder": "{displacement: {between: [[4.58 mm, 8.69 mm], [13.8 mm, 17.9 mm], [25.1 mm, 29.2 mm]]}}",
+    "printed_cylinder": "{displacement: {between: [[4.58 mm, 8.69 mm], [13.8 mm, 17.9 mm], "
+    "[25.1 mm, 29.2 mm]]}}",
     "textile_arm": "{time: {between: [[21.6 s, 27.4 s]]}}",
 }
 """Splits of the tables that were drawn by another seed (20261127) once list and rule were as they
