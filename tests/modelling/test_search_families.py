@@ -143,6 +143,18 @@ def test_recordings_too_short_to_say_or_too_long_to_miss_are_not_left_out():
     assert left_out(recorded(10, 100, 100)) == []  # without either of the long ones half is left
 
 
+def test_recordings_at_one_value_of_what_is_held_out_are_left_out_together():
+    of = dict.fromkeys(("time", "u", "y"), np.arange(100) * 0.01)
+    every = dataset_of(*({**of, "length": np.full(100, length)} for length in (1, 1, 2, 2, 3)))
+    last = replace(every.curves[-1], held_out=np.ones(100, dtype=bool))
+    part = replace(WHOLE, held_out=Holdout.model_validate({"length": [3]}))
+    bench = bench_of(replace(every, curves=(*every.curves[:-1], last)), part)
+    assert [[mask.all() for mask in fold] for fold in bench.folds[bench.blocks :]] == [
+        [True, True, False, False],
+        [False, False, True, True],
+    ]
+
+
 def levels_of(*levels):
     curves = [
         {"p": np.full(20, level), "e": np.linspace(0, 1, 20), "y": np.linspace(0, level, 20)}
@@ -159,14 +171,38 @@ def test_the_only_inner_level_of_three_counts_for_half():
     three, five = levels_of(1.0, 2.0, 3.0), levels_of(1.0, 2.0, 3.0, 4.0, 5.0)
     bench = bench_of(three)
     assert bench.weights[bench.blocks :].tolist() == [0.5]
-    held = replace(
-        five,
-        curves=tuple(replace(c, held_out=np.full(c.size, c.level == 3.0)) for c in five.curves),
-    )
-    asked, not_asked = map(bench_of, (held, five))
+    asked, not_asked = bench_of(holding(five, 3.0)), bench_of(five)
     assert asked.asks_parts
     assert asked.weights[asked.blocks :].sum() == pytest.approx(2 / 3)
     assert not_asked.weights[not_asked.blocks :].sum() == pytest.approx(1 / 4)
+
+
+def holding(dataset, *levels):
+    curves = (replace(c, held_out=np.full(c.size, c.level in levels)) for c in dataset.curves)
+    return replace(dataset, curves=tuple(curves))
+
+
+@pytest.mark.parametrize(
+    ("held", "out"),
+    [
+        ([], [[2], [3], [4], [5], [6]]),
+        ([3], [[2], [4], [5], [6]]),
+        ([3, 4], [[2, 5], [5, 6]]),
+        ([1], [[2]]),
+        ([6, 7], [[4, 5]]),
+        ([1, 4], [[2], [3], [5], [6]]),
+    ],
+)
+def test_levels_are_left_out_as_the_study_holds_them_out(held, out):
+    bench = bench_of(holding(levels_of(1, 2, 3, 4, 5, 6, 7), *held))
+    levels = [curve.level for curve in bench.dataset.curves]
+    stretches, parts = bench.folds[: bench.blocks], bench.folds[bench.blocks :]
+    assert [
+        [y for y, mask in zip(levels, fold, strict=True) if mask.all()] for fold in parts
+    ] == out
+    # inner ones, without the ends of any curve
+    assert len(stretches) == 5
+    assert all(m.any() and not m[[0, -1]].any() for fold in stretches for m in fold)
 
 
 def test_folds_resemble_what_the_study_holds_out():
@@ -204,7 +240,9 @@ def test_folds_resemble_what_the_study_holds_out():
 def test_a_long_record_is_shortened_to_pieces_as_long_as_the_run_that_is_held_out():
     def pieces(run):
         time = np.arange(40_000) * 0.01
-        (curve,) = cut_short(dataset_of({"time": time, "u": time, "y": time}), run, timed=True).curves
+        (curve,) = cut_short(
+            dataset_of({"time": time, "u": time, "y": time}), run, timed=True
+        ).curves
         return np.diff(
             np.flatnonzero(np.diff(curve.columns["time"], prepend=-9, append=1e9) > 0.02)
         ).tolist()

@@ -86,11 +86,11 @@ class Bench:
         left_out, blocks = _stretches(training, situation, part.held_out, held_run(study))
         ends, asked = _holds_out(study)
         if ends:
-            parts, which = _end_folds(training), f"each of {len(BEHIND)} ends of recordings"
+            parts, name = _end_folds(training), "ends of recordings"
         elif training.level is not None:
-            parts, which = _level_folds(training, study), "levels"
+            parts, name = _level_folds(training, study), "levels"
         else:
-            parts, which = _recording_folds(training, part.held_out), "recordings"
+            parts, name = _recording_folds(training, part.held_out), "recordings"
         asked = len(parts) > 0 and (asked or part.by_level or ends)
         weight = (2 / 3 if asked else 1 / 2 if situation.timed else 1 / 4) * bool(parts)
         if len(parts) == 1:  # the only inner level
@@ -105,7 +105,7 @@ class Bench:
             len(blocks),
             np.repeat(shares, [len(blocks), len(parts)]),
             left_out,
-            which if ends or not parts else f"each of {len(parts)} {which}",
+            f"each of {len(parts)} {name}" if parts else "",
             part,
             asked,
         )
@@ -183,19 +183,16 @@ def _stretches(
         each = [_stretch_masks(of, run, curve.size) for of, curve in zip(logs, curves, strict=True)]
         stretches = f"each of {BLOCKS} stretches of the training samples of every recording"
         return stretches, tuple(zip(*each, strict=True))
-    inputs = [
-        name
-        for name in situation.moving or situation.inputs
-        if any(np.ptp(curve.columns[name]) > 0 for curve in curves)
-    ]
+    inputs = situation.moving or situation.inputs
     if bands := _bands(dataset, held_out, inputs):
         return f"each of {len(bands)} bands of an input, as wide as those held out", bands
     folds: list[Masks] = []
     for name in inputs:
         within = []
         for curve in curves:
-            rows = np.flatnonzero(curve.training)
-            rows = rows[np.argsort(curve.columns[name][rows], kind="stable")]
+            x = curve.columns[name]
+            rows = np.flatnonzero(curve.training & (np.ptp(x) > 0))
+            rows = rows[np.argsort(x[rows], kind="stable")]
             end = math.ceil(len(rows) / (BLOCKS + 2))
             within.append(contiguous([rows[end : len(rows) - end]], BLOCKS, curve.size))
         folds += zip(*within, strict=True)

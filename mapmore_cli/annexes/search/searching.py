@@ -138,19 +138,18 @@ def search(
         for one, folds in zip(listed, fitted, strict=True)
         if all(folds)
     ]
-    notes = [*uneven]
-    if cut := len(listed) - len(outcomes):
-        notes.insert(
-            0,
-            f"the budget of {part.model.budget:g} s ended before {cut} of {len(listed)} "
-            "structures were tried",
-        )
+    cut = len(listed) - len(outcomes)
+    ended = (
+        f"the budget of {part.model.budget:g} s ended before {cut} of {len(listed)} structures "
+        "were tried"
+    )
     outcomes += [
         (Tried(BLACK_BOX, name.replace("_", " "), {}), left) for name, left in boxes.items()
     ]
     most = None if situation.timed else max(MOST_PARAMETERS, comb(len(situation.inputs) + 3, 3))
     result = _choose_structure(outcomes, bench, most)
-    return replace(result, cut=cut, notes=(*notes, *_notes_of(result, bench)))
+    notes = (*[ended] * bool(cut), *uneven, *_notes_of(result, bench))
+    return replace(result, cut=cut, notes=notes)
 
 
 def _called(job: Callable[[], Any]) -> Any:
