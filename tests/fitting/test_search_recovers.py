@@ -148,8 +148,8 @@ def test_a_model_that_goes_on_by_itself_is_refused(monkeypatch):
 
 
 def test_a_structure_that_explodes_between_what_trains_is_not_taken(monkeypatch):
-    """At the lowest pressure the force rises at one strain, as if it fell steeply along it: Sarosi's
-    formula follows, and explodes at the pressure above, which is held out.
+    """At the lowest pressure the force rises at one strain, as if it fell steeply. Sarosi's
+    formula follows, and explodes at the next pressure, which is held out.
     """
     tables = searching.family("tables")
     plain = [

@@ -14,6 +14,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 
 from mapmore_cli.annexes.search.situation import Situation
 from mapmore_cli.domain.arrays import Array, BoolArray, IntArray, extremes
+from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.recording import Curve, Dataset
 from mapmore_cli.fitting.baselines import even_share
 from mapmore_cli.fitting.refitting import contiguous
@@ -82,7 +83,9 @@ class Bench:
 
     @classmethod
     def of(cls, training: Dataset, situation: Situation, part: Slice, study: Dataset) -> Bench:
-        """Return the folds of training samples, which resemble what the `study` holds out."""
+        """Return the folds of training samples, which resemble what the `study` holds out. Raises
+        DataError where no sample can be left out.
+        """
         left_out, blocks = _stretches(training, situation, part.held_out, held_run(study))
         ends, asked = _holds_out(study)
         if ends:
@@ -96,6 +99,8 @@ class Bench:
         if len(parts) == 1:  # the only inner level
             weight = 1 / 2
         weight = weight if blocks else 1.0  # recordings that are too short for stretches
+        if not blocks and not parts:
+            raise DataError("too few samples train: none can be left out", "keep more samples")
         shares = [(1 - weight) / max(len(blocks), 1), weight / max(len(parts), 1)]
         return cls(
             training,

@@ -323,7 +323,7 @@ def _outcome(candidate: Structure, folds: Sequence[FoldFit], blocks: int) -> Out
     """
     failure = next((fold.failure for fold in folds if fold.failure), "")
     left = [fold.left for fold in folds if fold.left is not None]
-    if not failure and np.concatenate([ready for _, ready in left[:blocks]]).mean() < WHOLE:
+    if not failure and np.concatenate([ready for _, ready in left[:blocks] or left]).mean() < WHOLE:
         failure = "needs a longer past than most left-out samples have"
     tried = Tried(
         candidate.kind,
