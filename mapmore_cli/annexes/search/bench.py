@@ -333,5 +333,5 @@ def _without(dataset: Dataset, out: Sequence[IntArray]) -> tuple[Masks, ...]:
         tuple(
             curve.training & (number in out[place]) for number, curve in enumerate(dataset.curves)
         )
-        for place in even_share(np.arange(len(out)), MOST_PARTS)
+        for place in even_share(np.arange(len(out)), MOST_PARTS).tolist()
     )

@@ -268,7 +268,7 @@ def _on_common_rows(predicted: Sequence[Sequence[Left]]) -> Array:
         common = np.logical_and.reduce([ready for _, ready in fold])
         squares = np.array([missed[common] for missed, _ in fold]) ** 2
         rmse.append(np.sqrt(np.sum(squares, axis=1) / max(common.sum(), 1)))
-    return np.nan_to_num(np.column_stack(rmse), nan=np.inf, posinf=np.inf)
+    return np.asarray(np.nan_to_num(np.column_stack(rmse), nan=np.inf, posinf=np.inf))
 
 
 @dataclass(frozen=True)
