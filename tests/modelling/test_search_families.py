@@ -140,7 +140,7 @@ def test_recordings_too_short_to_say_or_too_long_to_miss_are_not_left_out():
 
     assert left_out(recorded(100, 100, 100)) == [[100, 0, 0], [0, 100, 0], [0, 0, 100]]
     assert left_out(recorded(10, 3000)) == []
-    assert left_out(recorded(10, 100, 100)) == []  # without either of the long ones half is left
+    assert left_out(recorded(2, 2, 2, 100, 100)) == [[0, 0, 0, 100, 0], [0, 0, 0, 0, 100]]
 
 
 def test_recordings_at_one_value_of_what_is_held_out_are_left_out_together():

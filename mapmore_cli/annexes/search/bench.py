@@ -36,8 +36,10 @@ MOST_PARTS = 6
 """Levels or recordings that are left out in turn, evenly chosen of more."""
 
 FAIR = (0.2, 1.2)
-"""Times an even share of the training samples that a recording has, which is left out: without a
-larger one too little is learnt, and a smaller one says nothing."""
+"""Of the size of the recording that a training sample lies in on the average: what a recording has,
+which is left out. Without a larger one too little is learnt, and a smaller one says nothing; the
+average over recordings would be that of fragments.
+"""
 
 MOST_SAMPLES = 12_000
 """Training samples that structures are tried on: of more an even share of every curve, or of
@@ -322,7 +324,7 @@ def _recording_folds(dataset: Dataset, held_out: Holdout | None) -> tuple[Masks,
     values = [[c.columns[one][0] for one in still] or [n] for n, c in enumerate(curves)]
     _, place = np.unique(values, axis=0, return_inverse=True)
     sizes = np.bincount(place, [curve.training.sum() for curve in curves])
-    low, high = (bound * sizes.mean() for bound in FAIR)
+    low, high = (bound * (sizes @ sizes) / sizes.sum() for bound in FAIR)
     fair = np.flatnonzero((low <= sizes) & (sizes <= high))
     return _without(dataset, [np.flatnonzero(place == one) for one in fair[len(fair) < 2 :]])
 
