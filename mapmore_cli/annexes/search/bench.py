@@ -284,15 +284,14 @@ def _holds_out(study: Dataset) -> tuple[bool, bool]:
 
 def _end_folds(dataset: Dataset) -> tuple[Masks, ...]:
     """Return the last shares of the training samples of every recording."""
-
-    def behind(curve: Curve, share: float) -> BoolArray:
-        mask = np.zeros(curve.size, dtype=np.bool_)
+    masks = []
+    for curve in dataset.curves:
+        left = np.full(curve.size, 1.0)
         for log in curve.logs:
             rows = log[curve.training[log]]
-            mask[rows[len(rows) - int(share * len(rows)) :]] = True
-        return mask
-
-    return tuple(tuple(behind(curve, share) for curve in dataset.curves) for share in BEHIND)
+            left[rows] = np.arange(len(rows), 0, -1) / len(rows)
+        masks.append([left <= share for share in BEHIND])
+    return tuple(zip(*masks, strict=True))
 
 
 def _level_folds(dataset: Dataset, study: Dataset) -> tuple[Masks, ...]:

@@ -245,17 +245,15 @@ def _notes_of(result: Search, bench: Bench) -> list[str]:
             f"{own.words} is as good as structures with more parameters: {best.words} adds "
             "nothing that left-out data show"
         )
-    asked = "parts" if bench.asks_parts else "error"
     boxes = [one for one in result.tried if one.family == BLACK_BOX]
-    if boxes:
-        least = min(boxes, key=lambda one: getattr(one, asked))
-        error, mine = getattr(least, asked), getattr(own, asked)
-        where = bench.parts_left_out.rpartition(" ")[2] if bench.asks_parts else "stretches"
-        if error < LESS * mine:
-            notes.append(
-                f"{least.words} errs {mine / error:.2g} times less on left-out {where}: the "
-                "structure lacks something"
-            )
+    asked = (lambda one: one.parts) if bench.asks_parts else (lambda one: one.error)
+    where = bench.parts_left_out.rpartition(" ")[2] if bench.asks_parts else "stretches"
+    least = min(boxes, key=asked, default=own)
+    if asked(least) < LESS * asked(own):
+        notes.append(
+            f"{least.words} errs {asked(own) / asked(least):.2g} times less on left-out {where}: "
+            "the structure lacks something"
+        )
     return notes
 
 
@@ -406,10 +404,6 @@ def formula_beside(result: Search) -> str | None:
     """Return the formula of the literature that erred least of those tried; None where none was, or
     where it is what was found.
     """
-    formulas = [
-        one
-        for one in result.tried
-        if not one.failure and one.sections.get("model", {}).get("type") == "literature"
-    ]
+    formulas = [one for one in result.tried if one.family == "formula" and not one.failure]
     best = min(formulas, key=lambda one: one.excess, default=None)
     return None if best is None or best is result.found else str(best.sections["model"]["name"])
