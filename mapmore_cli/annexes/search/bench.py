@@ -68,8 +68,8 @@ class Bench:
     turn.
 
     The first `blocks` of the folds are stretches of curves, the others whole levels, recordings or
-    ends of them. `weights` (f,) add up to 1. Errors are divided by `scale`. Of the `study`, which
-    has what is held out too, the inputs alone are looked at.
+    ends of them. `weights` (f,) add up to 1. Of the `study`, an even share of all that there is,
+    what is held out included, the inputs alone are looked at.
     """
 
     dataset: Dataset
@@ -104,9 +104,11 @@ class Bench:
         if not blocks and not parts:
             raise DataError("too few samples train: none can be left out", "keep more samples")
         shares = [(1 - weight) / max(len(blocks), 1), weight / max(len(parts), 1)]
+        most = max(MOST_SAMPLES // len(study.curves), 1)
+        shown = [curve.at(even_share(np.arange(curve.size), most)) for curve in study.curves]
         return cls(
             training,
-            study,
+            replace(study, curves=tuple(shown)),
             situation,
             (*blocks, *parts),
             len(blocks),
