@@ -155,51 +155,37 @@ def test_recordings_at_one_value_of_what_is_held_out_are_left_out_together():
     ]
 
 
-def levels_of(*levels):
+def leveled(*levels, held=()):
+    """The bench of a map whose pressures were held, some of them held out."""
     curves = [
         {"p": np.full(20, level), "e": np.linspace(0, 1, 20), "y": np.linspace(0, level, 20)}
         for level in levels
     ]
     found = dataset_of(*curves)
-    leveled = tuple(
-        replace(curve, level=level) for curve, level in zip(found.curves, levels, strict=True)
+    every = (
+        replace(curve, level=level, held_out=np.full(20, level in held))
+        for curve, level in zip(found.curves, levels, strict=True)
     )
-    return replace(found, level="p", curves=leveled)
-
-
-def test_the_only_inner_level_of_three_counts_for_half():
-    three, five = levels_of(1.0, 2.0, 3.0), levels_of(1.0, 2.0, 3.0, 4.0, 5.0)
-    bench = bench_of(three)
-    assert bench.weights[bench.blocks :].tolist() == [0.5]
-    asked, not_asked = bench_of(holding(five, 3.0)), bench_of(five)
-    assert asked.asks_parts
-    assert asked.weights[asked.blocks :].sum() == pytest.approx(2 / 3)
-    assert not_asked.weights[not_asked.blocks :].sum() == pytest.approx(1 / 4)
-
-
-def holding(dataset, *levels):
-    curves = (replace(c, held_out=np.full(c.size, c.level in levels)) for c in dataset.curves)
-    return replace(dataset, curves=tuple(curves))
+    return bench_of(replace(found, level="p", curves=tuple(every)))
 
 
 @pytest.mark.parametrize(
-    ("held", "out"),
+    ("levels", "held", "out", "weight"),
     [
-        ([], [[2], [3], [4], [5], [6]]),
-        ([3], [[2], [4], [5], [6]]),
-        ([3, 4], [[2, 5], [5, 6]]),
-        ([1], [[2]]),
-        ([6, 7], [[4, 5]]),
-        ([1, 4], [[2], [3], [5], [6]]),
+        (3, [], [[2]], 1 / 2),  # the only inner one
+        (5, [], [[2], [3], [4]], 1 / 4),
+        (7, [3, 4], [[2, 5], [5, 6]], 2 / 3),
+        (7, [6, 7], [[4, 5]], 1 / 2),
+        (7, [1, 4], [[2], [3], [5], [6]], 2 / 3),
     ],
 )
-def test_levels_are_left_out_as_the_study_holds_them_out(held, out):
-    bench = bench_of(holding(levels_of(1, 2, 3, 4, 5, 6, 7), *held))
-    levels = [curve.level for curve in bench.dataset.curves]
+def test_levels_are_left_out_as_the_study_holds_them_out(levels, held, out, weight):
+    bench = leveled(*range(1, levels + 1), held=held)
+    own = [curve.level for curve in bench.dataset.curves]
     stretches, parts = bench.folds[: bench.blocks], bench.folds[bench.blocks :]
-    assert [
-        [y for y, mask in zip(levels, fold, strict=True) if mask.all()] for fold in parts
-    ] == out
+    assert [[y for y, mask in zip(own, fold, strict=True) if mask.all()] for fold in parts] == out
+    assert bench.weights[bench.blocks :].sum() == pytest.approx(weight)
+    assert bench.asks_parts == bool(held)
     # inner ones, without the ends of any curve
     assert len(stretches) == 5
     assert all(m.any() and not m[[0, -1]].any() for fold in stretches for m in fold)
