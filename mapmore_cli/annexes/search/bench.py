@@ -299,7 +299,7 @@ def _end_folds(dataset: Dataset) -> tuple[Masks, ...]:
 def _level_folds(dataset: Dataset, study: Dataset) -> tuple[Masks, ...]:
     """Levels as the study holds them out: inner ones, as many neighbours as its longest row of
     them, or as many at an end where they lie beyond that end; inner ones one by one where it holds
-    none out.
+    none out. Two levels stay at least.
     """
     held = np.array([curve.held_out.all() for curve in study.curves])
     last = len(held) - 1
@@ -307,11 +307,13 @@ def _level_folds(dataset: Dataset, study: Dataset) -> tuple[Masks, ...]:
     gaps = [row for row in rows if held[row[0]]]
     inner = [len(gap) for gap in gaps if gap[0] > 0 and gap[-1] < last]
     trained = np.flatnonzero([curve.training.any() for curve in dataset.curves])
-    out = [trained[: len(gap)] for gap in gaps if gap[0] == 0]
-    out += [trained[-len(gap) :] for gap in gaps if gap[-1] == last]
-    width = min(max(inner, default=1), len(trained) - 2)
-    if width > 0 and (inner or not out):
-        out += [*sliding_window_view(trained[1:-1], width)]
+    most = len(trained) - 2
+    if most < 1:
+        return ()
+    out = [trained[:most][: len(gap)] for gap in gaps if gap[0] == 0]
+    out += [trained[2:][-len(gap) :] for gap in gaps if gap[-1] == last]
+    if inner or not out:
+        out += [*sliding_window_view(trained[1:-1], min(max(inner, default=1), most))]
     return _without(dataset, out)
 
 
@@ -321,7 +323,9 @@ def _recording_folds(dataset: Dataset, held_out: Holdout | None) -> tuple[Masks,
     """
     curves = dataset.curves
     held = () if held_out is None else held_out.quantities
-    still = [one for one in held if all(np.ptp(curve.columns[one]) == 0 for curve in curves)]
+    still = [
+        one for one in held if all(np.ptp(curve.columns.get(one, [0, 1])) == 0 for curve in curves)
+    ]
     values = [[c.columns[one][0] for one in still] or [n] for n, c in enumerate(curves)]
     _, place = np.unique(values, axis=0, return_inverse=True)
     sizes = np.bincount(place, [curve.training.sum() for curve in curves])
