@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 from functools import cache, partial
 from importlib.resources import files
 from math import comb
+from operator import attrgetter
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -246,7 +247,7 @@ def _notes_of(result: Search, bench: Bench) -> list[str]:
             "nothing that left-out data show"
         )
     boxes = [one for one in result.tried if one.family == BLACK_BOX]
-    asked = (lambda one: one.parts) if bench.asks_parts else (lambda one: one.error)
+    asked = attrgetter("parts" if bench.asks_parts else "error")
     where = bench.parts_left_out.rpartition(" ")[2] if bench.asks_parts else "stretches"
     least = min(boxes, key=asked, default=own)
     if asked(least) < LESS * asked(own):
