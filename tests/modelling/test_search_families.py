@@ -31,7 +31,7 @@ SITUATIONS = {
         800,
         1,
         0.01,
-        8.0,
+        800,
         {"u": 1.0},
         {("u", 1): 0.1},
     ),
@@ -42,11 +42,11 @@ SITUATIONS = {
         900,
         1,
         0.01,
-        9.0,
+        900,
         {"x": 1.0, "v": 2.0},
         {("x", 1): 0.1, ("v", 3): 0.2},
     ),
-    "many": Situation("y", tuple("abcdefgh"), None, 500, 1, 0.1, 50.0),
+    "many": Situation("y", tuple("abcdefgh"), None, 500, 1, 0.1, 500),
 }
 
 

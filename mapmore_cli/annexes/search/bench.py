@@ -93,7 +93,7 @@ class Bench:
         if ends:
             parts, name = _end_folds(training), "ends of recordings"
         elif training.level is not None:
-            parts, name = _level_folds(training, study), "levels"
+            parts, name = _neighbouring_levels(training, study), "levels"
         else:
             parts, name = _recording_folds(training, part.held_out), "recordings"
         asked = len(parts) > 0 and (asked or part.by_level or ends)
@@ -296,7 +296,7 @@ def _end_folds(dataset: Dataset) -> tuple[Masks, ...]:
     return tuple(zip(*masks, strict=True))
 
 
-def _level_folds(dataset: Dataset, study: Dataset) -> tuple[Masks, ...]:
+def _neighbouring_levels(dataset: Dataset, study: Dataset) -> tuple[Masks, ...]:
     """Levels as the study holds them out: inner ones, as many neighbours as its longest row of
     them, or as many at an end where they lie beyond that end; inner ones one by one where it holds
     none out. Two levels stay at least.

@@ -50,9 +50,8 @@ def black_boxes(
     x = np.concatenate([features(curve, situation.inputs, delays) for curve in dataset.curves])
     y = np.concatenate([curve.columns[dataset.target] for curve in dataset.curves])
     names = ["gaussian_process"] if x.shape[1] <= MOST_INPUTS else []
-    if find_spec("sklearn") is not None and (known.sum() >= FEWEST or not names):
-        # a network takes as long as the rest of a search
-        names.append("gradient_boosting" if known.sum() >= FEWEST else "mlp")
+    if known.sum() >= FEWEST and find_spec("sklearn") is not None:
+        names.append("gradient_boosting")  # a network takes as long as the rest of a search
     errors: dict[str, list[Left]] = {name: [] for name in names}
     for fold in folds:
         out = np.concatenate(fold)

@@ -41,8 +41,8 @@ class Situation:
         The quantity that is held within a curve; None without levels.
     samples, curves
         Training samples, and curves that have some.
-    step, longest
-        Time between samples and duration of the longest recording, s; None where recordings are not
+    step, steps
+        Time between samples, s, and how many the longest recording has; None where they are not
         at even steps, so that nothing can be said of the past.
     around_zero
         Inputs that take both signs, each with its root mean square.
@@ -57,7 +57,7 @@ class Situation:
     samples: int
     curves: int
     step: float | None = None
-    longest: float = 0.0
+    steps: int = 0
     around_zero: Mapping[str, float] = field(default_factory=dict)
     changes: Mapping[tuple[str, int], float] = field(default_factory=dict)
 
@@ -75,11 +75,6 @@ class Situation:
     def swept(self) -> str:
         """The input that moves most."""
         return (self.moving or self.inputs)[0]
-
-    @property
-    def steps(self) -> int:
-        """Steps of the longest recording."""
-        return 0 if self.step is None else round(self.longest / self.step)
 
 
 def situation_of(
@@ -107,7 +102,7 @@ def situation_of(
     ordered = sorted(
         apart, key=lambda name: (name == dataset.level, -round(spread[name], 3), apart.index(name))
     )
-    step, longest = _even_step(training) if "time" in pooled else (None, 0.0)
+    step, steps = _even_step(training) if "time" in pooled else (None, 0)
     changes = {
         (name, steps): size
         for name in ordered
@@ -123,7 +118,7 @@ def situation_of(
         samples=len(pooled[dataset.target]),
         curves=len(training),
         step=step,
-        longest=longest,
+        steps=steps,
         around_zero={
             name: float(np.sqrt(np.mean(pooled[name] ** 2)))
             for name in ordered
@@ -156,13 +151,13 @@ def _different(names: Sequence[str], pooled: Mapping[str, Array], level: str | N
     return [name for name in names if name in kept]
 
 
-def _even_step(curves: Sequence[Curve]) -> tuple[float | None, float]:
-    """Return the even time step and the longest uninterrupted recording, s; None where samples are
+def _even_step(curves: Sequence[Curve]) -> tuple[float | None, int]:
+    """Return the even time step, s, and the most steps without interruption; None where samples are
     not in order at even steps.
     """
     try:
         step = time_step(curves)
-        longest = max(record.size for record in records_of(curves, step))
+        most = max(record.size for record in records_of(curves, step)) - 1
     except DataError:
-        return None, 0.0
-    return (step, step * (longest - 1)) if longest > FEWEST_IN_A_RECORD else (None, 0.0)
+        return None, 0
+    return (step, most) if most >= FEWEST_IN_A_RECORD else (None, 0)
