@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 
 from mapmore_cli.domain.fits import FormulaFit, Segment, SegmentedCurve, SegmentFit
-from mapmore_cli.domain.models import Equation, FoldError
+from mapmore_cli.domain.models import CurveRange, Equation, FoldError, Model
 from mapmore_cli.domain.recording import Dataset
 from mapmore_cli.domain.results import ErrorBand, FitResult
 from mapmore_cli.modelling.literature.linear import half_width
@@ -218,6 +218,39 @@ def coefficients_table(inputs: ReportInputs) -> Table:
             rows.append((segment.id, term, *scaled, theta * slope, width * abs(slope)))
     title = "Coefficients with 95 % confidence intervals"
     return Table.of("coefficients", title, columns, rows, INDEPENDENCE_CAVEAT)
+
+
+def pieces_table(equations: Sequence[Equation], title: str) -> Table:
+    """Return the model as it can be computed by hand: every piece, where it counts, and its
+    equation.
+    """
+    rows = [(one.id, one.weight or None, one.text) for one in equations]
+    if any(one.weight for one in equations):
+        return Table.of("pieces", title, ("piece", "weight", "equation"), rows)
+    return Table.of("pieces", title, ("piece", "equation"), [(row[0], row[2]) for row in rows])
+
+
+def limits_tables(model: Model) -> Iterator[Table]:
+    """Yield the training range of each input, within each curve, of a model and of all that it is
+    made of.
+    """
+    for one in model.every:
+        ranges: Sequence[CurveRange] = getattr(one.body, "ranges", ())
+        units = {quantity.name: quantity.unit for quantity in one.inputs}
+        names = [name for name in ranges[0].limits if name in units] if ranges else []
+        level = [Column("level", units[one.level], ".9g")] if one.level else []
+        ends = [Column(f"{name} {end}", units[name], ".6g") for name in names for end in FROM_TO]
+        rows = [
+            (
+                part.curve,
+                *[part.level] * len(level),
+                *(x for name in names for x in part.limits[name]),
+            )
+            for part in ranges
+        ]
+        title = "Limits: what the model was trained in" + f" ({one.name})" * (one is not model)
+        if names:
+            yield Table.of("limits", title, ("curve", *level, *ends), rows)
 
 
 def equations_table(

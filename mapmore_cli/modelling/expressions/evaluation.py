@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import lru_cache
 
@@ -19,6 +20,10 @@ from mapmore_cli.modelling.expressions.syntax import (
     Power,
     Product,
     Sum,
+    add,
+    call,
+    multiply,
+    power,
 )
 
 
@@ -58,6 +63,34 @@ def evaluate(expression: Expression, columns: Columns, n: int | None = None) -> 
     with np.errstate(all="ignore"):
         (value,) = compiled((expression,))(values)
         return np.array(np.broadcast_to(value, (n,)), dtype=float)
+
+
+def folded(expression: Expression) -> Expression:
+    """`expression` with its numbers computed: a product has one of them, in front or below.
+
+    Examples
+    --------
+    >>> from mapmore_cli.modelling.expressions import parse, to_text
+    >>> to_text(folded(parse("3*exp(-(x - 1)/0.03)/tan(0.5)^2 - (1 - 0.925396)*y/620")), digits=6)
+    '10.0521*exp(-(x - 1)/0.03) - 0.000120329*y'
+    """
+    if not expression.names:
+        value = float(evaluate(expression, {}, 1)[0])
+        return Number(value) if math.isfinite(value) else expression
+    match expression:
+        case Sum(terms):
+            return add(*map(folded, terms))
+        case Product(factors):
+            match [one for one in factors if not one.names and one != Number(-1.0)]:
+                case [] | [Power(Number(), -1.0)]:  # `-x/0.3` stays
+                    return multiply(*(folded(one) if one.names else one for one in factors))
+            number = folded(multiply(*(one for one in factors if not one.names)))
+            return multiply(number, *(folded(one) for one in factors if one.names))
+        case Power(base, exponent):
+            return power(folded(base), exponent)
+        case Call(function, argument):
+            return call(function, folded(argument))
+    return expression
 
 
 def dictionary_matrix(terms: Sequence[Expression], columns: Columns, n: int) -> Array:

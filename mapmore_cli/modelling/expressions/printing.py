@@ -40,12 +40,21 @@ def to_latex(expression: Expression, digits: int | None = None) -> str:
     return _Latex(digits).printed(expression)[0]
 
 
+def to_mathml(expression: Expression, digits: int | None = None) -> tuple[str, ...]:
+    """Presentation MathML that looks as the LaTeX: an `<mrow>` for each term of a sum, so that a
+    line may end between them.
+    """
+    terms = expression.terms if isinstance(expression, Sum) else (expression,)
+    return tuple(f"<mrow>{term}</mrow>" for term in _MathML(digits).signed(terms))
+
+
 class _Text:
     """How expressions look as text; numbers have so many significant digits, None for all that they
     need.
     """
 
     brackets = "({})"
+    minus, plus, before_first = " - ", " + ", "-"
 
     def __init__(self, digits: int | None) -> None:
         self.digits = digits
@@ -79,14 +88,17 @@ class _Text:
         )
 
     def sum(self, terms: tuple[Expression, ...]) -> str:
+        return "".join(self.signed(terms))
+
+    def signed(self, terms: tuple[Expression, ...]) -> list[str]:
+        """Return the terms of a sum, each with its sign."""
         (first, minus), *rest = [
             (self.operand(size, _PRODUCT), minus) for size, minus in map(_sign, terms)
         ]
-        return (
-            "-" * minus
-            + first
-            + "".join((" - " if minus else " + ") + text for text, minus in rest)
-        )
+        return [
+            self.before_first * minus + first,
+            *((self.minus if minus else self.plus) + text for text, minus in rest),
+        ]
 
     def number(self, value: float) -> _Bound:
         return self.digits_of(value), _ATOM if value >= 0 else _PRODUCT
@@ -117,6 +129,8 @@ class _Latex(_Text):
     """How expressions look as LaTeX."""
 
     brackets = r"\left({}\right)"
+    quotient, raised = r"\frac{{{}}}{{{}}}", "{}^{{{}}}"
+    beside, before_digit = r" \, ", r" \cdot "
 
     def number(self, value: float) -> _Bound:
         mantissa, _, exponent = self.digits_of(value).partition("e")
@@ -130,18 +144,18 @@ class _Latex(_Text):
         return FUNCTIONS[function].latex.replace("#", argument), _POWER
 
     def power(self, base: str, exponent: float) -> str:
-        return f"{base}^{{{self.number(exponent)[0]}}}"
+        return self.raised.format(base, self.number(exponent)[0])
 
     def product(self, expression: Expression) -> str:
         factors, minus = _factors(expression)
         below = [inverse for factor in factors if (inverse := _inverse(factor)) is not None]
         above = [factor for factor in factors if _inverse(factor) is None] or [ONE]
         if not below:
-            return "-" * minus + self._side_by_side(above)
-        numerator, denominator = (
+            return self.before_first * minus + self._side_by_side(above)
+        parts = (
             self.printed(f[0])[0] if len(f) == 1 else self._side_by_side(f) for f in (above, below)
         )
-        return "-" * minus + rf"\frac{{{numerator}}}{{{denominator}}}"
+        return self.before_first * minus + self.quotient.format(*parts)
 
     def _side_by_side(self, factors: list[Expression]) -> str:
         text = ""
@@ -149,8 +163,37 @@ class _Latex(_Text):
             latex = self.operand(
                 factor, _PRODUCT if isinstance(factor, Number) and not text else _POWER
             )
-            text += (r" \cdot " if latex[0].isdigit() else r" \, ") * bool(text) + latex
+            digit = re.match(r"(<\w+>)*\d", latex)
+            text += (self.before_digit if digit else self.beside) * bool(text) + latex
         return text
+
+
+class _MathML(_Latex):
+    """How expressions look as MathML."""
+
+    brackets = "<mrow><mo>(</mo>{}<mo>)</mo></mrow>"
+    minus, plus, before_first = "<mo>−</mo>", "<mo>+</mo>", "<mo>−</mo>"
+    quotient = "<mfrac><mrow>{}</mrow><mrow>{}</mrow></mfrac>"
+    raised = "<msup><mrow>{}</mrow><mrow>{}</mrow></msup>"
+    beside, before_digit = '<mspace width="0.17em"/>', "<mo>·</mo>"
+
+    def number(self, value: float) -> _Bound:
+        mantissa, _, exponent = self.digits_of(abs(value)).partition("e")
+        text = self.before_first * (value < 0) + f"<mn>{mantissa}</mn>"
+        if exponent:
+            text += self.before_digit + self.raised.format(
+                "<mn>10</mn>", _MathML(None).number(float(exponent))[0]
+            )
+        return text, _PRODUCT if value < 0 or exponent else _ATOM
+
+    def name(self, name: str) -> _Bound:
+        return _state_mathml(state(name))
+
+    def call(self, function: str, argument: str) -> _Bound:
+        form = {"sqrt": "<msqrt>{}</msqrt>", "abs": "<mo>|</mo>{}<mo>|</mo>"}.get(
+            function, f"<mi>{function}</mi>{self.brackets}"
+        )
+        return f"<mrow>{form.format(argument)}</mrow>", _POWER
 
 
 def _sign(expression: Expression) -> tuple[Expression, bool]:
@@ -175,11 +218,15 @@ def _inverse(factor: Expression) -> Expression | None:
     )
 
 
+INDEXED = re.compile(r"([A-Za-z])([0-9]*)")
+"""A parameter, as `a1`."""
+
+
 def _state_latex(found: State) -> _Bound:
     """Return the numbers of an operator as an index."""
     match found:
         case Measured(name):
-            indexed = re.fullmatch(r"([A-Za-z])([0-9]*)", name)
+            indexed = INDEXED.fullmatch(name)
             if indexed is None:
                 return rf"\mathrm{{{name.replace('_', chr(92) + '_')}}}", _ATOM
             return indexed[1] + f"_{{{indexed[2]}}}" * bool(indexed[2]), _ATOM
@@ -189,3 +236,20 @@ def _state_latex(found: State) -> _Bound:
     return OPERATORS[found.operator].latex + f"_{{{index}}}" * bool(
         index
     ) + rf"\left({_state_latex(found.source)[0]}\right)", _POWER
+
+
+def _state_mathml(found: State) -> _Bound:
+    match found:
+        case Measured(name):
+            indexed = INDEXED.fullmatch(name)
+            if indexed is None or not indexed[2]:
+                return f"<mi>{name}</mi>", _ATOM
+            return f"<msub><mi>{indexed[1]}</mi><mn>{indexed[2]}</mn></msub>", _ATOM
+        case Lagged(source, steps):
+            past = f"<mo>[</mo><mi>k</mi><mo>−</mo><mn>{steps}</mn><mo>]</mo>"
+            return f"<mrow>{_state_mathml(source)[0]}{past}</mrow>", _ATOM
+    index = ", ".join(f"{number:g}" for number in found.numbers)
+    operator = f"<mi>{found.operator}</mi>"
+    operator = f"<msub>{operator}<mn>{index}</mn></msub>" if index else operator
+    argument = _MathML.brackets.format(_state_mathml(found.source)[0])
+    return f"<mrow>{operator}{argument}</mrow>", _POWER
