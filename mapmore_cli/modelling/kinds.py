@@ -51,7 +51,7 @@ class Kind:
 
     A kind that adds itself may have `checks.py`, with `findings(spec)`, what a spec may not say;
     and `page.py`, with `show(model, show_other)`; of a kind with fits also
-    `show_fit(fit)`, `tables(inputs)`, `TITLE` and `TABLES`.
+    `show_fit(fit)`, and of a section of pages `tables(inputs)` and `TITLE`.
     """
 
     name: str

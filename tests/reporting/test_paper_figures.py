@@ -27,8 +27,9 @@ from mapmore_cli.reporting.figures.drawing import (
 from mapmore_cli.reporting.figures.style import figure_style, wrong_formula
 from mapmore_cli.reporting.inputs import FigureStyle
 from mapmore_cli.reporting.report import write_report
+from mapmore_cli.reporting.sections import all_tables
 from mapmore_cli.reporting.table import Column, Table, to_csv, to_latex
-from mapmore_cli.reporting.tables import all_tables, equations_table
+from mapmore_cli.reporting.tables import equations_table
 
 HOSTILE = r"\input{/etc/passwd}\write18{rm}$%&#_{}^~[2]*" + "\n\n\\def"
 OBEYED = re.compile(r"(?<!\\)\\(input|write|def|include|catcode|csname|immediate|openout)\b")

@@ -142,11 +142,12 @@ def test_order_of_the_sections(page):
         "Scores by curve",
         "Scores of all models",
         "Scores (target: force)",
+        "The model in physical units",
+        "Limits: what the model was trained in",
         "Your data as read",
         "Rows of every recording",
         "Segments and their weights",
         "Coefficients with 95 %",
-        "The model in physical units",
         "Parameters of the fitted formulas",
         "Provenance",
     ]

@@ -15,8 +15,7 @@ from mapmore_cli.reporting.inputs import ReportInputs
 from mapmore_cli.reporting.table import MODEL, Cell, Column, Columns, Table
 
 TITLE = "Models of motion"
-TABLES = ("waveforms", "sections")
-"""Heading of the tables on a page, and their order."""
+"""Heading of the tables on a page."""
 
 
 def show(
@@ -40,7 +39,7 @@ def tables(inputs: ReportInputs) -> list[Table]:
     if not fits:
         return []
     motion = next(iter(fits.values())).model
-    return [sections_table(fits, inputs.target.unit), waveforms_table(inputs, motion)]
+    return [waveforms_table(inputs, motion), sections_table(fits, inputs.target.unit)]
 
 
 def _document(motion: Motion) -> dict[str, Any]:
