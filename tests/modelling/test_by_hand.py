@@ -42,7 +42,7 @@ def weight_and_place(words, x, rise):
 
 
 def transition(text):
-    told = re.search(r"; s = (.*?)(?: up to t = 1/2, then (.*?))?, t from", text)
+    told = re.search(r"; w = (.*?)(?: up to t = 1/2, then (.*?))?, t from", text)
     low, high = told[1], told[2] or told[1]
     return lambda t: float(evaluate(parse(low if t <= 0.5 else high), {"t": np.array([t])})[0])
 

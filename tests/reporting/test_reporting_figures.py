@@ -82,9 +82,18 @@ class TestThinning:
         if len(text) > length:
             assert text.startswith(short.split("…")[0])
             assert text.endswith(short[-1])
-        lines = panels.two_lines(" ".join(text.split()), length).split("\n")
-        assert len(lines) <= 2
-        assert all(len(line) <= length for line in lines)
+
+    @given(st.lists(st.text(max_size=60), min_size=1, max_size=8), st.integers(8, 40))
+    def test_titles_differ_where_names_do_and_fit_in_two_lines(self, names, length):
+        shown = panels.in_two_lines([" ".join(name.split()) for name in names], length)
+        assert len({*shown}) == len({" ".join(name.split()) for name in names})
+        for lines in (title.split("\n") for title in shown):
+            assert len(lines) <= 2
+            assert all(len(line) <= length for line in lines)
+
+    def test_titles_leave_out_what_all_names_share(self):
+        names = [f"2031-05-04_{time}_pressure_step_run" for time in (101112, 101305, 102047)]
+        assert panels.told_apart(names, 20) == ["…101112…", "…101305…", "…102047…"]
 
 
 class TestLabels:

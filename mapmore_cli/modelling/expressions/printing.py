@@ -172,7 +172,8 @@ class _MathML(_Latex):
     """How expressions look as MathML."""
 
     brackets = "<mrow><mo>(</mo>{}<mo>)</mo></mrow>"
-    minus, plus, before_first = "<mo>−</mo>", "<mo>+</mo>", "<mo>−</mo>"
+    minus, plus = '<mo form="infix">−</mo>', '<mo form="infix">+</mo>'
+    before_first = "<mo>−</mo>"
     quotient = "<mfrac><mrow>{}</mrow><mrow>{}</mrow></mfrac>"
     raised = "<msup><mrow>{}</mrow><mrow>{}</mrow></msup>"
     beside, before_digit = '<mspace width="0.17em"/>', "<mo>·</mo>"

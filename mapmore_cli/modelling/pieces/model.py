@@ -28,9 +28,9 @@ from mapmore_cli.modelling.program.values import evaluator
 from mapmore_cli.modelling.program.writing import Inputs, Writer, limit
 
 TRANSITION_WORDS = {
-    "linear": "s = t",
-    "quadratic": "s = 2*t^2 up to t = 1/2, then 1 - 2*(1 - t)^2",
-    "cubic": "s = 3*t^2 - 2*t^3",
+    "linear": "w = t",
+    "quadratic": "w = 2*t^2 up to t = 1/2, then 1 - 2*(1 - t)^2",
+    "cubic": "w = 3*t^2 - 2*t^3",
 }
 OUTSIDE = {
     "continue": "the equations go on",
@@ -117,7 +117,7 @@ def rules(model: Model) -> Iterator[str]:
         yield f"{model.output.name} is {body.backbone.name} plus the pieces."
     if any(len(ends) > 2 for curve in body.curves for ends in curve.boundaries):
         yield (
-            f"The weight of a piece is s where it rises and 1 - s where it falls, 1 between and 0 "
+            f"The weight of a piece is w where it rises and 1 - w where it falls, 1 between and 0 "
             f"beyond; {TRANSITION_WORDS[fusion.transition]}, t from 0 to 1 along the way "
             f"(z_s = {fusion.z_s:g}). Pieces of one curve are multiplied by their weights and "
             "added; of several variables the weights are multiplied."

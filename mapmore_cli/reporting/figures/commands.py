@@ -148,7 +148,7 @@ def drift_drawing(
     def on(ax: Axes) -> None:
         for label, values in outputs.items():
             ax.plot([100 * value / values[0] for value in values], **looks[label])
-        ax.set_xticks(range(len(names)), [panels.shorten(name, 22) for name in names])
+        ax.set_xticks(range(len(names)), panels.told_apart(names, 22))
 
     what = FigureStyle().axis_label(Quantity(output.name, "% of the first"))
     caption = f"{output.name} at reference points over campaigns, in per cent of the first."
@@ -237,7 +237,7 @@ def campaign_figures(scores: CampaignScores) -> list[Drawing]:
         for model in reversed(drawn):  # the own dots over the others
             known = np.isfinite(drawn[model])
             ax.plot(drawn[model][known], rows[known], **looks[model])
-        panels.label_rows(ax, [panels.shorten(name, 40) for name in runs])
+        panels.label_rows(ax, panels.told_apart(runs, 40))
         panels.plain_logarithm(ax.xaxis, (1.0, 2.0, 5.0))
 
     exact = [

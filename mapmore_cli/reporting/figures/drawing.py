@@ -22,6 +22,7 @@ from matplotlib.layout_engine import ConstrainedLayoutEngine
 from mapmore_cli.domain import plugins
 from mapmore_cli.domain.errors import UsageError
 from mapmore_cli.domain.foreign import tex_label, tex_text, xml_text
+from mapmore_cli.reporting.figures.panels import in_two_lines
 from mapmore_cli.reporting.figures.style import figure_style
 from mapmore_cli.reporting.inputs import SINGLE, FigureStyle, ReportInputs
 from mapmore_cli.reporting.table import title_of
@@ -32,10 +33,13 @@ POINTS = 72
 DOUBLE = 7.16
 """Width of two columns of a journal page, inches."""
 
+BESIDE = 0.5
+"""Inches of a panel's width that its y axis takes."""
+
 Values = Sequence[Any] | np.ndarray
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Panel:
     """Axes below each other with one x axis: the smallest part of a figure that can stand by
     itself.
@@ -164,6 +168,9 @@ def compose(
     width = grid.width or (SINGLE if len(panels) == 1 else DOUBLE)
     width = width if panel is None else style.width
     rows = math.ceil(len(panels) / columns)
+    names = [title_of(one.title) for one in drawing.panels]
+    letters = int((width / columns - BESIDE) / _letter(style.size))
+    titles = dict(zip(drawing.panels, in_two_lines(names, letters), strict=True))
     room = 0.45 if drawing.legend else 0.2  # above the panels
     figure = Figure(figsize=(width, room + rows * grid.height), dpi=POINTS)
     every = figure.subplots(
@@ -181,7 +188,7 @@ def compose(
             for ax in axes:
                 ax.remove()
             continue
-        _fill(axes, panels[number], grid, style, columns)
+        _fill(axes, panels[number], titles[panels[number]], grid, style, columns)
         if column == 0 or grid.common_y == "none":
             for ax, label in zip(axes, panels[number].y_labels, strict=True):
                 ax.set_ylabel(label, parse_math=style.is_own_label(label))
@@ -195,8 +202,10 @@ def compose(
     return figure
 
 
-def _fill(axes: Any, panel: Panel, grid: Layout, style: FigureStyle, columns: int) -> None:
-    """Draw a panel, with its x axis labelled below it."""
+def _fill(
+    axes: Any, panel: Panel, title: str, grid: Layout, style: FigureStyle, columns: int
+) -> None:
+    """Draw a panel, with its title above and its x axis labelled below it."""
     top, bottom = axes[0], axes[-1]
     for ax in axes:
         if ax is not top and not grid.common_x:
@@ -204,19 +213,22 @@ def _fill(axes: Any, panel: Panel, grid: Layout, style: FigureStyle, columns: in
         ax.tick_params(labelbottom=ax is bottom)
     bottom.locator_params(axis="x", nbins=5 if columns < 2 else 4)
     panel.draw(*axes)
-    top.set_title(title_of(panel.title))
+    top.set_title(title)
     bottom.set_xlabel(panel.x_label, parse_math=style.is_own_label(panel.x_label))
 
 
 def _legend_columns(labels: Sequence[str], width: float, size: float) -> int:
     """As many entries side by side as fit, by the length of the longest, and rows of nearly one
     length.
-
-    A letter is about half as wide as high.
     """
-    longest = (max(map(len, labels)) * 0.55 + 4.2) * (size - 1) / POINTS
+    longest = (max(map(len, labels)) + 7.6) * _letter(size)
     rows = math.ceil(len(labels) / max(1, int(width / longest)))
     return math.ceil(len(labels) / rows)
+
+
+def _letter(size: float) -> float:
+    """Return inches of a letter of titles and legends: about half as wide as high."""
+    return 0.55 * (size - 1) / POINTS
 
 
 SVG_PROLOGUE = '<?xml version="1.0" encoding="utf-8"?>\n'

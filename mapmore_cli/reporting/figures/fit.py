@@ -181,7 +181,7 @@ def curve_figures(inputs: ReportInputs, name: str, numbers: Sequence[int]) -> li
             inputs.axis_label(_axis(inputs)),
             labels,
             curve_data(inputs, curve),
-            panels.shorten(curve.title, 60 if inputs.timed else 34),
+            curve.title,
         )
         for i, curve in zip(shown, curves, strict=True)
     )
@@ -299,8 +299,9 @@ def training_figures(inputs: ReportInputs) -> list[Drawing]:
         data,
     )
     legend = [panels.key(inputs.own, color=own.colour, linewidth=own.width)]
-    for curve, colour in zip(curves, style.level_colours(len(curves)), strict=True):
-        legend.append(panels.key(panels.shorten(curve.title, 24), color=colour, **panels.DOT))
+    names = panels.told_apart([curve.title for curve in curves], 24)
+    for name, colour in zip(names, style.level_colours(len(curves)), strict=True):
+        legend.append(panels.key(name, color=colour, **panels.DOT))
     caption = (
         f"The training curves with {inputs.own} above, its error (predicted minus measured) below."
         f"{panels.thinned([len(curve.x) for curve in curves])}"
@@ -378,7 +379,6 @@ def _loop(inputs: ReportInputs, number: int, model: str, colour: str) -> Panel:
         panels.heading(target): measured[rows],
         f"{model} [{target.unit}]": predicted[rows],
     }
-    name, rival = panels.shorten(inputs.curve_label(curve), 22), title_of(model)
     labels = (inputs.axis_label(along), (inputs.axis_label(target),))
-    title = f"{name}: {panels.shorten(rival, 24)}"
+    title = f"{inputs.curve_label(curve)}: {title_of(model)}"
     return Panel(f"{curve.id} {model}", on, *labels, data, title)

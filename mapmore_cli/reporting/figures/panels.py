@@ -4,7 +4,6 @@ figures share.
 
 from __future__ import annotations
 
-import textwrap
 from collections.abc import Sequence
 from typing import Any
 
@@ -168,11 +167,49 @@ def shorten(text: str, length: int) -> str:
     return f"{text[:head]}…{text[head + 1 - length :]}"
 
 
-def two_lines(text: str, length: int) -> str:
-    """Return the text in two lines where it is longer than `length`; longer ones are shorten."""
-    if len(text) <= length:
-        return text
-    return textwrap.fill(shorten(text, 2 * length), length, max_lines=2, placeholder="…")
+def told_apart(names: Sequence[str], length: int) -> list[str]:
+    """Return the names with at most so many letters, different wherever they are.
+
+    Where one is longer, the words that all begin and end with are left out of all, then the middle;
+    what is the same after that gets a number.
+    """
+    if len({*names}) < 2 or max(map(len, names)) <= length:
+        return [shorten(name, length) for name in names]
+    head, tail = _shared(names), _shared([name[::-1] for name in names])
+    first = names[0]
+    while head and first[head - 1].isalnum():
+        head -= 1
+    while tail and first[-tail].isalnum():
+        tail -= 1
+    tail = min(tail, min(map(len, names)) - head)
+    cut = [f"{'…' * (head > 0)}{one[head : len(one) - tail]}{'…' * (tail > 0)}" for one in names]
+    found = [shorten(name, length) for name in cut]
+    if len({*found}) == len({*names}):
+        return found
+    places = {name: f"{number}: " for number, name in enumerate(dict.fromkeys(names), 1)}
+    numbers = [places[name] for name in names]
+    return [n + shorten(name, length - len(n)) for n, name in zip(numbers, cut, strict=True)]
+
+
+def _shared(names: Sequence[str]) -> int:
+    """Return with how many letters all names begin alike."""
+    alike = [len({*letters}) == 1 for letters in zip(*names, strict=False)]
+    return [*alike, False].index(False)
+
+
+def in_two_lines(names: Sequence[str], length: int) -> list[str]:
+    """Return the names told apart, each in up to two lines of so many letters, broken at a space
+    where one lies well.
+    """
+
+    def broken(text: str) -> str:
+        if len(text) <= length:
+            return text
+        at = text.rfind(" ", len(text) - length - 1, length + 1)
+        parts = (text[:at], text[at + 1 :]) if at > 0 else (text[:length], text[length:])
+        return "\n".join(parts)
+
+    return list(map(broken, told_apart(names, 2 * length)))
 
 
 # Captions, and what is left out

@@ -88,7 +88,7 @@ def _variable_figure(inputs: ReportInputs, fusion: Fusion, variable: int, name: 
             **{f"weight of segment {place}": one for place, one in enumerate(weights, start=1)},
         }
         on = partial(draw_segments, curve=curve, fusion=fusion)
-        drawn.append(Panel(curve.id, on, *labels, data, panels.shorten(curve.title, 34)))
+        drawn.append(Panel(curve.id, on, *labels, data, curve.title))
     caption = (
         f"Training samples by segment of {name}, and the segments' weights within their curve "
         "below: boundaries as lines, transition zones shaded "

@@ -22,6 +22,7 @@ from mapmore_cli.reporting.figures.panels import (
     plain_logarithm,
     shorten,
     some_of,
+    told_apart,
     write_beside,
 )
 from mapmore_cli.reporting.figures.style import GREY, LIGHT, model_styles
@@ -112,4 +113,4 @@ def draw_terms(ax: Axes, segments: Sequence[TermSteps], colour: str) -> None:
     plain_logarithm(ax.xaxis)
     low, high = np.log10(ax.get_xlim())
     ax.set_xlim(10.0 ** np.floor(low), 10.0 ** np.ceil(high))
-    label_rows(ax, [shorten(one.segment, 40) for one in segments])
+    label_rows(ax, told_apart([one.segment for one in segments], 40))
