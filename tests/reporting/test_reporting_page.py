@@ -43,6 +43,7 @@ def test_files(folder):
         "residuals.svg",
         "residual_map.svg",
         "surface.svg",
+        "surface_3d.svg",
         "nrmse.svg",
         "bands.svg",
         "segments.svg",

@@ -133,7 +133,7 @@ def rules(model: Model) -> Iterator[str]:
         )
     for name, sides in fusion.extrapolation.items():
         known = OUTER_LEVEL if name == level else OUTSIDE
-        below, above = (known.get(side, f"it is taken to be {side}") for side in sides)
+        below, above = (known.get(str(side), f"it is taken to be {side}") for side in sides)
         told = f"below its limits {below}, above {above}"
         yield f"{name}: {f'beyond its limits {below}' if below == above else told}."
 

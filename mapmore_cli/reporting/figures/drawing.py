@@ -15,14 +15,16 @@ from typing import Any, Literal
 
 import numpy as np
 from matplotlib import rc_context
+from matplotlib.axes import Axes
 from matplotlib.backends.backend_pgf import RendererPgf
+from matplotlib.collections import PathCollection
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 
 from mapmore_cli.domain import plugins
 from mapmore_cli.domain.errors import UsageError
 from mapmore_cli.domain.foreign import tex_label, tex_text, xml_text
-from mapmore_cli.reporting.figures.panels import in_two_lines
+from mapmore_cli.reporting.figures.panels import evenly, in_two_lines
 from mapmore_cli.reporting.figures.style import figure_style
 from mapmore_cli.reporting.inputs import SINGLE, FigureStyle, ReportInputs
 from mapmore_cli.reporting.table import title_of
@@ -70,6 +72,7 @@ class Layout:
       else two.
     - `common_x`, `common_y`: whether all panels have one x axis (else each its own); whether those
       of a row, or all, have one y axis.
+    - `projection`: `3d` for axes with three dimensions.
     """
 
     height: float = 2.2
@@ -78,6 +81,7 @@ class Layout:
     width: float = 0.0
     common_x: bool = False
     common_y: Literal["none", "row", "all"] = "none"
+    projection: Literal["3d"] | None = None
 
 
 @dataclass(frozen=True)
@@ -157,16 +161,24 @@ def render_figure(drawing: Drawing, style: FigureStyle | None = None) -> Rendere
 
 
 def compose(
-    drawing: Drawing, style: FigureStyle | None = None, panel: Panel | None = None
+    drawing: Drawing,
+    style: FigureStyle | None = None,
+    panel: Panel | None = None,
+    width: float | None = None,
 ) -> Figure:
     """All panels of a figure in the grid of a page; or one `panel` alone, with the legend of the
     figure, as wide as the style says.
+
+    With a `width`, in inches, all panels are as wide as that together, and fewer side by side.
     """
     style, grid, stack = style or FigureStyle(), drawing.grid, len(drawing.grid.stack)
     panels = drawing.panels if panel is None else (panel,)
     columns = min(grid.columns or (2 if len(panels) == 4 else 3), len(panels))
-    width = grid.width or (SINGLE if len(panels) == 1 else DOUBLE)
-    width = width if panel is None else style.width
+    if panel is not None:
+        width = style.width
+    elif width is not None:
+        columns = min(columns, max(1, int(columns * width / DOUBLE)))
+    width = width or grid.width or (SINGLE if len(panels) == 1 else DOUBLE)
     rows = math.ceil(len(panels) / columns)
     names = [title_of(one.title) for one in drawing.panels]
     letters = int((width / columns - BESIDE) / _letter(style.size))
@@ -180,6 +192,7 @@ def compose(
         sharex=grid.common_x,
         sharey=grid.common_y,
         squeeze=False,
+        subplot_kw={"projection": grid.projection},
     )
     for number in range(rows * columns):
         row, column = divmod(number, columns)
@@ -252,7 +265,42 @@ def to_svg(figure: Figure, name: str, alt: str) -> str:
             metadata={"Date": None, "Creator": None, "Format": None, "Type": None},
         )
     svg = _GROUP_ID.sub("<g", _PROLOGUE.sub("", xml_text(text.getvalue(), "\n")))
+    svg = svg.replace("</svg>", f"{_hovered(figure)}</svg>")
     return svg.replace("<svg ", f'<svg role="img" aria-label="{escape(xml_text(alt))}" ', 1)
+
+
+HOVERED = 80
+"""Dots of each line or cloud that say their numbers."""
+
+
+def _hovered(figure: Figure) -> str:
+    """Return unseen circles over dots, whose titles a browser shows under the pointer."""
+    circles = []
+    for ax in figure.axes:
+        labels = [_label_of(ax, name) for name in "xy"]
+        dots = [line for line in ax.lines if line.get_marker() not in ("None", "", None)]
+        clouds = [one for one in ax.collections if isinstance(one, PathCollection)]
+        drawn = [(line.get_xydata(), line.get_transform(), str(line.get_label())) for line in dots]
+        drawn += [(one.get_offsets(), one.get_offset_transform(), "_") for one in clouds]
+        for places, transform, name in drawn if ax.name != "3d" else ():
+            data = np.asarray(places, dtype=np.float64)
+            data = data[evenly(len(data), HOVERED)]
+            for numbers, place in zip(data, transform.transform(data), strict=True):
+                if not ax.bbox.contains(*place):
+                    continue
+                told = [f"{label}: {x:.4g}" for label, x in zip(labels, numbers, strict=True)]
+                words = "\n".join([name] * (not name.startswith("_")) + told)
+                x, y = place[0], figure.bbox.height - place[1]
+                title = f"<title>{escape(xml_text(words))}</title>"
+                circles.append(f'<circle cx="{x:.1f}" cy="{y:.1f}" r="3">{title}</circle>')
+    return f'<g fill-opacity="0">{"".join(circles)}</g>' if circles else ""
+
+
+def _label_of(ax: Axes, name: str) -> str:
+    """Return what stands at the x or y axis that these axes have, or share with others."""
+    shared = getattr(ax, f"get_shared_{name}_axes")().get_siblings(ax)
+    labels = (getattr(one, f"get_{name}label")() for one in (ax, *shared))
+    return next(filter(None, labels), name)
 
 
 class _Renderer(RendererPgf):

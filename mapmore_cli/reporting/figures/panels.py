@@ -240,8 +240,8 @@ def best_of(shown: int, count: int) -> str:
     """Return a sentence about the models that lines are drawn of; nothing where all are."""
     if shown == count:
         return ""
-    others = f"the run's own and the {shown - 1} others with the least error"
-    return f" Of {count} models, {others} are drawn."
+    others = "other" if shown == 2 else f"{shown - 1} others"
+    return f" Of {count} models, the run's own and the best {others} are drawn."
 
 
 def beyond_scale(models: Sequence[str]) -> str:
