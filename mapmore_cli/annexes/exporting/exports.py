@@ -21,6 +21,7 @@ Exporter = Callable[[Model, Wanted], Mapping[str, str | bytes]]
 EXPORTERS: dict[str, Exporter] = {
     "c": c_files,
     "fmu": unit_file,
+    "fmu3": partial(unit_file, standard=3),
     "csv": lookup_table,
     "tex": tex_equations,
     "py": partial(module_file, plain=True),

@@ -37,8 +37,21 @@ LIBRARY = ("-shared", "-fPIC", "-fvisibility=hidden")
 SECONDS = 300
 """After which a compiler, and then the code, is stopped."""
 
-SYSTEMS = {"linux": ("linux", "so"), "darwin": ("darwin", "dylib"), "win32": ("win", "dll")}
-"""What FMI 2.0 calls a system, and how the names of its shared libraries end, by `sys.platform`."""
+SYSTEMS = {
+    "linux": ("linux", "linux", "so"),
+    "darwin": ("darwin", "darwin", "dylib"),
+    "win32": ("win", "windows", "dll"),
+}
+"""What FMI 2.0 and 3.0 call a system, and how the names of its shared libraries end, by
+`sys.platform`.
+"""
+
+MACHINES = {
+    **dict.fromkeys(("x86_64", "amd64"), "x86_64"),
+    **dict.fromkeys(("i386", "i686"), "x86"),
+    **dict.fromkeys(("arm64", "aarch64"), "aarch64"),
+}
+"""What FMI 3.0 calls a processor."""
 
 
 class CompilerMissing(Exception):
@@ -49,22 +62,19 @@ class CompilerFailed(CompilerMissing):
     """The compiler refuses the files."""
 
 
-def library_place(name: str) -> str:
-    """Return where the shared library of this machine lies in a unit of FMI 2.0; raises
+def library_place(name: str, standard: int = 2) -> str:
+    """Return where the shared library of this machine lies in a unit of FMI 2 or 3; raises
     CompilerMissing where it has no name for it.
     """
-    if sys.platform not in SYSTEMS or platform.machine().lower() not in (
-        "x86_64",
-        "amd64",
-        "i386",
-        "i686",
-        "arm64",
-    ):
+    machine = platform.machine().lower()
+    known = sys.platform in SYSTEMS and machine in MACHINES
+    if not known or (standard == 2 and machine == "aarch64"):
         raise CompilerMissing(
-            f"FMI 2.0 has no name for this machine ({sys.platform}, {platform.machine()})"
+            f"FMI {standard}.0 has no name for this machine ({sys.platform}, {platform.machine()})"
         )
-    system, ending = SYSTEMS[sys.platform]
-    return f"binaries/{system}{8 * struct.calcsize('P')}/{name}.{ending}"
+    old, system, ending = SYSTEMS[sys.platform]
+    place = f"{old}{8 * struct.calcsize('P')}" if standard == 2 else f"{MACHINES[machine]}-{system}"
+    return f"binaries/{place}/{name}.{ending}"
 
 
 def built(

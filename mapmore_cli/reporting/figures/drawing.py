@@ -291,7 +291,7 @@ def _hovered(figure: Figure) -> str:
                 told = [f"{label}: {x:.4g}" for label, x in zip(labels, numbers, strict=True)]
                 words = "\n".join([name] * (not name.startswith("_")) + told)
                 x, y = place[0], figure.bbox.height - place[1]
-                title = f"<title>{escape(xml_text(words))}</title>"
+                title = f"<title>{escape(xml_text(words, chr(10)))}</title>"
                 circles.append(f'<circle cx="{x:.1f}" cy="{y:.1f}" r="3">{title}</circle>')
     return f'<g fill-opacity="0">{"".join(circles)}</g>' if circles else ""
 

@@ -88,10 +88,7 @@ def draw(inputs: ReportInputs) -> list[Drawing]:
         ax.set_zlabel(label)
         ax.view_init(elev=28, azim=-60)
 
-    flat, space = (
-        Panel("", draw, x_label, (y_label,), numbers)
-        for draw, numbers in ((on, data), (on_space, {}))
-    )
+    flat, space = (Panel("", draw, x_label, (y_label,), data) for draw in (on, on_space))
     shape = Layout(2.6, projection="3d")
     above = f"The same in space, with samples as dots: {name} upwards."
     return [
