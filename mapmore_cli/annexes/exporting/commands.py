@@ -16,7 +16,10 @@ from mapmore_cli.storage.atomic import refusals_told, write_bytes
 def export(
     model_file: console.ModelFile,
     to: Annotated[
-        Literal["c", "fmu", "csv", "tex", "py", "numpy", "table", "mujoco", "simulink"],
+        Literal[
+            *("c", "fmu", "fmu3", "csv", "tex", "py", "numpy", "matlab", "table", "mujoco"),
+            "simulink",
+        ],
         typer.Option(help="What to write; see above."),
     ],
     output: Annotated[

@@ -11,6 +11,7 @@ from functools import partial
 
 from mapmore_cli.annexes.exporting.c_source import c_files, mujoco_files, simulink_files
 from mapmore_cli.annexes.exporting.fmu import unit_file
+from mapmore_cli.annexes.exporting.matlab import matlab_file
 from mapmore_cli.annexes.exporting.python_module import module_file
 from mapmore_cli.annexes.exporting.table import lookup_table, table_files, tex_equations
 from mapmore_cli.annexes.exporting.templates import Wanted, Warn
@@ -27,6 +28,7 @@ EXPORTERS: dict[str, Exporter] = {
     "py": partial(module_file, plain=True),
     "numpy": module_file,
     "table": table_files,
+    "matlab": matlab_file,
     "mujoco": mujoco_files,
     "simulink": simulink_files,
 }

@@ -85,6 +85,8 @@ def python_module(model: Model, plain: bool = False) -> tuple[str, str]:
 class PythonStatements(Statements):
     """Writes statements in Python; all cases of a choice are worked out for all rows."""
 
+    beyond, between, nowhere = "_beyond", "np.interp", "np.False_"
+
     def coded(self, block: Block) -> tuple[list[Code], list[Code]]:
         """Return the lines of a block and its results."""
         lines, results = self.block(block, self.expressions())
@@ -117,8 +119,10 @@ class PythonStatements(Statements):
             ],
             expressions,
         )
-        checks = [f"_beyond({self._limit(limit, expressions)})" for limit in self.program.limits]
-        return lines_of_code(expressions.lines), Code(" | ".join(checks) or "np.False_")
+        checks = [
+            f"{self.beyond}({self._limit(limit, expressions)})" for limit in self.program.limits
+        ]
+        return lines_of_code(expressions.lines), Code(" | ".join(checks) or self.nowhere)
 
     def _limit(self, limit: Limit, expressions: Expressions) -> str:
         value = expressions.text(limit.value)
@@ -126,7 +130,7 @@ class PythonStatements(Statements):
             return f"{value}, {float(limit.low[0])!r}, {float(limit.high[0])!r}"
         at = expressions.text(limit.at)
         ends = [
-            f"np.interp({at}, {limit.levels.tolist()}, {values.tolist()})"
+            f"{self.between}({at}, {limit.levels.tolist()}, {values.tolist()})"
             for values in (limit.low, limit.high)
         ]
         return f"{value}, {', '.join(ends)}"

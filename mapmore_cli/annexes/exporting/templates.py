@@ -127,6 +127,7 @@ def renaming_notes(names: Mapping[str, str]) -> list[str]:
 
 LITERALS: Mapping[str, Callable[[str], str]] = {
     **dict.fromkeys("ch", c_string),
+    "m": lambda text: "'" + plain(text).replace("'", "''") + "'",
     "py": repr,
     "tex": tex_text,
     "xml": lambda text: quoteattr(xml_text(text)),

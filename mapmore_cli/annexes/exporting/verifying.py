@@ -136,7 +136,7 @@ def verify_program(
         except CompilerFailed as fault:
             raise _unequal(model, str(fault)) from fault
         place.chmod(0o700)
-        _verify(model, [str(place)], close)
+        verify_command(model, [str(place)], close)
 
 
 def verify_module(model: Model, text: str, each: bool = False) -> None:
@@ -150,10 +150,10 @@ def verify_module(model: Model, text: str, each: bool = False) -> None:
             (Path(folder) / name).write_text(code, encoding="utf-8")
         libraries = str(Path(np.__file__).parents[1])
         command = [sys.executable, "-I", "-S", "-B", f"{folder}/verify.py", folder, libraries]
-        _verify(model, command, CLOSE)
+        verify_command(model, command)
 
 
-def _verify(model: Model, command: Sequence[str], close: float) -> None:
+def verify_command(model: Model, command: Sequence[str], close: float = CLOSE) -> None:
     """Compare a program that reads inputs and measured outputs a line, and prints the output and
     the bits of inputs outside of their range.
     """
