@@ -6,16 +6,26 @@ the word after `mapmore export --to`.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 
 from mapmore_cli.annexes.exporting.c_source import c_files, mujoco_files, simulink_files
-from mapmore_cli.annexes.exporting.fmu import unit_file
+from mapmore_cli.annexes.exporting.fmu import input_names, unit_file
 from mapmore_cli.annexes.exporting.matlab import matlab_file
 from mapmore_cli.annexes.exporting.python_module import module_file
 from mapmore_cli.annexes.exporting.table import lookup_table, table_files, tex_equations
-from mapmore_cli.annexes.exporting.templates import Wanted, Warn
+from mapmore_cli.annexes.exporting.templates import (
+    Wanted,
+    Warn,
+    identifier,
+    names_of_inputs,
+    rendered_template,
+    word,
+)
+from mapmore_cli.annexes.exporting.verifying import middle
+from mapmore_cli.domain.foreign import identifiers
 from mapmore_cli.domain.models import Model
+from mapmore_cli.modelling.program.model import program_of
 
 Exporter = Callable[[Model, Wanted], Mapping[str, str | bytes]]
 
@@ -32,6 +42,37 @@ EXPORTERS: dict[str, Exporter] = {
     "mujoco": mujoco_files,
     "simulink": simulink_files,
 }
+
+
+SNIPPETS = {
+    **{"c": "c.sh", "fmu": "fmu.py", "fmu3": "fmu.py", "py": "py.py", "numpy": "numpy.py"},
+    **{"matlab": "matlab.m", "mujoco": "mujoco.py", "simulink": "simulink.m", "table": "table.m"},
+    "tex": "tex.tex",
+}
+"""Templates of `sources/snippets/` that call an export, by its word."""
+
+
+def snippet(model: Model, to: str, files: Sequence[str]) -> str:
+    """Return lines that call what was exported to the `files`, in the middle of its training range;
+    nothing where there is nothing to call.
+    """
+    if to not in SNIPPETS:
+        return ""
+    places, program = middle(model), program_of(model)
+    names = names_of_inputs(model.inputs)
+    words = {
+        "name": identifier(model.name),
+        "file": next((one for one in files if one.endswith((".fmu", ".mat"))), ""),
+        "module": word(files[0].removesuffix(".py")) if files[0].endswith(".py") else "",
+        "output": word(identifiers([model.output.name])[0]),
+        "names": list(names.values()),
+        "values": [places[name] for name in names],
+        "pressure": list(names).index("pressure") if "pressure" in names else 0,
+        "unit_inputs": input_names(model),
+        "step": program.step,
+        "fed_back": bool(program.kept.fed_back),
+    }
+    return rendered_template(f"snippets/{SNIPPETS[to]}", **words)
 
 
 def exported(

@@ -128,6 +128,12 @@ def fmu_sources(model: Model, tool: str, standard: int = 2) -> UnitSources:
     return UnitSources(name, description, texts, compiled, standard)
 
 
+def input_names(model: Model) -> list[str]:
+    """Return what the inputs of a unit are called, in their order."""
+    written = c_source(model)
+    return [one.name for one in _variables(written, [BITS, "time"]) if one.causality == "input"]
+
+
 def _about(written: CSource) -> str:
     step = written.code.step
     if step is None:

@@ -201,19 +201,39 @@ def points(model: Model) -> Columns:
     """
     rng, code = np.random.default_rng(1), program_of(model)
     columns = {"time": (code.step or 1.0) * np.arange(float(POINTS))}
-    for quantity in model.inputs:
-        known = [limit for limit in code.limits if limit.inputs == {quantity.name}]
-        # and not of what follows from it
-        known = [
-            limit for limit in known if limit.value == Name(f"{INPUT}{quantity.name}")
-        ] or known
-        low = min((float(limit.low.min()) for limit in known), default=-1.0)
-        high = max((float(limit.high.max()) for limit in known), default=1.0)
-        if quantity.name != "time" or code.step is None:  # the clock of a recording is even
-            columns[quantity.name] = low + (high - low) * rng.uniform(-0.2, 1.2, POINTS)
+    for name, ends in _ends(model).items():
+        low, high = min(ends[0], default=-1.0), max(ends[1], default=1.0)
+        if name != "time" or code.step is None:  # the clock of a recording is even
+            columns[name] = low + (high - low) * rng.uniform(-0.2, 1.2, POINTS)
     for memory in model.memories:
         columns.setdefault(memory.output, rng.uniform(*memory.limits, POINTS))
     return columns
+
+
+def middle(model: Model) -> dict[str, float]:
+    """Return the middle of the training range that all levels have of each input, of four
+    digits.
+    """
+    return {
+        name: float(f"{np.mean([max(low, default=0.0), min(high, default=0.0)]):.4g}")
+        for name, (low, high) in _ends(model).items()
+    }
+
+
+def _ends(model: Model) -> dict[str, tuple[list[float], list[float]]]:
+    """Return where the training range of each input begins and ends, at every level; nothing where
+    it is not known.
+    """
+    limits, ends = program_of(model).limits, {}
+    for name in (quantity.name for quantity in model.inputs):
+        known = [limit for limit in limits if limit.inputs == {name}]
+        # and not of what follows from it
+        known = [limit for limit in known if limit.value == Name(f"{INPUT}{name}")] or known
+        ends[name] = (
+            [place for limit in known for place in limit.low.tolist()],
+            [place for limit in known for place in limit.high.tolist()],
+        )
+    return ends
 
 
 def _unequal(model: Model, what: str) -> MapmoreError:
