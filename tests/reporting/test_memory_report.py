@@ -143,7 +143,7 @@ def test_the_states_tell_what_training_found(driven):
 
 def test_the_page_has_it_all(driven):
     page = render_page(driven, {})
-    for words in ("it has memory", "States with memory"):
+    for words in ("its terms have memory", "States with memory"):
         assert words in page
 
 

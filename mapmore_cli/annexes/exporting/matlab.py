@@ -5,31 +5,26 @@ out.
 from __future__ import annotations
 
 import shutil
-import tempfile
 from collections.abc import Sequence
 from dataclasses import replace
-from pathlib import Path
 
 from mapmore_cli.annexes.exporting.c_statements import indented
 from mapmore_cli.annexes.exporting.dialect import C_FUNCTIONS, NUMPY, Expressions
-from mapmore_cli.annexes.exporting.python_module import PythonStatements
+from mapmore_cli.annexes.exporting.python_module import PythonStatements, words_of
 from mapmore_cli.annexes.exporting.templates import (
     Code,
     Wanted,
     identifier,
     lines_of_code,
     names_of_inputs,
-    renaming_notes,
     rendered_template,
     word,
 )
-from mapmore_cli.annexes.exporting.verifying import CompilerMissing, verify_command
-from mapmore_cli.domain.foreign import identifiers
+from mapmore_cli.annexes.exporting.verifying import CompilerMissing, verify_files
 from mapmore_cli.domain.models import Model
-from mapmore_cli.modelling.kinds import OUTSIDE_TOLERANCE, fed_back
+from mapmore_cli.modelling.kinds import fed_back
 from mapmore_cli.modelling.program.model import program_of
 from mapmore_cli.modelling.program.statements import Choose, Function
-from mapmore_cli.modelling.program.writing import names_used_in
 
 MATLAB = replace(
     NUMPY,
@@ -39,20 +34,9 @@ MATLAB = replace(
 )
 
 TAKEN = (
-    *(
-        "end",
-        "function",
-        "otherwise",
-        "catch",
-        "persistent",
-        "elseif",
-        "parfor",
-        "spmd",
-        "classdef",
-    ),
-    *("outside", "measured", "s", "x", "n", "j", "k", "given", "largest", "shape", "value"),
-    *("one_sample", "outside_range", "beyond", "interpolated", "begun"),
-    *("max", "min", "abs", "size", "numel", "ones", "false", "cellfun", "isnan", "isempty"),
+    "end function otherwise catch persistent elseif parfor spmd classdef outside measured s x n j "
+    "k given largest shape value one_sample outside_range beyond interpolated begun max min abs "
+    "size numel ones false cellfun isnan isempty"
 )
 """Words of MATLAB, and names within the function."""
 
@@ -71,24 +55,15 @@ def matlab_file(model: Model, wanted: Wanted) -> dict[str, str]:
 def matlab_function(model: Model) -> tuple[Code, str]:
     """Return name and text of the function; raises as `c_source.c_source`."""
     program, name = program_of(model), identifier(model.name)
-    functions = [function.name for function in program.functions]
+    taken = [*TAKEN.split(), *(function.name for function in program.functions), name]
     names = {
         one: own if own[0].isalpha() else f"u{own}"  # no name begins with `_`
-        for one, own in names_of_inputs(model.inputs, [*TAKEN, *functions, name]).items()
+        for one, own in names_of_inputs(model.inputs, taken).items()
     }
     statements = MatlabStatements(program, MATLAB, "s.")
-    lines, result = statements.coded(program.body)
-    range_lines, checks = statements.checks()
-    words = {
-        **{"model": model, "name": name, "names": names, "kept": program.kept},
-        **{"renamed": renaming_notes(names), "step": program.step},
-        **{"memory": program.step is not None, "fed_back": fed_back(model)},
-        "output": word(identifiers([model.output.name], [*TAKEN, *names.values(), name])[0]),
-        "functions": [statements.function(one) for one in program.functions],
-        **{"lines": lines, "result": result, "range_lines": range_lines, "checks": checks},
-        "tolerance": OUTSIDE_TOLERANCE,
-    }
-    return name, rendered_template("function.m", **words)
+    words = words_of(model, statements, names, [*taken, *names.values()])
+    words["functions"] = [statements.function(one) for one in program.functions]
+    return name, rendered_template("function.m", **words, name=name, fed_back=fed_back(model))
 
 
 class MatlabStatements(PythonStatements):
@@ -100,10 +75,8 @@ class MatlabStatements(PythonStatements):
         """Return a local function."""
         lines, results = self.block(function.body, self.expressions())
         names = [f"result{number}" for number in range(1, len(results) + 1)]
-        used = names_used_in(function.body)
-        given = (one if one in used else f"{one}_unused" for one in function.parameters)
         ends = [f"{own} = {text};" for own, text in zip(names, results, strict=True)]
-        head = f"function [{', '.join(names)}] = {function.name}({', '.join(given)})"
+        head = f"function [{', '.join(names)}] = {function.name}({', '.join(function.parameters)})"
         return lines_of_code([head, *indented([*lines, *ends]), "end"])
 
     def _used(self, names: Sequence[str], function: str, arguments: Sequence[str]) -> list[str]:
@@ -135,8 +108,6 @@ def _verify(model: Model, name: str, text: str) -> None:
         raise CompilerMissing("there is no Octave here")
     count = len(model.inputs)
     driver = rendered_template("verify.m", name=word(name), count=count + len(fed_back(model)))
-    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
-        for file, code in ((f"{name}.m", text), ("verify_model.m", driver)):
-            (Path(folder) / file).write_text(code, encoding="utf-8")
-        quiet = ["--norc", "--quiet", "--no-gui", "--no-history", "--path", folder]
-        verify_command(model, [octave, *quiet, f"{folder}/verify_model.m"])
+    files = {f"{name}.m": text, "verify_model.m": driver}
+    call = [octave, "--norc", "--quiet", "--no-gui", "--no-history", "verify_model.m"]
+    verify_files(model, files, lambda _folder: call)

@@ -184,17 +184,16 @@ def _combi_table(model: Model, grid: Grid) -> str:
 
 def _modelica(model: Model, stem: Code) -> str:
     """Return a block of Modelica that reads the text: both inputs, the output, and `valid`."""
-    names = names_of_inputs(model.inputs, [*MODELICA, _output(model)])
+    names = names_of_inputs(model.inputs, [*MODELICA.split(), _output(model)])
     return rendered_template(
         "table.mo", model=model, name=stem, names=list(names.values()), output=_output(model)
     )
 
 
 MODELICA = (
-    *("algorithm", "block", "class", "connector", "constant", "each", "end", "equation", "extends"),
-    *("external", "final", "flow", "function", "initial", "inner", "input", "model", "outer"),
-    *("output", "package", "parameter", "protected", "public", "record", "replaceable", "stream"),
-    *("then", "type", "when", "within", "time", "der", "valid", "fileName", "values", "validity"),
+    "algorithm block class connector constant each end equation extends external final flow "
+    "function initial inner input model outer output package parameter protected public record "
+    "replaceable stream then type when within time der valid fileName values validity"
 )
 """Words of Modelica, and names within the block."""
 

@@ -14,7 +14,7 @@ import struct
 import subprocess
 import sys
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -136,7 +136,7 @@ def verify_program(
         except CompilerFailed as fault:
             raise _unequal(model, str(fault)) from fault
         place.chmod(0o700)
-        verify_command(model, [str(place)], close)
+        _verify(model, [str(place)], close)
 
 
 def verify_module(model: Model, text: str, each: bool = False) -> None:
@@ -145,22 +145,32 @@ def verify_module(model: Model, text: str, each: bool = False) -> None:
     """
     memory, count = program_of(model).step is not None, len(model.inputs)
     driver = rendered_template("verify.py", memory=memory, each=each, count=count)
+    call, libraries = [sys.executable, "-I", "-S", "-B"], str(Path(np.__file__).parents[1])
+    files = {"exported.py": text, "verify.py": driver}
+    verify_files(model, files, lambda own: [*call, f"{own}/verify.py", own, libraries])
+
+
+def verify_files(
+    model: Model, files: Mapping[str, str], command: Callable[[str], Sequence[str]]
+) -> None:
+    """Write files into a folder and compare what a command there answers; it is given the folder,
+    and raises as `verify_program`.
+    """
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
-        for name, code in (("exported.py", text), ("verify.py", driver)):
+        for name, code in files.items():
             (Path(folder) / name).write_text(code, encoding="utf-8")
-        libraries = str(Path(np.__file__).parents[1])
-        command = [sys.executable, "-I", "-S", "-B", f"{folder}/verify.py", folder, libraries]
-        verify_command(model, command)
+        _verify(model, command(folder), CLOSE, folder)
 
 
-def verify_command(model: Model, command: Sequence[str], close: float = CLOSE) -> None:
+def _verify(model: Model, command: Sequence[str], close: float, folder: str | None = None) -> None:
     """Compare a program that reads inputs and measured outputs a line, and prints the output and
     the bits of inputs outside of their range.
     """
     columns, count = points(model), len(model.inputs)
     names = [*(quantity.name for quantity in model.inputs), *fed_back(model)]
     rows = np.column_stack([np.empty((POINTS, 0)), *(columns[name] for name in names)]).tolist()
-    answers = _answers(model, command, "".join(" ".join(map(repr, row)) + "\n" for row in rows))
+    given = "".join(" ".join(map(repr, row)) + "\n" for row in rows)
+    answers = _answers(model, command, given, folder)
     # one line where there is no input
     values, bits = np.broadcast_to(answers.reshape(-1, 2), (POINTS, 2)).T
     outside = bits.astype(int) & ((1 << count) - 1) != 0
@@ -177,13 +187,19 @@ def verify_command(model: Model, command: Sequence[str], close: float = CLOSE) -
         )
 
 
-def _answers(model: Model, command: Sequence[str], given: str) -> Array:
+def _answers(model: Model, command: Sequence[str], given: str, folder: str | None) -> Array:
     """Return the numbers that code says in a process of its own; raises MapmoreError where it
     fails.
     """
     try:
         done = subprocess.run(
-            command, input=given, capture_output=True, text=True, check=True, timeout=SECONDS
+            command,
+            input=given,
+            capture_output=True,
+            text=True,
+            check=True,
+            timeout=SECONDS,
+            cwd=folder,
         )
         return np.array(done.stdout.split(), dtype=np.float64)
     except subprocess.CalledProcessError as fault:

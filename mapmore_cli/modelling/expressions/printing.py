@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from typing import ClassVar
 
 from mapmore_cli.modelling.expressions.operator import FUNCTIONS
 from mapmore_cli.modelling.expressions.operators import OPERATORS
@@ -129,19 +130,26 @@ class _Latex(_Text):
     """How expressions look as LaTeX."""
 
     brackets = r"\left({}\right)"
+    numeral, scientific = "{}", r"{} \times 10^{{{}}}"
     quotient, raised = r"\frac{{{}}}{{{}}}", "{}^{{{}}}"
     beside, before_digit = r" \, ", r" \cdot "
+    underscore = r"\_"
+    upright, letter, indexed, past = r"\mathrm{{{}}}", "{}", "{}_{{{}}}", "{}[k-{}]"
 
     def number(self, value: float) -> _Bound:
         mantissa, _, exponent = self.digits_of(value).partition("e")
-        text = rf"{mantissa} \times 10^{{{int(exponent)}}}" if exponent else mantissa
+        form = self.scientific if exponent else self.numeral
+        text = form.format(mantissa, int(exponent or 0))
         return text, _PRODUCT if value < 0 or exponent else _ATOM
 
     def name(self, name: str) -> _Bound:
-        return _state_latex(state(name))
+        return self.state(state(name))
 
     def call(self, function: str, argument: str) -> _Bound:
         return FUNCTIONS[function].latex.replace("#", argument), _POWER
+
+    def operator(self, name: str) -> str:
+        return OPERATORS[name].latex
 
     def power(self, base: str, exponent: float) -> str:
         return self.raised.format(base, self.number(exponent)[0])
@@ -150,12 +158,11 @@ class _Latex(_Text):
         factors, minus = _factors(expression)
         below = [inverse for factor in factors if (inverse := _inverse(factor)) is not None]
         above = [factor for factor in factors if _inverse(factor) is None] or [ONE]
-        if not below:
-            return self.before_first * minus + self._side_by_side(above)
-        parts = (
-            self.printed(f[0])[0] if len(f) == 1 else self._side_by_side(f) for f in (above, below)
-        )
-        return self.before_first * minus + self.quotient.format(*parts)
+        sides = [
+            self.printed(f[0])[0] if below and len(f) == 1 else self._side_by_side(f)
+            for f in (above, below)
+        ]
+        return self.before_first * minus + (self.quotient.format(*sides) if below else sides[0])
 
     def _side_by_side(self, factors: list[Expression]) -> str:
         text = ""
@@ -167,34 +174,43 @@ class _Latex(_Text):
             text += (self.before_digit if digit else self.beside) * bool(text) + latex
         return text
 
+    def state(self, found: State) -> _Bound:
+        """Return a quantity or a state; numbers of an operator are its index."""
+        match found:
+            case Measured(name):
+                if indexed := re.fullmatch(r"([A-Za-z])([0-9]*)", name):
+                    letter, number = (self.letter.format(indexed[1]), indexed[2])
+                    return self.indexed.format(letter, number) if number else letter, _ATOM
+                return self.upright.format(name.replace("_", self.underscore)), _ATOM
+            case Lagged(source, steps):
+                return self.past.format(self.state(source)[0], steps), _ATOM
+        index = ", ".join(f"{number:g}" for number in found.numbers)
+        name = self.operator(found.operator)
+        head = self.indexed.format(name, index) if index else name
+        return head + self.brackets.format(self.state(found.source)[0]), _POWER
+
 
 class _MathML(_Latex):
     """How expressions look as MathML."""
 
     brackets = "<mrow><mo>(</mo>{}<mo>)</mo></mrow>"
-    minus, plus = '<mo form="infix">−</mo>', '<mo form="infix">+</mo>'
     before_first = "<mo>−</mo>"
+    minus, plus = '<mo form="infix">−</mo>', '<mo form="infix">+</mo>'
+    numeral = "<mn>{}</mn>"
+    scientific = "<mn>{}</mn><mo>·</mo><msup><mn>10</mn><mn>{}</mn></msup>"
     quotient = "<mfrac><mrow>{}</mrow><mrow>{}</mrow></mfrac>"
     raised = "<msup><mrow>{}</mrow><mrow>{}</mrow></msup>"
     beside, before_digit = '<mspace width="0.17em"/>', "<mo>·</mo>"
-
-    def number(self, value: float) -> _Bound:
-        mantissa, _, exponent = self.digits_of(abs(value)).partition("e")
-        text = self.before_first * (value < 0) + f"<mn>{mantissa}</mn>"
-        if exponent:
-            text += self.before_digit + self.raised.format(
-                "<mn>10</mn>", _MathML(None).number(float(exponent))[0]
-            )
-        return text, _PRODUCT if value < 0 or exponent else _ATOM
-
-    def name(self, name: str) -> _Bound:
-        return _state_mathml(state(name))
+    underscore, upright, letter = "_", "<mi>{}</mi>", "<mi>{}</mi>"
+    indexed, past = "<msub>{}<mn>{}</mn></msub>", "<mrow>{}<mo>[k−{}]</mo></mrow>"
+    functions: ClassVar = {"sqrt": "<msqrt>{}</msqrt>", "abs": "<mo>|</mo>{}<mo>|</mo>"}
 
     def call(self, function: str, argument: str) -> _Bound:
-        form = {"sqrt": "<msqrt>{}</msqrt>", "abs": "<mo>|</mo>{}<mo>|</mo>"}.get(
-            function, f"<mi>{function}</mi>{self.brackets}"
-        )
+        form = self.functions.get(function, f"<mi>{function}</mi>{self.brackets}")
         return f"<mrow>{form.format(argument)}</mrow>", _POWER
+
+    def operator(self, name: str) -> str:
+        return self.upright.format(name)
 
 
 def _sign(expression: Expression) -> tuple[Expression, bool]:
@@ -217,40 +233,3 @@ def _inverse(factor: Expression) -> Expression | None:
         if isinstance(factor, Power) and factor.exponent < 0
         else None
     )
-
-
-INDEXED = re.compile(r"([A-Za-z])([0-9]*)")
-"""A parameter, as `a1`."""
-
-
-def _state_latex(found: State) -> _Bound:
-    """Return the numbers of an operator as an index."""
-    match found:
-        case Measured(name):
-            indexed = INDEXED.fullmatch(name)
-            if indexed is None:
-                return rf"\mathrm{{{name.replace('_', chr(92) + '_')}}}", _ATOM
-            return indexed[1] + f"_{{{indexed[2]}}}" * bool(indexed[2]), _ATOM
-        case Lagged(source, steps):
-            return f"{_state_latex(source)[0]}[k-{steps}]", _ATOM
-    index = ", ".join(f"{number:g}" for number in found.numbers)
-    return OPERATORS[found.operator].latex + f"_{{{index}}}" * bool(
-        index
-    ) + rf"\left({_state_latex(found.source)[0]}\right)", _POWER
-
-
-def _state_mathml(found: State) -> _Bound:
-    match found:
-        case Measured(name):
-            indexed = INDEXED.fullmatch(name)
-            if indexed is None or not indexed[2]:
-                return f"<mi>{name}</mi>", _ATOM
-            return f"<msub><mi>{indexed[1]}</mi><mn>{indexed[2]}</mn></msub>", _ATOM
-        case Lagged(source, steps):
-            past = f"<mo>[</mo><mi>k</mi><mo>−</mo><mn>{steps}</mn><mo>]</mo>"
-            return f"<mrow>{_state_mathml(source)[0]}{past}</mrow>", _ATOM
-    index = ", ".join(f"{number:g}" for number in found.numbers)
-    operator = f"<mi>{found.operator}</mi>"
-    operator = f"<msub>{operator}<mn>{index}</mn></msub>" if index else operator
-    argument = _MathML.brackets.format(_state_mathml(found.source)[0])
-    return f"<mrow>{operator}{argument}</mrow>", _POWER

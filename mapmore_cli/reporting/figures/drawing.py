@@ -15,7 +15,6 @@ from typing import Any, Literal
 
 import numpy as np
 from matplotlib import rc_context
-from matplotlib.axes import Axes
 from matplotlib.backends.backend_pgf import RendererPgf
 from matplotlib.collections import PathCollection
 from matplotlib.figure import Figure
@@ -24,7 +23,7 @@ from matplotlib.layout_engine import ConstrainedLayoutEngine
 from mapmore_cli.domain import plugins
 from mapmore_cli.domain.errors import UsageError
 from mapmore_cli.domain.foreign import tex_label, tex_text, xml_text
-from mapmore_cli.reporting.figures.panels import evenly, in_two_lines
+from mapmore_cli.reporting.figures.panels import evenly, titles
 from mapmore_cli.reporting.figures.style import figure_style
 from mapmore_cli.reporting.inputs import SINGLE, FigureStyle, ReportInputs
 from mapmore_cli.reporting.table import title_of
@@ -182,7 +181,7 @@ def compose(
     rows = math.ceil(len(panels) / columns)
     names = [title_of(one.title) for one in drawing.panels]
     letters = int((width / columns - BESIDE) / _letter(style.size))
-    titles = dict(zip(drawing.panels, in_two_lines(names, letters), strict=True))
+    headings = dict(zip(drawing.panels, titles(names, letters), strict=True))
     room = 0.45 if drawing.legend else 0.2  # above the panels
     figure = Figure(figsize=(width, room + rows * grid.height), dpi=POINTS)
     every = figure.subplots(
@@ -201,7 +200,7 @@ def compose(
             for ax in axes:
                 ax.remove()
             continue
-        _fill(axes, panels[number], titles[panels[number]], grid, style, columns)
+        _fill(axes, panels[number], headings[panels[number]], grid, style, columns)
         if column == 0 or grid.common_y == "none":
             for ax, label in zip(axes, panels[number].y_labels, strict=True):
                 ax.set_ylabel(label, parse_math=style.is_own_label(label))
@@ -226,6 +225,8 @@ def _fill(
         ax.tick_params(labelbottom=ax is bottom)
     bottom.locator_params(axis="x", nbins=5 if columns < 2 else 4)
     panel.draw(*axes)
+    for ax, label in zip(axes, panel.y_labels, strict=False):  # what `_hovered` says of a place
+        ax.set_label("" if grid.projection else f"{panel.x_label}\n{label}")
     top.set_title(title)
     bottom.set_xlabel(panel.x_label, parse_math=style.is_own_label(panel.x_label))
 
@@ -276,31 +277,20 @@ HOVERED = 80
 def _hovered(figure: Figure) -> str:
     """Return unseen circles over dots, whose titles a browser shows under the pointer."""
     circles = []
-    for ax in figure.axes:
-        labels = [_label_of(ax, name) for name in "xy"]
-        dots = [line for line in ax.lines if line.get_marker() not in ("None", "", None)]
+    for ax in (one for one in figure.axes if one.get_label()):
+        labels = str(ax.get_label()).split("\n")
+        lines = [one for one in ax.lines if one.get_marker() not in ("None", "")]
         clouds = [one for one in ax.collections if isinstance(one, PathCollection)]
-        drawn = [(line.get_xydata(), line.get_transform(), str(line.get_label())) for line in dots]
-        drawn += [(one.get_offsets(), one.get_offset_transform(), "_") for one in clouds]
-        for places, transform, name in drawn if ax.name != "3d" else ():
-            data = np.asarray(places, dtype=np.float64)
-            data = data[evenly(len(data), HOVERED)]
-            for numbers, place in zip(data, transform.transform(data), strict=True):
-                if not ax.bbox.contains(*place):
-                    continue
-                told = [f"{label}: {x:.4g}" for label, x in zip(labels, numbers, strict=True)]
-                words = "\n".join([name] * (not name.startswith("_")) + told)
-                x, y = place[0], figure.bbox.height - place[1]
-                title = f"<title>{escape(xml_text(words, chr(10)))}</title>"
-                circles.append(f'<circle cx="{x:.1f}" cy="{y:.1f}" r="3">{title}</circle>')
+        drawn = [one.get_xydata() for one in lines] + [one.get_offsets() for one in clouds]
+        for data in (np.asarray(places, dtype=np.float64) for places in drawn):
+            some = data[evenly(len(data), HOVERED)]
+            for numbers, (x, y) in zip(some, ax.transData.transform(some), strict=True):
+                if ax.bbox.contains(x, y):
+                    told = map("{}: {:.4g}".format, labels, numbers)
+                    title = escape(xml_text("\n".join(told), "\n"))
+                    place = f'cx="{x:.1f}" cy="{figure.bbox.height - y:.1f}" r="3"'
+                    circles.append(f"<circle {place}><title>{title}</title></circle>")
     return f'<g fill-opacity="0">{"".join(circles)}</g>' if circles else ""
-
-
-def _label_of(ax: Axes, name: str) -> str:
-    """Return what stands at the x or y axis that these axes have, or share with others."""
-    shared = getattr(ax, f"get_shared_{name}_axes")().get_siblings(ax)
-    labels = (getattr(one, f"get_{name}label")() for one in (ax, *shared))
-    return next(filter(None, labels), name)
 
 
 class _Renderer(RendererPgf):

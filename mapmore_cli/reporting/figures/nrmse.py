@@ -12,7 +12,7 @@ from matplotlib.patches import Patch
 
 from mapmore_cli.domain.scores import REPEATABILITY
 from mapmore_cli.reporting.figures.drawing import Drawing, Layout, Panel, Values
-from mapmore_cli.reporting.figures.panels import in_two_lines, key, label_rows, write_beside
+from mapmore_cli.reporting.figures.panels import key, label_rows, titles, write_beside
 from mapmore_cli.reporting.figures.style import BLACK, GREY, ModelStyle, model_styles
 from mapmore_cli.reporting.inputs import ReportInputs
 from mapmore_cli.reporting.score_tables import full_scale
@@ -104,7 +104,7 @@ def draw_nrmse(
     if published:
         rows = [models.index(model) + first for model in published]
         ax.plot([*published.values()], rows, zorder=5, clip_on=False, **DIAMOND)
-    label_rows(ax, in_two_lines([title_of(model) for model in models], 18))
+    label_rows(ax, titles([title_of(model) for model in models], 18))
     ax.set_xlim(left=0)
 
 

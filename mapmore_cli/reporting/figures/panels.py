@@ -4,6 +4,8 @@ figures share.
 
 from __future__ import annotations
 
+import re
+import textwrap
 from collections.abc import Sequence
 from typing import Any
 
@@ -175,14 +177,9 @@ def told_apart(names: Sequence[str], length: int) -> list[str]:
     """
     if len({*names}) < 2 or max(map(len, names)) <= length:
         return [shorten(name, length) for name in names]
-    head, tail = _shared(names), _shared([name[::-1] for name in names])
-    first = names[0]
-    while head and first[head - 1].isalnum():
-        head -= 1
-    while tail and first[-tail].isalnum():
-        tail -= 1
-    tail = min(tail, min(map(len, names)) - head)
-    cut = [f"{'…' * (head > 0)}{one[head : len(one) - tail]}{'…' * (tail > 0)}" for one in names]
+    parts = [re.split(r"(?<=[^A-Za-z0-9])", name) for name in names]
+    head, tail = _alike(parts), _alike([one[::-1] for one in parts])
+    cut = ["".join(["…"[:head], *one[head : len(one) - tail], "…"[:tail]]) for one in parts]
     found = [shorten(name, length) for name in cut]
     if len({*found}) == len({*names}):
         return found
@@ -191,25 +188,17 @@ def told_apart(names: Sequence[str], length: int) -> list[str]:
     return [n + shorten(name, length - len(n)) for n, name in zip(numbers, cut, strict=True)]
 
 
-def _shared(names: Sequence[str]) -> int:
-    """Return with how many letters all names begin alike."""
-    alike = [len({*letters}) == 1 for letters in zip(*names, strict=False)]
-    return [*alike, False].index(False)
+def _alike(parts: Sequence[Sequence[str]]) -> int:
+    """Return with how many parts all names begin; one part of the shortest is never counted."""
+    same = [len({*column}) == 1 for column in zip(*parts, strict=False)]
+    return [*same[:-1], False].index(False)
 
 
-def in_two_lines(names: Sequence[str], length: int) -> list[str]:
-    """Return the names told apart, each in up to two lines of so many letters, broken at a space
-    where one lies well.
+def titles(names: Sequence[str], length: int) -> list[str]:
+    """Return the names told apart, in lines of at most so many letters: two, or three where they
+    break ill.
     """
-
-    def broken(text: str) -> str:
-        if len(text) <= length:
-            return text
-        at = text.rfind(" ", len(text) - length - 1, length + 1)
-        parts = (text[:at], text[at + 1 :]) if at > 0 else (text[:length], text[length:])
-        return "\n".join(parts)
-
-    return list(map(broken, told_apart(names, 2 * length)))
+    return [textwrap.fill(name, length) for name in told_apart(names, 2 * length)]
 
 
 # Captions, and what is left out
