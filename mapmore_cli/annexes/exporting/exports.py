@@ -58,21 +58,17 @@ def snippet(model: Model, to: str, files: Sequence[str]) -> str:
     """
     if to not in SNIPPETS:
         return ""
-    places, program = middle(model), program_of(model)
-    names = names_of_inputs(model.inputs)
-    words = {
-        "name": identifier(model.name),
-        "file": next((one for one in files if one.endswith((".fmu", ".mat"))), ""),
-        "module": word(files[0].removesuffix(".py")) if files[0].endswith(".py") else "",
-        "output": word(identifiers([model.output.name])[0]),
-        "names": list(names.values()),
-        "values": [places[name] for name in names],
-        "pressure": list(names).index("pressure") if "pressure" in names else 0,
-        "unit_inputs": input_names(model),
-        "step": program.step,
-        "fed_back": bool(program.kept.fed_back),
-    }
-    return rendered_template(f"snippets/{SNIPPETS[to]}", **words)
+    places, kept = middle(model), program_of(model).kept
+    return rendered_template(
+        f"snippets/{SNIPPETS[to]}",
+        name=identifier(model.name),
+        files=files,
+        output=word(identifiers([model.output.name])[0]),
+        places={own: places[name] for name, own in names_of_inputs(model.inputs).items()},
+        unit_inputs=input_names(model),
+        step=kept.step,
+        fed_back=bool(kept.fed_back),
+    )
 
 
 def exported(

@@ -41,9 +41,8 @@ def draw(inputs: ReportInputs) -> list[Drawing]:
         "(of least squares: simulations). Where the "
         "sections share a state, before they were joined."
     )
-    alt = f"Convergence of the searches of {len(panels)} models of motion."
     grid = Layout(columns=3, width=DOUBLE)
-    return [Drawing("convergence", caption, alt, tuple(panels), grid, handles)]
+    return [Drawing("convergence", caption, tuple(panels), grid, handles)]
 
 
 def draw_searches(ax: Axes, fit: MotionFit) -> None:

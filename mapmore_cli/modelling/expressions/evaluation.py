@@ -66,26 +66,24 @@ def evaluate(expression: Expression, columns: Columns, n: int | None = None) -> 
 
 
 def folded(expression: Expression) -> Expression:
-    """`expression` with its numbers computed: a product has one of them, in front or below.
+    """`expression` with its numbers computed, but for those that it divides by.
 
     Examples
     --------
     >>> from mapmore_cli.modelling.expressions import parse, to_text
     >>> to_text(folded(parse("3*exp(-(x - 1)/0.03)/tan(0.5)^2 - (1 - 0.925396)*y/620")), digits=6)
-    '10.0521*exp(-(x - 1)/0.03) - 0.000120329*y'
+    '10.0521*exp(-(x - 1)/0.03) - 0.074604*y/620'
     """
-    if not expression.names:
-        value = float(evaluate(expression, {}, 1)[0])
-        return Number(value) if math.isfinite(value) else expression
     match expression:
+        case Number() | Power(Number(), -1.0):
+            return expression
+        case _ if not expression.names:
+            value = float(evaluate(expression, {}, 1)[0])
+            return Number(value) if math.isfinite(value) else expression
         case Sum(terms):
             return add(*map(folded, terms))
         case Product(factors):
-            match [one for one in factors if not one.names and one != Number(-1.0)]:
-                case [] | [Power(Number(), -1.0)]:  # `-x/0.3` stays
-                    return multiply(*(folded(one) if one.names else one for one in factors))
-            number = folded(multiply(*(one for one in factors if not one.names)))
-            return multiply(number, *(folded(one) for one in factors if one.names))
+            return multiply(*map(folded, factors))
         case Power(base, exponent):
             return power(folded(base), exponent)
         case Call(function, argument):

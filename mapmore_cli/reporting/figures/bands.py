@@ -42,9 +42,7 @@ def draw(inputs: ReportInputs) -> list[Drawing]:
         "Root mean square error by the size of what was measured, of held-out data where "
         "there are any."
     )
-    spoken = ", ".join(f"{title_of(model)} {sizes[0].rmse[model]:.3g}" for model in looks)
-    alt = f"RMSE where little is measured, up to {sizes[0].high:.3g} {unit}: {spoken}."
-    return [Drawing("bands", caption, alt, (panel,), Layout(2.3), handles)]
+    return [Drawing("bands", caption, (panel,), Layout(2.3), handles)]
 
 
 def draw_bands(ax: Axes, sizes: Sequence[ErrorBand], looks: Mapping[str, ModelStyle]) -> None:

@@ -66,7 +66,7 @@ def tuning_drawing(tuning: Tuning) -> Drawing:
         "data can tell."
     )
     panel = Panel("", on, "Free parameters", ("Left-out NRMSE (%)",))
-    return Drawing("tuning", caption, caption, (panel,), Layout(2.6), handles)
+    return Drawing("tuning", caption, (panel,), Layout(2.6), handles)
 
 
 def plan_drawing(plan: Plan) -> Drawing:
@@ -97,7 +97,7 @@ def plan_drawing(plan: Plan) -> Drawing:
             *handles,
         ]
     panel = Panel("", on, labels[0], (y_label,))
-    return Drawing("plan", caption, caption, (panel,), Layout(height), handles)
+    return Drawing("plan", caption, (panel,), Layout(height), handles)
 
 
 def _label(quantity: Quantity) -> str:
@@ -154,7 +154,7 @@ def drift_drawing(
     caption = f"{output.name} at reference points over campaigns, in per cent of the first."
     panel = Panel("", on, "Campaign", (what,))
     legend = [key(label, **look) for label, look in looks.items()]
-    return Drawing("drift", caption, caption, (panel,), Layout(2.6), legend)
+    return Drawing("drift", caption, (panel,), Layout(2.6), legend)
 
 
 def draw_model(ax: Axes, model: Model, level: float | None = None) -> None:
@@ -249,8 +249,7 @@ def campaign_figures(scores: CampaignScores) -> list[Drawing]:
     if exact:
         caption += f" Without a dot, since its error is but rounding: {scores.own} in "
         caption += f"{', '.join(exact)}."
-    alt = "NRMSE of every run; the numbers are in the table below."
     panel = Panel("", on, "NRMSE (%)", ("",))
     handles = [key(model, **look) for model, look in looks.items()]
     grid = Layout(0.45 + 0.21 * len(runs), width=DOUBLE)
-    return [Drawing("nrmse", caption, alt, (panel,), grid, handles)]
+    return [Drawing("nrmse", caption, (panel,), grid, handles)]

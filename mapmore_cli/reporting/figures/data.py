@@ -49,10 +49,8 @@ def draw(inputs: ReportInputs) -> list[Drawing]:
         f"{some_of(len(shown), len(recordings), 'recordings')}"
         " Long records are thinned for drawing to the lowest and highest sample of each short run."
     )
-    names = ", ".join(list(panels[0].data)[1:])
-    alt = f"Traces of {names} for {len(shown)} of {len(recordings)} recordings."
     grid = Layout(0.3 + 0.95 * height, (1.0,) * height, len(shown), common_y="row")
-    return [Drawing("data", caption, alt, tuple(panels), grid)]
+    return [Drawing("data", caption, tuple(panels), grid)]
 
 
 def draw_columns(*axes: Axes, x: Array, columns: Mapping[str, Array]) -> None:

@@ -59,6 +59,14 @@ class Panel:
     data: Mapping[str, Values] = field(default_factory=dict)
     title: str = ""
 
+    @property
+    def reach(self) -> str:
+        """The least and the greatest number of each column, in a sentence."""
+        columns = ((name, np.asarray(values)) for name, values in self.data.items())
+        known = ((name, x[np.isfinite(x)]) for name, x in columns if x.dtype.kind == "f")
+        words = [f"{name} {x.min():.3g} to {x.max():.3g}" for name, x in known if len(x)]
+        return f"{title_of(self.title)}: {', '.join(words)}.".removeprefix(": ")
+
 
 @dataclass(frozen=True)
 class Layout:
@@ -89,16 +97,21 @@ class Drawing:
 
     - `name`: stem of its file, as `fit`.
     - `caption`: what it shows, and what was left out of it.
-    - `alt`: what one would tell somebody who cannot see it.
     - `legend`: handles of the legend above the panels.
     """
 
     name: str
     caption: str
-    alt: str
     panels: tuple[Panel, ...]
     grid: Layout
     legend: Sequence[Any] = ()
+
+    @property
+    def alt(self) -> str:
+        """What one would tell somebody who cannot see it: the caption, and how far the numbers of
+        every panel reach.
+        """
+        return " ".join([self.caption, *(one.reach for one in self.panels if one.data)])
 
 
 def drawings(name: str, inputs: ReportInputs) -> list[Drawing]:

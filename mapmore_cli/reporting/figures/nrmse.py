@@ -64,15 +64,10 @@ def draw(inputs: ReportInputs) -> list[Drawing]:
     if paper is not None and published:
         handles.insert(len(bars), key("published", **DIAMOND))
         caption += f" Diamonds: {paper.source}."
-    spoken = ", ".join(
-        f"{title_of(model)} {'failed' if math.isnan(value) else f'{value:.2f} %'}"
-        for model, value in bars[solid].items()
-    )
-    alt = f"NRMSE on {SPLITS[solid]} data: {spoken}."
     on = partial(draw_nrmse, bars=bars, published=published, floor=floor, styles=styles)
     panel = Panel("", on, "NRMSE (%)", ("",), _bar_numbers(bars, published))
     grid = Layout(0.3 + 0.42 * len(inputs.models))
-    return [Drawing("nrmse", caption, alt, (panel,), grid, handles)]
+    return [Drawing("nrmse", caption, (panel,), grid, handles)]
 
 
 def draw_nrmse(

@@ -77,8 +77,6 @@ def draw(inputs: ReportInputs) -> list[Drawing]:
         "of what was measured: one that stands out is not "
         f"met.{SOME_DOTS if len(rows) < len(x) else ''}"
     )
-    name, unit = inputs.target.name, inputs.target.unit
-    alt = f"Contours of {name} from {low:.4g} to {high:.4g} {unit}."
 
     def on_space(ax: Any) -> None:
         shown = output.reshape(across.shape)[::STRIDE, ::STRIDE]
@@ -90,8 +88,8 @@ def draw(inputs: ReportInputs) -> list[Drawing]:
 
     flat, space = (Panel("", draw, x_label, (y_label,), data) for draw in (on, on_space))
     shape = Layout(2.6, projection="3d")
-    above = f"The same in space, with samples as dots: {name} upwards."
+    above = f"The same in space, with samples as dots: {inputs.target.name} upwards."
     return [
-        Drawing("surface", caption, alt, (flat,), Layout(2.4)),
-        Drawing("surface_3d", above, above, (space,), shape),
+        Drawing("surface", caption, (flat,), Layout(2.4)),
+        Drawing("surface_3d", above, (space,), shape),
     ]
