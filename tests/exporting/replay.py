@@ -337,7 +337,7 @@ READERS = {
 TABLES = ("MAT by SciPy", "Modelica's text by NumPy")
 
 
-def replayed(folder):
+def replayed(folder, readers=READERS):
     """Held-out samples of a run, and by reader the largest difference from `predict`, in % of the
     prediction's range; None if refused.
     """
@@ -347,7 +347,7 @@ def replayed(folder):
     known = np.concatenate(expected)
     assert np.isfinite(known).any()
     worst = {}
-    for name, reader in READERS.items():
+    for name, reader in readers.items():
         try:
             with TemporaryDirectory() as place:
                 answers = [reader(model, columns, Path(place)) for columns, _ in recordings]
