@@ -185,8 +185,14 @@ def _combi_table(model: Model, grid: Grid) -> str:
 def _modelica(model: Model, stem: Code) -> str:
     """Return a block of Modelica that reads the text: both inputs, the output, and `valid`."""
     names = names_of_inputs(model.inputs, [*MODELICA.split(), _output(model)])
+    about = f"{model.output.name} by a table, linear between its points"
     return rendered_template(
-        "table.mo", model=model, name=stem, names=list(names.values()), output=_output(model)
+        "table.mo",
+        model=model,
+        name=stem,
+        about=about,
+        names=list(names.values()),
+        output=_output(model),
     )
 
 
