@@ -35,7 +35,7 @@ HOSTILE = (
 )
 ALL = "".join(HOSTILE)
 HARMLESS = "aq1"
-LANGUAGES = ("c", "fmu", "py", "numpy", "tex", "mujoco", "simulink", "table")
+LANGUAGES = ("c", "fmu", "fmu3", "py", "numpy", "matlab", "tex", "mujoco", "simulink", "table")
 MODELS = [
     dataclasses.replace(model, notes=("a note",))
     for model in (*STATIC.values(), *WITH_MEMORY.values(), *FORMULAS.values())
@@ -167,6 +167,10 @@ def structure(language, data):
             return kept, text.count("\\[")
         case "csv":
             return len(text.splitlines())
+        case "m":
+            return re.sub(r"[A-Za-z_]\w*", "w", re.sub(r"%.*", "%", text))
+        case "mo":
+            return re.sub(r"[A-Za-z_]\w*", "w", re.sub(r'"(?:[^"\\\n]|\\.)*"', '""', text))
         case "txt":
             return re.sub(r"double \w+\(", "double (", re.sub(r"# .*", "#", text))
     return None
