@@ -100,7 +100,7 @@ def written(
     for number, (short, line) in enumerate(where.items()):
         text += f"{',' if number else ', where'} {short} = {to_text(line, digits)}"
         latex += rf", \quad {to_latex(Name(short))} = {to_latex(line, digits)}"
-        opening = "<mo>,</mo>" if number else "<mtext>where&#160;</mtext>"
+        opening = f"<mtext>{'and' if number else 'where'}&#160;</mtext>"
         sides = (*to_mathml(Name(short)), "<mo>=</mo>", *to_mathml(line, digits))
         mathml += (opening + "".join(sides),)
     return Equation(name, text, latex, mathml, weight)
