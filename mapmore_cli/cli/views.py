@@ -21,6 +21,8 @@ from mapmore_cli.reporting.table import Cell, Table
 from mapmore_cli.reporting.tables import (
     FROM_TO,
     levels_table,
+    limits_tables,
+    pieces_table,
     recordings_table,
     rival_minima,
     segment_ends,
@@ -273,16 +275,6 @@ def _memory_tables(memory: MemoryModel) -> list[Table]:
     return [coefficients, states] if states.rows else [coefficients]
 
 
-def _memory_line(memory: MemoryModel) -> str:
-    """How the model is run."""
-    from mapmore_cli.modelling.memory.feedback import fed_back_states
-
-    most = max(fed_back_states(memory.states, memory.output).values(), default=0)
-    first = f"the first {most} measured samples" if most > 1 else "the first measured sample"
-    start = f"from {first} of {memory.output}" if most else f"without measured {memory.output}"
-    return f"Runs free {start}, at steps of {memory.states.step:.6g} s."
-
-
 # Models
 # --------------------------------------------------------------------------------------------------
 
@@ -291,17 +283,16 @@ def _of_model(model: Model) -> View:
     """Return the inputs, what the kind has to show, and the equations; weights, limits and
     equations are in physical units.
     """
-    from mapmore_cli.modelling.kinds import equations
+    from mapmore_cli.modelling.kinds import equations, rules
 
     lines = equations(model)
     names = [f"{quantity.name} [{quantity.unit}]" for quantity in model.inputs]
     inputs = ", ".join(names) or "its own past"
     title = f"{model.name}: {model.output.name} [{model.output.unit}] from {inputs}"
-    rows = [(one.id, one.text) for one in lines]
-    table = Table.of("equations", title, ("piece", "equation"), rows)
     view = _view_of(model)
-    document = {**view.document, "equations": lines}
-    return View(document, (table, *view.tables), (*view.lines, *model.notes))
+    document = {**view.document, "equations": lines, "rules": rules(model)}
+    tables = (pieces_table(lines, title), *limits_tables(model), *view.tables)
+    return View(document, tables, (*rules(model), *view.lines, *model.notes))
 
 
 def _view_of(model: Model) -> View:
@@ -321,12 +312,11 @@ def _view_of(model: Model) -> View:
                 "segments": [_segment(segment, segment) for segment in body.segments],
                 "weights": _weights_document(body),
             }
-            lines = (_fusion_line(body),)
         case Formula():
             document, lines = picked(body, "level", "formula=fit"), _formula_lines(body.fit)
         case Memory():
             document = picked(body, "memory=model", "backbone")
-            tables, lines = _memory_tables(body.model), (_memory_line(body.model),)
+            tables = _memory_tables(body.model)
         case _ if kind.page is not None:
             document, tables, lines = kind.page.show(model, _view_of)
         case _:
@@ -359,19 +349,6 @@ def _weights_document(pieces: Pieces) -> dict[str, Any]:
         "levels": [curve.level for curve in pieces.curves if curve.level is not None],
         "curves": curves,
     }
-
-
-def _fusion_line(pieces: Pieces) -> str:
-    fusion = pieces.fusion
-    sides = "; ".join(
-        f"{name}: {below} below, {above} above"
-        for name, (below, above) in fusion.extrapolation.items()
-    )
-    carried = f", {fusion.shrink:.0%} of the residual midway" if fusion.shrink < 1 else ""
-    return (
-        f"Transition: {fusion.transition}, z_s = {fusion.z_s:g}. Between levels: {fusion.levels}"
-        f"{carried}. Extrapolation: {sides}."
-    )
 
 
 VIEWS: dict[str, Callable[[Any], View]] = {

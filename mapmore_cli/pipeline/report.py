@@ -183,7 +183,9 @@ def drawn_figure(
         )
         if drawing is None:
             raise UsageError(f"{run_dir}: has nothing to draw as {name!r}", "choose another figure")
-        written = to_bytes(compose(drawing, inputs.style, panel), suffix, drawing.name, drawing.alt)
+        as_wide = any(one.startswith(f"{LOOKS}width=") for one in looks)
+        figure = compose(drawing, inputs.style, panel, inputs.style.width if as_wide else None)
+        written = to_bytes(figure, suffix, drawing.name, drawing.alt)
         return written, None if panel is None else data_csv(panel.data)
 
 

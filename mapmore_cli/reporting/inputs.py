@@ -15,7 +15,7 @@ from mapmore_cli.domain.models import Equation, LeftOut, Model
 from mapmore_cli.domain.recording import Curve, Dataset, Quantity
 from mapmore_cli.domain.results import FitResult, Search, Validation
 from mapmore_cli.domain.scores import REPEATABILITY, SIMPLE, Published, deciding
-from mapmore_cli.modelling.kinds import outside_range, page_of, runs_over_time
+from mapmore_cli.modelling.kinds import outside_range, page_of, rules, runs_over_time
 from mapmore_cli.modelling.validation.intervals import INTERVAL, ends, half_widths_of
 from mapmore_cli.modelling.validation.shown import in_time, is_turned
 
@@ -275,6 +275,11 @@ class ReportInputs:
         measured quantity.
         """
         return self.dataset.quantities[self.validation.along]
+
+    @property
+    def rules(self) -> tuple[str, ...]:
+        """How the equations of the model are put together."""
+        return rules(self.model)
 
     @property
     def all_notes(self) -> tuple[str, ...]:

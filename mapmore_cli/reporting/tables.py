@@ -8,46 +8,15 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 
 from mapmore_cli.domain.fits import FormulaFit, Segment, SegmentedCurve, SegmentFit
-from mapmore_cli.domain.models import Equation, FoldError
+from mapmore_cli.domain.models import CurveRange, Equation, FoldError, Model
 from mapmore_cli.domain.recording import Dataset
 from mapmore_cli.domain.results import ErrorBand, FitResult
 from mapmore_cli.modelling.literature.linear import half_width
 from mapmore_cli.modelling.literature.own import units_of_parameters
 from mapmore_cli.modelling.validation.repeatability import floors
 from mapmore_cli.modelling.validation.residuals import SAME
-from mapmore_cli.reporting import memory_tables
 from mapmore_cli.reporting.inputs import ReportInputs
-from mapmore_cli.reporting.score_tables import curve_scores_table, score_table, search_table
 from mapmore_cli.reporting.table import Cell, Column, Columns, Table, cells_of
-
-
-def all_tables(inputs: ReportInputs) -> tuple[Table, ...]:
-    """Every table of the report, in the order of the page."""
-    scores, units, unit = inputs.validation.scores, inputs.validation.units, inputs.target.unit
-    memory, pieces = inputs.fit.memory, inputs.model.pieces
-    along = None if inputs.timed else inputs.in_curve.name
-    tables = [
-        score_table(scores, units, inputs.published, inputs.failed),
-        recordings_table(inputs.whole),
-        levels_table(inputs.dataset, along, inputs.whole),
-        curve_scores_table(scores, units),
-        bands_table(inputs.validation.bands, unit),
-        segments_table(inputs),
-        terms_table(inputs.fit),
-        coefficients_table(inputs),
-        equations_table(inputs.equations, inputs.other_equations),
-        formulas_table(inputs),
-        folds_table(pieces.cross_validation if pieces else (), unit),
-    ]
-    if inputs.search is not None:
-        tables.append(search_table(inputs.search))
-    for page in inputs.pages:
-        tables += page.tables(inputs)
-    if memory is not None:
-        tables.append(memory_tables.states_table(memory.model.states))
-        tables.append(memory_tables.sizes_table(memory))
-        tables.append(memory_tables.identified_table(memory))
-    return tuple(tables)
 
 
 def bands_table(sizes: Sequence[ErrorBand], unit: str) -> Table:
@@ -145,13 +114,21 @@ def segments_table(inputs: ReportInputs) -> Table:
         "origin": "scaling.placement",
         "condition .3g": "selection.condition",
     }
-    rows: list[tuple[Cell, ...]] = []
-    for fit in inputs.fit.segments:
-        n, sse, slope = fit.selection.samples, fit.selection.sse, fit.scaling.y_slope
-        rmse = math.sqrt(max(sse, 0.0) / n) * abs(slope)
-        rows.append((fit.id, n, *places[fit.id], rmse, *cells_of(fit, last)))
+    rows = (
+        (
+            *(fit.id, fit.selection.samples, *places[fit.id]),
+            *(training_rmse(fit), *cells_of(fit, last)),
+        )
+        for fit in inputs.fit.segments
+    )
     columns: Columns = ("segment", "samples", *ends, f"RMSE [{inputs.target.unit}]", *last)
     return Table.of("segments", "Segments", columns, rows)
+
+
+def training_rmse(fit: SegmentFit) -> float:
+    """Return the error of a segment's own function, before fusion, in the unit of the target."""
+    mean_square = max(fit.selection.sse, 0.0) / fit.selection.samples
+    return math.sqrt(mean_square) * abs(fit.scaling.y_slope)
 
 
 FROM_TO = ("from", "to")
@@ -220,6 +197,41 @@ def coefficients_table(inputs: ReportInputs) -> Table:
     return Table.of("coefficients", title, columns, rows, INDEPENDENCE_CAVEAT)
 
 
+def pieces_table(equations: Sequence[Equation], title: str) -> Table:
+    """Return the model as it can be computed by hand: every piece, where it counts, and its
+    equation.
+    """
+    rows = [(one.id, one.weight or None, one.text) for one in equations]
+    if any(one.weight for one in equations):
+        return Table.of("pieces", title, ("piece", "weight", "equation"), rows)
+    return Table.of("pieces", title, ("piece", "equation"), [(row[0], row[2]) for row in rows])
+
+
+def limits_tables(model: Model) -> Iterator[Table]:
+    """Yield the training range of each input, within each curve, of a model and of all that it is
+    made of.
+    """
+    for number, one in enumerate(model.every):
+        ranges: Sequence[CurveRange] = getattr(one.body, "ranges", ())
+        units = {quantity.name: quantity.unit for quantity in one.inputs}
+        names = [name for name in ranges[0].limits if name in units] if ranges else []
+        level = [Column("level", units[one.level], ".9g")] if one.level else []
+        ends = [Column(f"{name} {end}", units[name], ".6g") for name in names for end in FROM_TO]
+        rows = [
+            (
+                part.curve,
+                *[part.level] * len(level),
+                *(x for name in names for x in part.limits[name]),
+            )
+            for part in ranges
+        ]
+        title = "Limits: what the model was trained in" + f" ({one.name})" * (one is not model)
+        if names:
+            yield Table.of(
+                "limits" + f"_{number}" * (number > 0), title, ("curve", *level, *ends), rows
+            )
+
+
 def equations_table(
     equations: Sequence[Equation], others: Mapping[str, Sequence[Equation]]
 ) -> Table:
@@ -232,11 +244,19 @@ def equations_table(
         Column(name, form="source")
         for name in ("latex", *(f"latex {words}" for words in with_units))
     ]
+    weight = ("weight",) if any(one.weight for one in equations) else ()
     rows = (
-        (same[0].id, *(one.text for one in same), *(one.latex for one in same))
+        (
+            same[0].id,
+            *[same[0].weight] * len(weight),
+            *(one.text for one in same),
+            *(one.latex for one in same),
+        )
         for same in zip(equations, *others.values(), strict=True)
     )
-    return Table.of("equations", "Equations in physical units", ("id", *texts, *sources), rows)
+    return Table.of(
+        "equations", "Equations in physical units", ("id", *weight, *texts, *sources), rows
+    )
 
 
 def formulas_table(inputs: ReportInputs) -> Table:

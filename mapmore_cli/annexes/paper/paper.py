@@ -25,8 +25,8 @@ from mapmore_cli.domain.scores import Score
 from mapmore_cli.modelling.expressions import ExpressionError, evaluate, parse
 from mapmore_cli.pipeline.report import collected, drawn_figure, report_slice
 from mapmore_cli.pipeline.runner import bring_up_to_date
+from mapmore_cli.reporting.sections import all_tables
 from mapmore_cli.reporting.table import Cell, Column, Table, environment
-from mapmore_cli.reporting.tables import all_tables
 from mapmore_cli.spec.campaign import (
     Comparison,
     Item,

@@ -50,7 +50,10 @@ def residual_tests(
             if np.isfinite(errors[rows]).any():
                 residuals.append(errors[rows])
                 for name in columns.keys() & curve.columns.keys():
-                    columns[name].append(curve.columns[name][rows])
+                    x = curve.columns[name][rows]
+                    # a level is one value: noise around it is no range
+                    held = name == dataset.level and curve.level is not None
+                    columns[name].append(np.full(len(x), curve.level) if held else x)
     every = np.concatenate([*residuals, np.empty(0)])
     if max(map(len, residuals), default=0) < FEWEST or np.isfinite(every).sum() < FEWEST:
         return ()

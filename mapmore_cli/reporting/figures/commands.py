@@ -66,7 +66,7 @@ def tuning_drawing(tuning: Tuning) -> Drawing:
         "data can tell."
     )
     panel = Panel("", on, "Free parameters", ("Left-out NRMSE (%)",))
-    return Drawing("tuning", caption, caption, (panel,), Layout(2.6), handles)
+    return Drawing("tuning", caption, (panel,), Layout(2.6), handles)
 
 
 def plan_drawing(plan: Plan) -> Drawing:
@@ -97,7 +97,7 @@ def plan_drawing(plan: Plan) -> Drawing:
             *handles,
         ]
     panel = Panel("", on, labels[0], (y_label,))
-    return Drawing("plan", caption, caption, (panel,), Layout(height), handles)
+    return Drawing("plan", caption, (panel,), Layout(height), handles)
 
 
 def _label(quantity: Quantity) -> str:
@@ -148,13 +148,13 @@ def drift_drawing(
     def on(ax: Axes) -> None:
         for label, values in outputs.items():
             ax.plot([100 * value / values[0] for value in values], **looks[label])
-        ax.set_xticks(range(len(names)), [panels.shorten(name, 22) for name in names])
+        ax.set_xticks(range(len(names)), panels.told_apart(names, 22))
 
     what = FigureStyle().axis_label(Quantity(output.name, "% of the first"))
     caption = f"{output.name} at reference points over campaigns, in per cent of the first."
     panel = Panel("", on, "Campaign", (what,))
     legend = [key(label, **look) for label, look in looks.items()]
-    return Drawing("drift", caption, caption, (panel,), Layout(2.6), legend)
+    return Drawing("drift", caption, (panel,), Layout(2.6), legend)
 
 
 def draw_model(ax: Axes, model: Model, level: float | None = None) -> None:
@@ -237,7 +237,7 @@ def campaign_figures(scores: CampaignScores) -> list[Drawing]:
         for model in reversed(drawn):  # the own dots over the others
             known = np.isfinite(drawn[model])
             ax.plot(drawn[model][known], rows[known], **looks[model])
-        panels.label_rows(ax, [panels.shorten(name, 40) for name in runs])
+        panels.label_rows(ax, panels.told_apart(runs, 40))
         panels.plain_logarithm(ax.xaxis, (1.0, 2.0, 5.0))
 
     exact = [
@@ -249,8 +249,7 @@ def campaign_figures(scores: CampaignScores) -> list[Drawing]:
     if exact:
         caption += f" Without a dot, since its error is but rounding: {scores.own} in "
         caption += f"{', '.join(exact)}."
-    alt = "NRMSE of every run; the numbers are in the table below."
     panel = Panel("", on, "NRMSE (%)", ("",))
     handles = [key(model, **look) for model, look in looks.items()]
     grid = Layout(0.45 + 0.21 * len(runs), width=DOUBLE)
-    return [Drawing("nrmse", caption, alt, (panel,), grid, handles)]
+    return [Drawing("nrmse", caption, (panel,), grid, handles)]
