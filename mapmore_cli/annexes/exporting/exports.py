@@ -14,6 +14,7 @@ from mapmore_cli.annexes.exporting.fmu import unit_file
 from mapmore_cli.annexes.exporting.python_module import module_file
 from mapmore_cli.annexes.exporting.table import lookup_table, table_files, tex_equations
 from mapmore_cli.annexes.exporting.templates import Wanted, Warn
+from mapmore_cli.domain.errors import UsageError
 from mapmore_cli.domain.models import Model
 
 Exporter = Callable[[Model, Wanted], Mapping[str, str | bytes]]
@@ -51,5 +52,7 @@ def exported(
     that has no letter; DataError where a part of the model is no closed expression; MapmoreError
     where the code that was written has other numbers than `predict`.
     """
+    if to not in EXPORTERS:
+        raise UsageError(f"nothing is exported to {to!r}", f"choose one of {', '.join(EXPORTERS)}")
     files = EXPORTERS[to](model, Wanted(single, grid, verify, warn))
     return {name: data.encode() if isinstance(data, str) else data for name, data in files.items()}

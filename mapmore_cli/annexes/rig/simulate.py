@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from decimal import Decimal
-from importlib.resources import files
+from importlib.resources import as_file, files
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -299,3 +299,13 @@ def write_example(folder: Path, progress: Progress) -> list[Path]:
             )
     recordings = simulate(load_as(folder / "rig.yaml", SimulationSpec, ()).spec, folder, progress)
     return [folder / "study.yaml", folder / "rig.yaml", *recordings]
+
+
+def example_recordings() -> list[Columns]:
+    """Return the recordings of the example study, in the units of the files; without that of the
+    vented muscle, which the study leaves out.
+    """
+    study = files("mapmore_cli.annexes.rig").joinpath("example_study", "rig.yaml")
+    with as_file(study) as path:
+        spec = load_as(path, SimulationSpec).spec
+    return [recording(spec, cause) for cause in causes_of(spec) if cause]
