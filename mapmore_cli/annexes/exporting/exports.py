@@ -14,6 +14,7 @@ from mapmore_cli.annexes.exporting.fmu import unit_file
 from mapmore_cli.annexes.exporting.python_module import module_file
 from mapmore_cli.annexes.exporting.table import lookup_table, table_files, tex_equations
 from mapmore_cli.annexes.exporting.templates import Wanted, Warn
+from mapmore_cli.domain import plugins
 from mapmore_cli.domain.errors import UsageError
 from mapmore_cli.domain.models import Model
 
@@ -30,6 +31,7 @@ EXPORTERS: dict[str, Exporter] = {
     "mujoco": mujoco_files,
     "simulink": simulink_files,
 }
+EXPORTERS = {part.name: part.value for part in plugins.parts("exports", Callable)} | EXPORTERS
 
 
 def exported(
