@@ -16,11 +16,13 @@ from typing import Any
 from mapmore_cli.checking.findings import sentences
 from mapmore_cli.domain.errors import MapmoreError
 from mapmore_cli.domain.models import Model
+from mapmore_cli.domain.results import FitResult
 from mapmore_cli.domain.scores import ScoreTable
 from mapmore_cli.pipeline.notebooks import LoadedModel, source_of, write_frames
 from mapmore_cli.pipeline.runner import Options, bring_up_to_date
 from mapmore_cli.reporting.score_tables import score_table
-from mapmore_cli.reporting.table import to_html, to_text
+from mapmore_cli.reporting.summary import summary_table
+from mapmore_cli.reporting.table import Table
 from mapmore_cli.spec.experiment import ExperimentSpec
 from mapmore_cli.spec.loader import LoadedSpec, load, load_text
 from mapmore_cli.spec.sections.logs import SourceColumn
@@ -52,13 +54,15 @@ class Scores(tuple[Mapping[str, Any], ...]):
         found.table = table
         return found
 
+    @property
+    def _shown(self) -> Table:
+        return score_table(self.table.scores, self.table.units, failed=self.table.failed)
+
     def __repr__(self) -> str:
-        return to_text(
-            score_table(self.table.scores, self.table.units, failed=self.table.failed)
-        ).rstrip()
+        return repr(self._shown)
 
     def _repr_html_(self) -> str:
-        return to_html(score_table(self.table.scores, self.table.units, failed=self.table.failed))
+        return self._shown._repr_html_()
 
     def of_model(self, model: str = "mapmore", split: str = "validate") -> Mapping[str, Any]:
         """Return the pooled row of a model; raises `KeyError` where there is none."""
@@ -134,6 +138,7 @@ class Study:
                 study=self,
                 spec=loaded.spec,
                 file=(outcome.run_dir / MODEL).read_bytes(),
+                fit=run.fit(),
                 held_out=tuple(
                     curve.at(curve.held_out) for curve in shown.curves if curve.held_out.any()
                 ),
@@ -182,6 +187,8 @@ class Fitted(LoadedModel):
         The rows of `scores.json`; they print as a table.
     spec
         The experiment as it was validated.
+    fit
+        What was fitted, with every step of the selection of terms.
     held_out
         The held-out samples, curve by curve; of long recordings, those that figures show.
     warnings
@@ -194,6 +201,7 @@ class Fitted(LoadedModel):
     study: Study = field(kw_only=True)
     spec: ExperimentSpec = field(kw_only=True)
     file: bytes = field(kw_only=True)
+    fit: FitResult = field(kw_only=True)
     warnings: tuple[str, ...] = field(default=(), kw_only=True)
     doubts: tuple[str, ...] = field(default=(), kw_only=True)
 
@@ -222,6 +230,12 @@ class Fitted(LoadedModel):
             name: column.model_copy(update={"column": source_of(self.study.columns[name])})
             for name, column in self.spec.data.columns.items()
         }
+
+    def summary(self) -> Table:
+        """Return every coefficient with its standard error, t and ERR; n, the number of parameters,
+        AIC and BIC; and what the training data do not tell. `records` has the rows as mappings.
+        """
+        return summary_table(self.fit, self.model, self.scores.table)
 
     @cached_property
     def _with_intervals(self) -> Model:

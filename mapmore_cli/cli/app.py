@@ -26,6 +26,7 @@ MODULES = {
     **dict.fromkeys(("freeze", "compare"), "compare"),
     **dict.fromkeys(("figure", "show", "schema"), "files"),
     "check": "check",
+    "clean": "clean",
 }
 """The module of `cli/` that has the function of each command, which bears its name. Others add
 themselves (`domain.plugins`).
@@ -34,7 +35,7 @@ themselves (`domain.plugins`).
 ORDER = (
     *("ingest", "segment", "fit", "fuse", "validate", "report", "run", "batch", "tune", "plan"),
     *("predict", "adapt", "invert", "freeze", "compare", "export", "figure", "paper", "simulate"),
-    *("show", "init", "example", "check", "schema"),
+    *("show", "clean", "init", "example", "check", "schema"),
 )
 """The order of the work, in which `--help` lists what there is."""
 
@@ -183,7 +184,7 @@ def _show_warning(message: Warning | str, category: type[Warning], *place: Any) 
     """Say which plug-in is left out as other warnings are said; others, which are for us, as Python
     says them.
     """
-    if not issubclass(category, plugins.LeftOut):
+    if not issubclass(category, plugins.PluginLeftOut):
         sys.stderr.write(warnings.formatwarning(message, category, *place[:2]))
     elif not {"-q", "--quiet"} & {*sys.argv}:
         print(f"warning: {message}", file=sys.stderr)

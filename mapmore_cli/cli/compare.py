@@ -4,16 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path, PurePosixPath
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 from mapmore_cli.cli import console
 from mapmore_cli.cli.progress import Reporter
-from mapmore_cli.domain.errors import DataError, LimitMissed, UsageError
-
-if TYPE_CHECKING:
-    from mapmore_cli.modelling.validation.comparison import Comparison
+from mapmore_cli.domain.errors import LimitMissed, UsageError
 
 
 def compare(
@@ -74,47 +71,31 @@ def compare(
     )
     campaigns = [find_campaign(text, runs, archive) for text in models]
     if any(campaigns):
-        before, after = _both(models, campaigns, figure)
+        if len(models) != 2 or not all(campaigns) or figure is not None:
+            raise UsageError(
+                f"{', '.join(models)}: campaigns are compared two at a time, without a figure",
+                "name two campaigns, as `mapmore compare muscles@spring muscles`",
+            )
+        before, after = (one or {} for one in campaigns)
         results = {
-            name: compared(model, after[name], margin, other_settings)
-            for name, model in before.items()
+            name: compared(before[name], after[name], margin, other_settings)
+            for name in before
             if name in after
         }
-        console.print_view(of_campaigns(models, results, before.keys() ^ after.keys()), as_json)
+        view = of_campaigns(models, results)
     else:
         found = [find_model(text, runs, archive) for text in models]
         later = [compared(found[0], one, margin, other_settings) for one in found[1:]]
-        results = {models[-1]: later[-1]}
+        results, view = {models[-1]: later[-1]}, of_comparisons(models, later)
         if figure is not None:
             _draw(models, found, figure)
-        console.print_view(of_comparisons(models, later), as_json)
+    console.print_view(view, as_json)
     for name, one in results.items():
-        if fail_on and (one.changed if limit is None else _moved(one, limit)):
+        if one.changed if limit is None and fail_on else one.moved(limit):
             raise LimitMissed(
                 f"{name}: force is {one.ratio:.4g} times that of {models[0]}",
                 "see the tables; --fail-on sets the limit",
             )
-
-
-def _moved(comparison: Comparison, limit: float) -> bool:
-    return not comparison.same_recordings and abs(comparison.ratio - 1) > limit
-
-
-def _both(
-    names: Sequence[str], campaigns: Sequence[dict[str, Path] | None], figure: Path | None
-) -> tuple[dict[str, Path], dict[str, Path]]:
-    """Return the models of two campaigns; raises UsageError for anything beside them."""
-    found = [one for one in campaigns if one is not None]
-    if not len(found) == len(names) == 2 or figure is not None:
-        raise UsageError(
-            f"{', '.join(names)}: campaigns are compared two at a time, without a figure",
-            "name two campaigns, as `mapmore compare muscles@spring muscles`",
-        )
-    if not found[0].keys() & found[1].keys():
-        raise DataError(
-            f"{names[0]} and {names[1]} have no run of the same name", "compare their runs by name"
-        )
-    return found[0], found[1]
 
 
 def _draw(names: Sequence[str], models: Sequence[Path], figure: Path) -> None:
@@ -164,13 +145,12 @@ def freeze(
     from mapmore_cli.pipeline import archive as frozen
 
     folder = run if run.is_dir() else runs / run
-    places = frozen.freeze(folder, tag, archive)
     with Reporter(quiet) as reporter:
-        for place in places:
+        for name in frozen.runs_of(folder) or [folder.name]:
+            place = frozen.freeze(folder.parent / name, tag, archive)
             print(place)
             spec, settings = frozen.made_from(place)
-            if spec:
-                reporter.say(f"{place.name}: made from {PurePosixPath(spec).name}")
+            reporter.say(f"{place.name}: made from {PurePosixPath(spec).name or 'no known spec'}")
             if settings:
                 reporter.warn(
                     f"{place.name}: the spec alone makes another model: this one was made with "

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shlex
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
@@ -52,19 +52,15 @@ ANSWER = (
 )
 
 
-def of_campaigns(
-    names: Sequence[str], results: Mapping[str, Comparison], alone: Iterable[str]
-) -> View:
-    """Return every run of two campaigns against its earlier self; `alone` are in one of them."""
+def of_campaigns(names: Sequence[str], results: Mapping[str, Comparison]) -> View:
+    """Return every run of two campaigns against its earlier self."""
     runs = [{"run": run, **picked(one, *ANSWER)} for run, one in results.items()]
-    document = {"before": names[0], "after": names[1], "runs": runs, "alone": sorted(alone)}
     counts = Counter(one.answer for one in results.values())
     told = ", ".join(f"{count} {answer}" for answer, count in sorted(counts.items()))
-    lines = [f"{len(results)} runs: {told}."]
-    lines += [f"{run}: {line}" for run, one in results.items() for line in _of_settings(one)]
-    if alone:
-        lines.append(f"In one of the campaigns alone: {', '.join(sorted(alone))}.")
-    return View(document, (drift_table([names[0], *results], [*results.values()]),), tuple(lines))
+    lines = [f"{run}: {line}" for run, one in results.items() for line in _of_settings(one)]
+    table = drift_table([names[0], *results], [*results.values()])
+    document = {"before": names[0], "after": names[1], "runs": runs}
+    return View(document, (table,), (f"{len(results)} runs: {told}.", *lines))
 
 
 def _verdict(before: str, after: str, comparison: Comparison) -> str:

@@ -275,7 +275,7 @@ class InUnit:
         return {"anyOf": [handler(schema), written], "unit": self.words}
 
 
-def in_unit(unit: str) -> InUnit:
+def always_in(unit: str) -> InUnit:
     """Mark a number in a unit that is always the same."""
     return InUnit(lambda _: unit, unit)
 
@@ -287,7 +287,7 @@ def of_sibling(name: str) -> InUnit:
 
 Positive = Annotated[float, Gt(0)]
 NonNegative = Annotated[float, Ge(0)]
-Seconds = Annotated[float, Gt(0), in_unit("s")]
+Seconds = Annotated[float, Gt(0), always_in("s")]
 OfKey = Annotated[
     float, InUnit(lambda place: place.unit_of(place.quantity), "that of the quantity")
 ]

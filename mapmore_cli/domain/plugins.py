@@ -27,11 +27,11 @@ class NotInstalled(UsageError):
     """A part that an entry point names cannot be imported."""
 
 
-class LeftOut(UserWarning):
+class PluginLeftOut(UserWarning):
     """A part of a plug-in that is broken, and left out."""
 
 
-class Part(NamedTuple):
+class Added(NamedTuple):
     """A part by its own name, and the file or object that holds it."""
 
     name: str
@@ -39,7 +39,7 @@ class Part(NamedTuple):
     source: Any
 
 
-def parts(group: str, form: Any, package: str = "") -> Iterator[Part]:
+def parts(group: str, form: Any, package: str = "") -> Iterator[Added]:
     """Yield every part of a group, of the type `form`: those in the files of our `package` in the
     order of their names, then those of entry points.
 
@@ -48,31 +48,31 @@ def parts(group: str, form: Any, package: str = "") -> Iterator[Part]:
     """
     taken = set[str]()
     for one in iter_modules(sys.modules[package].__path__) if package else ():
-        for part in _held(group, one.name, import_module(f"{package}.{one.name}")):
+        for part in _parts_in(group, one.name, import_module(f"{package}.{one.name}")):
             if isinstance(part.value, form):
                 taken.add(part.name)
                 yield part
     for name in sorted(points(group)):
         try:
-            found = list(_held(group, name, load(group, name)))
+            found = list(_parts_in(group, name, load(group, name)))
             for part in found:
                 if not isinstance(part.value, form):
                     raise TypeError(f"{type(part.value).__name__} is no {form.__name__}")
                 if part.name in taken:
                     raise ValueError(f"`{part.name}` is there already")
         except Exception as fault:  # whatever is wrong there, the rest goes on without it
-            leave_out(group, name, fault.__cause__ or fault)
+            leave_plugin_out(group, name, fault.__cause__ or fault)
             continue
         taken.update(part.name for part in found)
         yield from found
 
 
-def leave_out(group: str, name: str, fault: BaseException) -> None:
+def leave_plugin_out(group: str, name: str, fault: BaseException) -> None:
     """Warn that a part of a plug-in is left out, and why."""
     point = points(group)[name]
     package = point.dist.name if point.dist else point.module
     what = f"plug-in `{name}` ({group}) of {package} is left out"
-    warnings.warn(f"{what}: {type(fault).__name__}: {fault}", LeftOut, stacklevel=3)
+    warnings.warn(f"{what}: {type(fault).__name__}: {fault}", PluginLeftOut, stacklevel=3)
 
 
 def blamed(fault: BaseException) -> str | None:
@@ -88,14 +88,14 @@ def blamed(fault: BaseException) -> str | None:
     return next((name for name in names if name in packages - {"mapmore_cli"}), None)
 
 
-def _held(group: str, name: str, source: Any) -> Iterator[Part]:
+def _parts_in(group: str, name: str, source: Any) -> Iterator[Added]:
     """Yield the parts that a module holds under the name of the group, in the singular or in the
     plural; an object without them is itself the part.
     """
     many = group.upper()
     held = getattr(source, many, None) or getattr(source, many.removesuffix("S"), source)
     for value in held if isinstance(held, list | tuple) else (held,):
-        yield Part(getattr(value, "name", name), value, source)
+        yield Added(getattr(value, "name", name), value, source)
 
 
 @cache

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 from annotated_types import Interval
 
-from mapmore_cli.domain.declared import Contradiction, Either, OfHeld, Settings, in_unit
+from mapmore_cli.domain.declared import Contradiction, Either, OfHeld, Settings, always_in
 
 AUTO = "auto"  # what left-out training data choose: a backbone
 LEAST_RIDGE = 1e-9  # a smaller ridge, but for zero, would drown in the rounding of the Gram matrix
@@ -41,7 +41,7 @@ class Fit(Settings):
     """
 
     scaling: Literal["unit_square", "max_abs", "none", "range"] = "unit_square"
-    margin: Annotated[float, Interval(ge=0), in_unit("1")] = 0.15
+    margin: Annotated[float, Interval(ge=0), always_in("1")] = 0.15
     train_level: Annotated[Literal["all", "highest"] | OfHeld, Either()] = "all"
     max_terms: Annotated[int, Interval(ge=1)] = 1
     tolerance: Annotated[float, Interval(ge=0, lt=1)] = 1e-4

@@ -7,10 +7,9 @@ from __future__ import annotations
 import json
 import re
 import shutil
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 from mapmore_cli import __version__
 from mapmore_cli.domain.errors import DataError, UsageError, WriteError
@@ -39,87 +38,19 @@ FROZEN = "frozen.json"
 TAG = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]*")
 
 
-def freeze(run_dir: Path, tag: str, archive: Path) -> list[Path]:
-    """Copy the model of a finished run, its scores, spec and hashes to `ARCHIVE/NAME@TAG`, or those
-    of all runs of a campaign; the folders, that of the campaign last.
+def freeze(run_dir: Path, tag: str, archive: Path) -> Path:
+    """Copy the model of a finished run, its scores, spec and hashes to `ARCHIVE/NAME@TAG`; the
+    folder.
 
-    Raises DataError where a run is not finished, its files are not the ones that it wrote, or its
-    record has no name of a run; UsageError where the tag is no name; WriteError where a name is
-    taken, or the archive cannot be written. Then nothing is frozen.
+    Raises DataError where the run is not finished, its files are not the ones that it wrote, or its
+    record has no name of a run; UsageError where the tag is no name; WriteError where that name is
+    taken, or the archive cannot be written.
     """
     if not TAG.fullmatch(tag):
         raise UsageError(
             f"{tag!r} cannot be a tag",
             "use letters, digits, points, dashes and underscores, as 2026-spring",
         )
-    members = _members(run_dir)
-    run_dirs = [run_dir] if members is None else [run_dir.parent / name for name in members]
-    places = [archive / f"{_checked_name(one)}@{tag}" for one in run_dirs]
-    if members is not None:
-        places.append(archive / f"{run_dir.name}@{tag}")
-    if taken := next((place for place in places if place.exists()), None):
-        raise WriteError(f"{taken}: is frozen already, and stays as it is", "choose another tag")
-    for one, place in zip(run_dirs, places, strict=False):
-        hashes = {kept: take_stamp(one / kept).sha256 for kept in KEPT}
-        about = {"name": place.name.removesuffix(f"@{tag}"), "tag": tag, "sha256": hashes}
-        _keep(one, KEPT, FROZEN, about, place)
-    if members is not None:
-        _keep(run_dir, (), CAMPAIGN_RECORD, {"campaign": run_dir.name, "runs": members}, places[-1])
-    return places
-
-
-def _keep(
-    run_dir: Path, kept: Sequence[str], record: str, about: Mapping[str, Any], place: Path
-) -> None:
-    """Copy files of a run to a place of the archive, with a record about them, all read-only."""
-    document = {"creator": f"mapmore {__version__}", **about}
-    with refusals_told(place.parent):
-        place.parent.mkdir(parents=True, exist_ok=True)
-        with unfinished_beside(place, folder=True) as unfinished:
-            for name in kept:
-                shutil.copyfile(run_dir / name, unfinished / name)
-            text = json.dumps(document, indent=1, ensure_ascii=False) + "\n"
-            write_text(unfinished / record, text)
-            for file in (*kept, record):
-                (unfinished / file).chmod(0o444)  # read-only
-            sync_tree(unfinished)
-            unfinished.chmod(0o755)
-            unfinished.rename(place)
-
-
-def made_from(run_dir: Path) -> tuple[str, tuple[str, ...]]:
-    """Return the spec or the campaign that a run was made from, from its folder, and the settings
-    on the command line that decide about its model.
-    """
-    origin = load_origin(run_dir) or Origin("")
-    if origin.campaign:
-        return origin.campaign, ()
-    harmless = ("name=", "report", "validate")
-    return origin.spec, tuple(one for one in origin.settings if not one.startswith(harmless))
-
-
-def _members(folder: Path) -> list[str] | None:
-    """Return the names of the runs of a campaign whose page or record is in a folder; None for any
-    other.
-
-    Raises DataError where the record does not name them.
-    """
-    record = folder / CAMPAIGN_RECORD
-    if not record.is_file():
-        return None
-    names = _entry(record, "runs")
-    if not isinstance(names, list) or not all(
-        isinstance(name, str) and TAG.fullmatch(name) for name in names
-    ):
-        raise DataError(
-            f"{record}: does not name the runs of the campaign",
-            "make it anew with `mapmore batch CAMPAIGN`",
-        )
-    return names
-
-
-def _checked_name(run_dir: Path) -> str:
-    """Return the name of a finished run whose files are those that it wrote; raises DataError."""
     _check_finished(run_dir)
     name = _entry(run_dir / RUN_RECORD, "name")
     if not isinstance(name, str) or not TAG.fullmatch(name):  # a stranger's may lead anywhere
@@ -127,7 +58,30 @@ def _checked_name(run_dir: Path) -> str:
             f"{run_dir / RUN_RECORD}: has no name of a run",
             "make the run anew with `mapmore run CONFIG --force`",
         )
-    return name
+    place = archive / f"{name}@{tag}"
+    if place.exists():
+        raise WriteError(f"{place}: is frozen already, and stays as it is", "choose another tag")
+    with refusals_told(archive):
+        archive.mkdir(parents=True, exist_ok=True)
+        with unfinished_beside(place, folder=True) as unfinished:
+            for kept in KEPT:
+                shutil.copyfile(run_dir / kept, unfinished / kept)
+            hashes = {kept: take_stamp(unfinished / kept).sha256 for kept in KEPT}
+            document = {
+                "creator": f"mapmore {__version__}",
+                "name": name,
+                "tag": tag,
+                "sha256": hashes,
+            }
+            write_text(
+                unfinished / FROZEN, json.dumps(document, indent=1, ensure_ascii=False) + "\n"
+            )
+            for file in (*KEPT, FROZEN):
+                (unfinished / file).chmod(0o444)  # read-only
+            sync_tree(unfinished)
+            unfinished.chmod(0o755)
+            unfinished.rename(place)
+    return place
 
 
 def _entry(path: Path, *keys: str) -> object:
@@ -190,21 +144,43 @@ def find_model(text: str, runs: Path, archive: Path) -> Path:
     return model
 
 
+def runs_of(campaign: Path) -> list[str] | None:
+    """Return the names of the runs of a campaign, by the folder of its page; None for another
+    folder.
+
+    Raises DataError where its record does not name them.
+    """
+    record = campaign / CAMPAIGN_RECORD
+    if not record.is_file():
+        return None
+    names = _entry(record, "runs")
+    if not isinstance(names, list) or not all(TAG.fullmatch(str(name)) for name in names):
+        raise DataError(
+            f"{record}: does not name the runs of the campaign",
+            "make it anew with `mapmore batch CAMPAIGN`",
+        )
+    return names
+
+
 def find_campaign(text: str, runs: Path, archive: Path) -> dict[str, Path] | None:
-    """Return the models of a campaign by the names of its runs; None where the text names none."""
-    for folder in (Path(text), runs / text, archive / text):
-        members = _members(folder)
-        if members is not None:
-            _, at, tag = folder.name.rpartition("@")
-            places = [
-                folder.parent / f"{name}{at}{tag}" if at else folder.parent / name
-                for name in members
-            ]
-            return {
-                name: find_model(str(place), runs, archive)
-                for name, place in zip(members, places, strict=True)
-            }
-    return None
+    """Return the models of a campaign by the names of its runs, as they are now, or where
+    `NAME@TAG` asks for it, as they were frozen; None where the text names no campaign.
+    """
+    name, at, tag = text.partition("@")
+    names = runs_of(runs / name)
+    if names is None:
+        return None
+    return {one: find_model(f"{one}{at}{tag}", runs, archive) for one in names}
+
+
+def made_from(run_dir: Path) -> tuple[str, list[str]]:
+    """Return the spec or the campaign that a run was made from, and the settings of the command
+    line that decide about its model.
+    """
+    origin = load_origin(run_dir) or Origin("")
+    harmless = ("name=", "report", "validate")
+    settings = [] if origin.campaign else origin.settings
+    return origin.campaign or origin.spec, [o for o in settings if not o.startswith(harmless)]
 
 
 def compared(before: Path, after: Path, margin: float, other_settings: bool = False) -> Comparison:
@@ -222,36 +198,28 @@ def compared(before: Path, after: Path, margin: float, other_settings: bool = Fa
             "make both by the same settings, or add --allow-other-settings",
         )
     hashes = [
-        sorted(stamp.sha256 for stamp in one["ingest"].inputs.values()) if "ingest" in one else []
+        {stamp.sha256 for stage in one.values() for stamp in stage.inputs.values()}
         for one in records
     ]
     try:
         found = compare(read_model(before), read_model(after), margin)
     except ValueError as fault:
-        raise DataError(
-            f"{before}, {after}: {fault}",
-            "compare models of the same quantities that have curves in common",
-        ) from fault
-    return replace(found, settings=settings, same_recordings=hashes[0] == hashes[1] != [])
+        remedy = "compare models of the same quantities that have curves in common"
+        raise DataError(f"{before}, {after}: {fault}", remedy) from fault
+    return replace(found, settings=settings, same_recordings=hashes[0] == hashes[1] != set())
 
 
-MADE_BY = ("segment", "dictionary", "model", "fit", "fuse")
+MADE_BY = {"segment", "dictionary", "model", "fit", "fuse"}
 """Sections by which a model is made of its curves."""
 
 
-def _other_settings(
-    before: Mapping[str, StageRecord], after: Mapping[str, StageRecord]
-) -> Iterator[str]:
-    """Yield the keys that differ, with both values; none where a model was sent alone, without the
-    record of its run, or where both searched alike.
+def _other_settings(*runs: Mapping[str, StageRecord]) -> Iterator[str]:
+    """Yield the keys that differ between two runs, with both values; none where a model was sent
+    alone, without the record of its run, or where both were searched alike.
     """
-    both = [record for record in (before, after) if MODEL_STAGE in record]
-    searched = [record[SEARCH_STAGE].slice for record in both if SEARCH_STAGE in record]
-    if len(both) < 2 or (len(searched) == 2 and searched[0] == searched[1]):
-        return
-    old, new = (record[MODEL_STAGE].slice for record in both)
-    if isinstance(old, dict) and isinstance(new, dict):
-        for section in MADE_BY:
-            yield from slice_differences(
-                MODEL_STAGE, {section: old.get(section)}, {section: new.get(section)}
-            )
+    for stage in (SEARCH_STAGE, MODEL_STAGE):
+        slices = [run[stage].slice for run in runs if stage in run]
+        if len(slices) == 2:
+            asked = [{key: one[key] for key in MADE_BY & one.keys()} for one in slices]
+            yield from slice_differences(stage, *asked)
+            return

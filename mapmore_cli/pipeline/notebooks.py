@@ -30,8 +30,6 @@ from mapmore_cli.modelling.program.model import slopes
 from mapmore_cli.modelling.signals.rates import with_signals
 from mapmore_cli.modelling.validation.intervals import INTERVAL, interval
 from mapmore_cli.pipeline.records import reading_of
-from mapmore_cli.reporting.summary import summary_table
-from mapmore_cli.reporting.table import Cell, Table, to_html, to_text
 from mapmore_cli.spec.fields import as_target
 from mapmore_cli.spec.sections.logs import SourceColumn
 from mapmore_cli.spec.units import convert, default_unit, is_canonical
@@ -142,12 +140,6 @@ class LoadedModel:
     def _sources(self) -> Mapping[str, SourceColumn]:
         return {}
 
-    def summary(self) -> Summary:
-        """Return every coefficient with its standard error, t and ERR; n, the number of parameters,
-        AIC and BIC; and what the training data do not tell. It prints as a table.
-        """
-        return Summary(summary_table(self.model, self.scores))
-
     def export(self, to: str, path: str | Path = ".", **options: Any) -> list[Path]:
         """Write the model in another language, as `mapmore export --to` does, into the folder
         `path`; the paths of the files.
@@ -254,29 +246,6 @@ class LoadedModel:
         arrays = np.broadcast_arrays(*(self._given(name, columns[name]) for name in needed))
         flat = {name: array.ravel() for name, array in zip(needed, arrays, strict=True)}
         return with_signals(reading.signals, flat), arrays[0].shape
-
-
-@dataclass(frozen=True, repr=False)
-class Summary:
-    """A table that prints itself; `rows` are mappings by heading, `notes` sentences."""
-
-    table: Table
-
-    @property
-    def rows(self) -> list[dict[str, Cell]]:
-        """The rows, each by the headings of the columns."""
-        return [dict(zip(self.table.headings, row, strict=True)) for row in self.table.rows]
-
-    @property
-    def notes(self) -> tuple[str, ...]:
-        """What stands below the table."""
-        return self.table.notes
-
-    def __repr__(self) -> str:
-        return to_text(self.table).rstrip()
-
-    def _repr_html_(self) -> str:
-        return to_html(self.table)
 
 
 def _warn(message: str) -> None:

@@ -23,7 +23,7 @@ from pydantic import (
     model_validator,
 )
 
-from mapmore_cli.domain.declared import Contradiction, InUnit, in_unit
+from mapmore_cli.domain.declared import Contradiction, InUnit, always_in
 from mapmore_cli.domain.errors import SpecError
 from mapmore_cli.modelling.literature.own import is_definition
 from mapmore_cli.spec.tree import Node, Written, written
@@ -212,8 +212,8 @@ def _column_unit(place: Place) -> str | None:
 OF_TARGET = ("rmse", "normaliser", "max_abs_error")
 """Metrics in the unit of the target."""
 
-Metres = Annotated[float, Field(gt=0), in_unit("m")]
-SignedSeconds = Annotated[float, in_unit("s")]
+Metres = Annotated[float, Field(gt=0), always_in("m")]
+SignedSeconds = Annotated[float, always_in("s")]
 OfTarget = Annotated[float, InUnit(lambda place: place.unit_of(place.target), "that of the target")]
 InColumnUnit = Annotated[float, InUnit(_column_unit, "that of the column")]
 Metric = Annotated[
@@ -223,7 +223,7 @@ Metric = Annotated[
         "that of the metric",
     ),
 ]
-Share = Annotated[float, in_unit("1")]
+Share = Annotated[float, always_in("1")]
 
 Quantity = Annotated[str, Field(pattern=r"^[A-Za-z_][A-Za-z0-9_]*$", max_length=100)]
 """The name of a quantity, as expressions spell it."""

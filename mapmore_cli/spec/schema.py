@@ -57,7 +57,7 @@ def _told(section: JsonSchemaValue, of: type) -> JsonSchemaValue:
     own = prose(of.__doc__)
     about = KEY.sub(lambda found: "" if found[1] in told else found[0], own)
     for key, value in keys.items():
-        unit = _unit_of(value)
+        unit = _unit_within(value)
         if key in told:
             unit, value["description"] = told[key][2] or unit, told[key][3]
         if unit is not None:
@@ -66,15 +66,15 @@ def _told(section: JsonSchemaValue, of: type) -> JsonSchemaValue:
     return {**section, "description": about.strip()}
 
 
-def _unit_of(value: Any) -> str | None:
+def _unit_within(value: Any) -> str | None:
     """Return the unit of the numbers that may stand at a key, taken out of what is said of each; 1
     for plain numbers, None where there are none.
     """
     if isinstance(value, list):
-        return next((unit for part in value if (unit := _unit_of(part))), None)
+        return next((unit for part in value if (unit := _unit_within(part))), None)
     if not isinstance(value, dict):
         return None
-    inner = _unit_of([part for key, part in value.items() if key not in ("default", "enum")])
+    inner = _unit_within([part for key, part in value.items() if key not in ("default", "enum")])
     plain = "1" if value.get("type") in ("number", "integer") else None
     return value.pop("unit", None) or inner or plain
 

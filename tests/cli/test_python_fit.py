@@ -229,12 +229,14 @@ def test_a_summary_has_what_a_regression_table_has():
     theta, (sse,) = np.linalg.lstsq(line, y, rcond=None)[:2]
     errors = np.sqrt(sse / 38 * np.diag(np.linalg.inv(line.T @ line)))
     summary = model.summary()
-    rows = {row["term"]: row for row in summary.rows}
+    rows = {row["term"]: row for row in summary.records}
     for term, value, error in zip(("1", "x"), theta, errors, strict=True):
         assert rows[term]["coefficient"] == pytest.approx(value)
         assert rows[term]["standard error"] == pytest.approx(error)
         assert rows[term]["t"] == pytest.approx(value / error)
-    assert sum(row["ERR [%]"] for row in summary.rows) == pytest.approx(100 * (1 - sse / (y @ y)))
+    assert sum(row["ERR [%]"] for row in summary.records) == pytest.approx(
+        100 * (1 - sse / (y @ y))
+    )
     aic, bic = 40 * np.log(sse / 40) + 4, 40 * np.log(sse / 40) + 2 * np.log(40)
     assert f"AIC {aic:.6g}, BIC {bic:.6g}" in repr(summary)
     assert "<table>" in summary._repr_html_()

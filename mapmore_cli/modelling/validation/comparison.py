@@ -141,6 +141,10 @@ class Comparison:
         large = abs(self.ratio - 1) > max(self.margin, self.resolution)
         return not self.same_recordings and (low > 1 or high < 1) and large
 
+    def moved(self, limit: float | None) -> bool:
+        """Whether the muscle's force changed by more than a share, where one is given."""
+        return limit is not None and not self.same_recordings and abs(self.ratio - 1) > limit
+
     @property
     def answer(self) -> str:
         """`changed`; `same`, where two one-sided tests show that the change is within the margin;

@@ -108,7 +108,7 @@ def drawings(name: str, inputs: ReportInputs) -> list[Drawing]:
     except Exception as fault:
         if plugins.blamed(fault) is None:
             raise
-        plugins.leave_out("figures", name, fault)
+        plugins.leave_plugin_out("figures", name, fault)
         return []
     return figures
 

@@ -10,7 +10,7 @@ from typing import Annotated, Literal
 
 from pydantic import ConfigDict, Field
 
-from mapmore_cli.domain.declared import Contradiction, Either, OfKey, Seconds, in_unit, of_sibling
+from mapmore_cli.domain.declared import Contradiction, Either, OfKey, Seconds, always_in, of_sibling
 from mapmore_cli.spec.fields import PathOrName, Quantity, Section, SignedSeconds
 from mapmore_cli.spec.sections.logs import FileEntry, Join, Keep, Logs
 
@@ -120,7 +120,7 @@ class Between(Section):
                 )
 
 
-Part = Annotated[float, Field(gt=0, lt=1), in_unit("1")]
+Part = Annotated[float, Field(gt=0, lt=1), always_in("1")]
 HeldOut = Annotated[Annotated[list[OfKey], Field(min_length=1)] | Between, Either()]
 
 

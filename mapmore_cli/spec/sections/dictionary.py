@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from pydantic import Field, create_model
 
-from mapmore_cli.domain.declared import Contradiction, Either, in_unit
+from mapmore_cli.domain.declared import Contradiction, Either, always_in
 from mapmore_cli.modelling.expressions import ExpressionError, parse, state
 from mapmore_cli.modelling.expressions.operator import Operator
 from mapmore_cli.modelling.expressions.operators import families
@@ -43,7 +43,9 @@ def _forms() -> Iterator[tuple[str, type[OperatorFamily]]]:
         shape = (*operator.parameters, operator.spread) if len(operator.parameters) == 1 else ()
         shapes.setdefault(shape, []).append(key)
     for shape, keys in shapes.items():
-        told = "\n".join([*map(_summary, keys), *(_about_numbers(families()[keys[0]][0], shape))])
+        told = "\n".join(
+            [*map(_about_family, keys), *(_about_numbers(families()[keys[0]][0], shape))]
+        )
         form = create_model(
             "".join(key.title() for key in keys) if shape else "Operators",
             __base__=OperatorFamily,
@@ -54,7 +56,7 @@ def _forms() -> Iterator[tuple[str, type[OperatorFamily]]]:
         yield from ((key, form) for key in keys)
 
 
-def _summary(key: str) -> str:
+def _about_family(key: str) -> str:
     return f"- `{key}`: {families()[key][0].summary.removesuffix('.')}, as `{{of: [pressure]}}`"
 
 
@@ -70,7 +72,7 @@ def _number_fields(operator: Operator) -> dict[str, Any]:
     """Return the fields for the numbers of an operator with one parameter."""
     (one,) = operator.parameters
     bounds = Field(gt=one.above) if one.below == float("inf") else Field(gt=one.above, lt=one.below)
-    unit_of = in_unit(one.unit)
+    unit_of = always_in(one.unit)
     number: Any = Annotated[float, bounds, unit_of]
     fields: dict[str, Any] = {one.key: (Annotated[list[number], Field(min_length=1)] | None, None)}
     return {**fields, "count": (Count | None, None)} if operator.spread is not None else fields
@@ -126,7 +128,7 @@ class Lags(Section):
     constant: bool = True
 
 
-Widths = Annotated[list[Annotated[float, Field(gt=0), in_unit("1")]], Field(min_length=1)]
+Widths = Annotated[list[Annotated[float, Field(gt=0), always_in("1")]], Field(min_length=1)]
 """Parts of the training range."""
 Window = Annotated[int, Field(ge=1, le=1_000_000)]
 
@@ -298,7 +300,7 @@ else:
         __base__=Families,
         __doc__=(
             "One family of candidate terms: monomials, states with memory, products of both, "
-            "or `terms` written out as expressions.\n\n" + "\n".join(map(_summary, FORMS))
+            "or `terms` written out as expressions.\n\n" + "\n".join(map(_about_family, FORMS))
         ),
         __module__=__name__,
         **{key: (form | None, None) for key, form in FORMS.items()},
