@@ -30,6 +30,9 @@ KEYS = {
 def example(tmp_path_factory):
     folder = tmp_path_factory.mktemp("example") / "example"
     write_example(folder, lambda *_: None)
+    first, _, _ = (folder / "study.yaml").read_text().partition("\n")
+    assert first == "# yaml-language-server: $schema=mapmore.schema.json"
+    assert (folder / "mapmore.schema.json").is_file()
     return folder
 
 

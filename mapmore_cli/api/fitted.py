@@ -24,7 +24,8 @@ from mapmore_cli.reporting.score_tables import score_table
 from mapmore_cli.reporting.summary import summary_table
 from mapmore_cli.reporting.table import Table
 from mapmore_cli.spec.experiment import ExperimentSpec
-from mapmore_cli.spec.loader import LoadedSpec, load, load_text
+from mapmore_cli.spec.loader import MODELINE, SCHEMA, LoadedSpec, load, load_text
+from mapmore_cli.spec.schema import write_schema_beside
 from mapmore_cli.spec.sections.logs import SourceColumn
 from mapmore_cli.spec.yaml_loader import as_overrides, dump, escaped
 from mapmore_cli.storage.atomic import refusals_told, write_bytes, write_text
@@ -263,4 +264,6 @@ class Fitted(LoadedModel):
         with refusals_told(place):
             place.parent.mkdir(parents=True, exist_ok=True)
             self.study.loaded(place)
+            write_text(place, f"{MODELINE}{SCHEMA}\n{place.read_text(encoding='utf-8')}")
+        write_schema_beside(place)
         return place

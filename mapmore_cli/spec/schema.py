@@ -19,8 +19,10 @@ from mapmore_cli.domain.declared import prose
 from mapmore_cli.domain.scores import METRICS
 from mapmore_cli.spec.experiment import ExperimentSpec
 from mapmore_cli.spec.fields import OF_TARGET
+from mapmore_cli.spec.loader import SCHEMA
 from mapmore_cli.spec.tree import SourceText, written
 from mapmore_cli.spec.yaml_loader import parse
+from mapmore_cli.storage.atomic import write_text
 
 KEY = re.compile(r"^- `(\w+)`(?: \((.+?)\))?: (.*?)(?:, as `([^`]+)`)?$\n?", re.MULTILINE)
 """What the docstring of a section says of a key: `- `z_s` (its unit): what it is, as `0.25``."""
@@ -120,6 +122,13 @@ def json_schema() -> JsonSchemaValue:
         "if": {"required": ["extends"]},
         "else": complete,
     }
+
+
+def write_schema_beside(spec: Path) -> None:
+    """Write the schema that the first line of a written spec names, where there is none yet."""
+    path = spec.with_name(SCHEMA)
+    if not path.exists():
+        write_text(path, json.dumps(json_schema(), indent=2) + "\n")
 
 
 def texts_of_sections() -> dict[str, str]:

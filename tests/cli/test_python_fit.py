@@ -182,7 +182,10 @@ def test_bands_are_fitted_when_they_are_asked_for(fitted):
 
 def test_what_is_written_runs_to_the_same_scores(fitted, tmp_path):
     spec = fitted.to_yaml(tmp_path / "there" / "muscle.yaml")
-    assert sorted(path.name for path in spec.parent.iterdir()) == ["muscle.yaml", "muscle_data"]
+    written = {"mapmore.schema.json", "muscle.yaml", "muscle_data"}
+    assert {path.name for path in spec.parent.iterdir()} == written
+    modeline = "# yaml-language-server: $schema=mapmore.schema.json\n"
+    assert spec.read_text().startswith(modeline)
     found = mm.run(spec, tmp_path / "runs")
     assert tuple(found.scores) == tuple(fitted.scores)
     assert found.page.is_file()

@@ -45,6 +45,7 @@ from mapmore_cli.domain.errors import WriteError
 from mapmore_cli.fitting.stage import Progress
 from mapmore_cli.spec.fields import Section
 from mapmore_cli.spec.loader import load_as
+from mapmore_cli.spec.schema import write_schema_beside
 from mapmore_cli.storage.atomic import refusals_told, write_text
 
 KPA = 1e3  # Pa
@@ -297,6 +298,7 @@ def write_example(folder: Path, progress: Progress) -> list[Path]:
                 .joinpath("example_study", name)
                 .read_text(encoding="utf-8"),
             )
+    write_schema_beside(folder / "study.yaml")
     recordings = simulate(load_as(folder / "rig.yaml", SimulationSpec, ()).spec, folder, progress)
     return [folder / "study.yaml", folder / "rig.yaml", *recordings]
 
