@@ -5,6 +5,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from html import escape
 from pathlib import Path
 from typing import Any
@@ -12,7 +13,7 @@ from typing import Any
 from mapmore_cli.api.fitted import Scores
 from mapmore_cli.checking.findings import sentences
 from mapmore_cli.domain.scores import RUN_PAGE
-from mapmore_cli.pipeline.jobs import Job, run_one
+from mapmore_cli.pipeline.jobs import Finished, Job, run_one
 from mapmore_cli.pipeline.notebooks import LoadedModel, plain_values
 from mapmore_cli.pipeline.runner import Options
 from mapmore_cli.spec.yaml_loader import as_overrides
@@ -22,7 +23,7 @@ from mapmore_cli.storage.run_record import scores_beside
 
 
 @dataclass(frozen=True, repr=False)
-class Run:
+class Run(Finished):
     """A run that is up to date.
 
     Attributes
@@ -38,14 +39,20 @@ class Run:
         there are any.
     """
 
-    name: str
-    run_dir: Path
-    stages: Mapping[str, str]
-    model: LoadedModel
-    scores: Scores
-    page: Path
-    missed: tuple[str, ...]
-    warnings: tuple[str, ...]
+    @cached_property
+    def scores(self) -> Scores:
+        """The rows of `scores.json`."""
+        return Scores.of(self.table)
+
+    @cached_property
+    def model(self) -> LoadedModel:
+        """The model, as a function."""
+        return LoadedModel(RunFiles(self.run_dir).model(), self.scores)
+
+    @property
+    def page(self) -> Path:
+        """The page of the run."""
+        return self.run_dir / RUN_PAGE
 
     def __repr__(self) -> str:
         return "\n".join([f"<run {self.name}: {self.page}>", repr(self.scores), *self.missed])
@@ -81,18 +88,7 @@ def run(
     found = run_one(Job(Path(config), Path(runs), overrides, Options(force, check=check)))
     for warning in (*found.table.warnings, *sentences(found.run_dir)):
         warnings.warn(warning, stacklevel=2)
-    scores = Scores.of(found.table)
-    model = LoadedModel(RunFiles(found.run_dir).model(), scores)
-    return Run(
-        found.name,
-        found.run_dir,
-        found.stages,
-        model,
-        scores,
-        found.run_dir / RUN_PAGE,
-        found.missed,
-        found.warnings,
-    )
+    return Run(**vars(found))
 
 
 def load_model(path: str | Path, *, unverified: bool = False) -> LoadedModel:

@@ -23,26 +23,28 @@ def clean(
     """List the runs that no spec names, and remove them with --yes.
 
     Kept are the runs of the specs and campaigns, their variations, and the runs that they are built
-    on or compared with. What mapmore did not write is left alone.
+    on or compared with; and every folder that is no run.
     """
     from mapmore_cli.pipeline.staleness import named_runs
     from mapmore_cli.spec.campaign import expanded
     from mapmore_cli.spec.loader import load
     from mapmore_cli.storage.atomic import remove
-    from mapmore_cli.storage.run_folder import is_of_mapmore, run_lock
+    from mapmore_cli.storage.run_folder import run_lock
+    from mapmore_cli.storage.run_record import load_origin
 
     if not runs.is_dir():
         raise UsageError(f"{runs}: there is no such folder", "name the folder of the runs, --runs")
-    campaigns, entries = expanded(configs, ())
-    kept = {one.campaign.campaign for one in campaigns}
-    kept |= named_runs([load(entry.config, entry.overrides) for entry in entries])
-    found = [path for path in sorted(runs.iterdir()) if path.name not in kept and path.is_dir()]
-    unnamed = [path for path in found if not path.is_symlink() and is_of_mapmore(path)]
-    for path in unnamed if yes else ():
-        with run_lock(path):
-            remove(path)
-    end = "removed" if yes else "would be removed; add --yes"
-    lines = (*map(str, unnamed), f"{len(unnamed)} {'run' if len(unnamed) == 1 else 'runs'} {end}")
-    console.print_view(
-        console.View({"unnamed": list(map(str, unnamed)), "removed": yes}, lines=lines), as_json
-    )
+    entries = expanded(configs, ())[1]
+    kept = named_runs([load(entry.config, entry.overrides) for entry in entries])
+    unnamed = [
+        folder
+        for folder in sorted(runs.iterdir())
+        if folder.name not in kept and not folder.is_symlink() and load_origin(folder)
+    ]
+    for folder in unnamed if yes else ():
+        with run_lock(folder):
+            remove(folder)
+    names = [str(folder) for folder in unnamed]
+    end = f"{len(names)} removed" if yes else f"{len(names)} would be removed; add --yes"
+    document = {"unnamed": names, "removed": yes}
+    console.print_view(console.View(document, lines=(*names, end)), as_json)

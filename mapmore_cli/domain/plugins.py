@@ -116,16 +116,3 @@ def load(group: str, name: str) -> Any:
             f"`{name}` is not installed: {point.value} cannot be imported ({fault})",
             f"install the package that has {point.module.partition('.')[0]}, with all its parts",
         ) from fault
-
-
-def missing(group: str) -> tuple[str, ...]:
-    """Return the names of a group whose parts cannot be imported."""
-    return tuple(name for name in sorted(points(group)) if not _can_load(group, name))
-
-
-def _can_load(group: str, name: str) -> bool:
-    try:
-        load(group, name)
-    except NotInstalled:
-        return False
-    return True

@@ -61,10 +61,12 @@ def _told(section: JsonSchemaValue, of: type) -> JsonSchemaValue:
     for key, value in keys.items():
         unit = _unit_within(value)
         if key in told:
-            unit, value["description"] = told[key][2] or unit, told[key][3]
+            _, own_unit, value["description"], example = told[key].groups()
+            node = parse(SourceText("an example", Path(), example or "", numbered=False), [])
+            value["examples"] = json.loads(json.dumps([written(node)]))  # plain, without places
+            unit = own_unit or unit
         if unit is not None:
             value["unit"] = unit
-        value["examples"] = [_example(told[key][4] if key in told else None, value)]
     return {**section, "description": about.strip()}
 
 
@@ -79,16 +81,6 @@ def _unit_within(value: Any) -> str | None:
     inner = _unit_within([part for key, part in value.items() if key not in ("default", "enum")])
     plain = "1" if value.get("type") in ("number", "integer") else None
     return value.pop("unit", None) or inner or plain
-
-
-def _example(text: str | None, value: JsonSchemaValue) -> Any:
-    """Return the example that a docstring has as YAML, else one of the words that may stand there,
-    else the default.
-    """
-    if text is not None:
-        node = parse(SourceText("an example", Path(), text, numbered=False), [])
-        return json.loads(json.dumps(written(node)))  # plain texts, without their places
-    return next(iter(value.get("enum", ())), value.get("default"))
 
 
 def _whole_schema() -> JsonSchemaValue:
@@ -265,7 +257,7 @@ def _meaning(value: dict[str, Any]) -> str:
     """Return what a key is, its unit and an example, in one cell."""
     unit = value.get("unit", "1")
     words = [value.get("description", ""), *([f"unit: {unit}"] if unit != "1" else [])]
-    words += [f"as `{json.dumps(one, ensure_ascii=False)}`" for one in value["examples"]]
+    words += [f"as `{json.dumps(one, ensure_ascii=False)}`" for one in value.get("examples", ())]
     return "; ".join(words).replace("|", "\\|")
 
 

@@ -29,7 +29,7 @@ from mapmore_cli.storage.atomic import (
     sync_folder,
     sync_tree,
 )
-from mapmore_cli.storage.run_record import CAMPAIGN_RECORD, RUN_RECORD, read_scores
+from mapmore_cli.storage.run_record import RUN_RECORD, read_scores
 
 if TYPE_CHECKING:
     from mapmore_cli.domain.fits import SegmentedCurve
@@ -169,18 +169,6 @@ def open_run_folder(run_dir: Path) -> None:
             "change its permissions, or choose another folder with --runs",
         )
     refuse_foreign(run_dir, RUN_RECORD)
-
-
-def is_of_mapmore(folder: Path) -> bool:
-    """Whether a folder has a whole record of a run, or of a campaign, that mapmore wrote."""
-    for record in (RUN_RECORD, CAMPAIGN_RECORD):
-        try:
-            document = json.loads((folder / record).read_bytes())
-        except (OSError, ValueError, RecursionError):
-            continue
-        if isinstance(document, dict) and document.get("creator") == "mapmore":
-            return True
-    return False
 
 
 def refuse_foreign(folder: Path, record: str) -> None:

@@ -199,22 +199,19 @@ def test_runs_that_no_spec_names_are_listed_and_then_removed(campaign, tmp_path,
     spec = campaign.with_name("bench.yaml")
     edit(spec, "[polynomial_2]", "[{set: {fit.max_terms: 1}, as: plain}]")
     runs = tmp_path / "runs"
-    ours = ("sweep", "one", "two", "broken", "bench", "bench.plain", "old", "older")
-    for name in (*ours, "foreign", "damaged", "notes"):
+    ours = ("one", "two", "broken", "bench", "bench.plain", "old")
+    record = json.dumps({"creator": "mapmore", "origin": {"spec": "../bench.yaml"}})
+    others = {"foreign": '{"creator": "another"}', "damaged": "{", "sweep": '{"campaign": "x"}'}
+    for name, text in {**dict.fromkeys(ours, record), **others, "notes": "mine"}.items():
         (runs / name).mkdir(parents=True)
-        record = {"creator": "mapmore" if name in ours else "another"}
-        text = "{" if name == "damaged" else json.dumps(record)
-        (runs / name / ("campaign.json" if name == "older" else "run.json")).write_text(text)
-    (runs / "notes" / "run.json").rename(runs / "notes" / "mine.txt")
+        (runs / name / ("mine.txt" if name == "notes" else "run.json")).write_text(text)
     (runs / "link").symlink_to(runs / "old")
     everything = sorted(path.name for path in runs.iterdir())
     arguments = ("clean", campaign, spec, "--runs", runs)
     listed = mapmore(*arguments, code=0).stdout.splitlines()
-    assert listed[:2] == [str(runs / "old"), str(runs / "older")]
-    assert listed[2] == "2 runs would be removed; add --yes"
+    assert listed == [str(runs / "old"), "1 would be removed; add --yes"]
     assert sorted(path.name for path in runs.iterdir()) == everything
     assert json.loads(mapmore(*arguments, "--yes", "--json", code=0).stdout)["removed"] is True
-    left = set(everything) - {"old", "older"}
-    assert {path.name for path in runs.iterdir()} == left
+    assert {path.name for path in runs.iterdir()} == set(everything) - {"old"}
     mapmore("clean", campaign, tmp_path / "none.yaml", "--runs", runs, "--yes", code=3)
     mapmore("clean", spec, "--runs", tmp_path / "none", code=2, says="no such folder")

@@ -188,7 +188,7 @@ class ModelSettings(Settings):
 
     def __post_init__(self) -> None:
         """Refuse keys that the type lacks, or has no use for; a family is a formula."""
-        if self.type in plugins.missing("kinds"):
+        if self.type not in (*_OWN_TYPES, *(kind.name for kind in kinds.kinds())):
             raise Contradiction(f"type `{self.type}` is not installed", "install it", "type")
         if self.family is not None:
             if self.type not in ("mapmore", "literature"):
