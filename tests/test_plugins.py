@@ -9,8 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import yaml
-from common import mapmore
+from common import mapmore, rows_of
 
 from mapmore_cli.annexes.search.candidate import offered_structures
 from mapmore_cli.annexes.search.situation import Situation
@@ -50,36 +49,36 @@ draw = fail
 lazy = ModuleType("late")
 lazy.draw = lambda _: [Drawing("lazy", "", "", (Panel("", fail, "x", ("y",)),), Layout())]
 """
-FAULTS = {
-    "operators": {"o": "ZeroDivisionError", "wrong": "no Operator", "zz": "is there already"},
-    "formulas": {"f": "ZeroDivisionError"},
-    "readers": {"r": "ZeroDivisionError"},
-    "kinds": {"k": "ZeroDivisionError"},
-    "figures": {"late": "ZeroDivisionError", "lazy": "ZeroDivisionError"},
-}
-STUDY = {
-    "schema_version": 1,
-    "name": "study",
-    "data": {
-        "files": ["log.jsonl"],
-        "reader": "json_lines",
-        "columns": {
-            "time": {"column": "t", "unit": "s"},
-            "pressure": {"column": "P", "unit": "kPa"},
-            "strain": {"column": "eps"},
-            "force": {"column": "F", "unit": "N"},
-        },
-        "split": {"validate": {"last": 0.4}},
-    },
-    "target": "static",
-    "dictionary": [
-        {"washout": {"of": ["pressure"], "tau": [0.5]}},
-        {"polynomial": {"of": ["pressure", "strain"], "order": 3}},
-    ],
-    "fit": {"max_terms": 6},
-    "validate": {"against": ["power_law"], "simple": False},
-    "report": {"figures": ["scatter", "late", "lazy"], "formats": ["html", "svg"]},
-}
+FAULTS = """
+operators  o      ZeroDivisionError
+operators  wrong  no Operator
+operators  zz     is there already
+formulas   f      ZeroDivisionError
+readers    r      ZeroDivisionError
+kinds      k      ZeroDivisionError
+figures    late   ZeroDivisionError
+figures    lazy   ZeroDivisionError
+"""
+STUDY = """
+schema_version: 1
+name: study
+data:
+  files: [log.jsonl]
+  reader: json_lines
+  columns:
+    time: {column: t, unit: s}
+    pressure: {column: P, unit: kPa}
+    strain: {column: eps}
+    force: {column: F, unit: N}
+  split: {validate: {last: 0.4}}
+target: static
+dictionary:
+  - washout: {of: [pressure], tau: [500 ms]}
+  - polynomial: {of: [pressure, strain], order: 3}
+fit: {max_terms: 6}
+validate: {against: [power_law], simple: false}
+report: {figures: [scatter, late, lazy], formats: [html, svg]}
+"""
 
 
 def write_log(path):
@@ -110,7 +109,7 @@ def folder(tmp_path_factory):
     (about / "METADATA").write_text("Metadata-Version: 2.1\nName: zbroken\nVersion: 1.0\n")
     (about / "entry_points.txt").write_text(BROKEN)
     write_log(place / "log.jsonl")
-    (place / "study.yaml").write_text(yaml.safe_dump(STUDY))
+    (place / "study.yaml").write_text(STUDY)
     return place
 
 
@@ -122,11 +121,10 @@ def test_the_template_is_found_and_what_is_broken_is_named_and_left_out(folder):
     assert scores["mapmore", "validate"]["nrmse"] < 1e-9
     assert 0.001 < scores["power_law", "validate"]["nrmse"] < 0.1
     assert (folder / "runs" / "study" / "report" / "scatter.svg").is_file()
-    for group, faults in FAULTS.items():
-        for name, why in faults.items():
-            told = f"warning: plug-in `{name}` ({group}) of zbroken is left out: "
-            (line,) = [line for line in finished.stderr.splitlines() if line.startswith(told)]
-            assert why in line
+    for group, name, why in rows_of(FAULTS):
+        told = f"warning: plug-in `{name}` ({group}) of zbroken is left out: "
+        (line,) = [line for line in finished.stderr.splitlines() if line.startswith(told)]
+        assert why in line
     exported = run("export", "runs/study/model.h5", "--to", "json", "-o", "out", "-q")
     assert (exported.returncode, exported.stderr) == (0, "")
     (equation,) = json.loads((folder / "out" / "study.json").read_text()).values()
@@ -136,9 +134,8 @@ def test_the_template_is_found_and_what_is_broken_is_named_and_left_out(folder):
     assert broken.returncode == 2
     assert "`c` is not installed: broken cannot be imported" in broken.stderr
     (folder / "log.late").write_text("x")
-    late = {**STUDY["data"], "files": ["log.late"], "reader": "late"}
-    (folder / "late.yaml").write_text(yaml.safe_dump({**STUDY, "name": "late", "data": late}))
-    failed = run("ingest", "late.yaml", "-q")
+    as_late = ("--set", "data.files=[log.late]", "--set", "data.reader=late")
+    failed = run("ingest", "study.yaml", "-q", *as_late)
     assert failed.returncode == 1
     assert failed.stderr.startswith("error: the plug-in late failed: ZeroDivisionError")
 

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Mapping, Sequence
+from inspect import signature
 from pathlib import Path
+from textwrap import fill
 from typing import Any
 
 from mapmore_cli.api.fitted import HERE, Fitted, Study
@@ -14,7 +16,7 @@ from mapmore_cli.domain.errors import SpecError
 from mapmore_cli.domain.given import labels_of
 from mapmore_cli.pipeline.notebooks import canonical_columns, plain_values
 from mapmore_cli.spec.diagnostics import did_you_mean
-from mapmore_cli.spec.schema import texts_of_sections
+from mapmore_cli.spec.schema import texts_of
 from mapmore_cli.spec.sections.data import Data
 from mapmore_cli.storage.readers import reader_of
 
@@ -24,8 +26,8 @@ Section = Mapping[str, Any]
 OF_DATA = ("columns", "levels", "split")
 """Keys of the section `data` that `fit` names; it takes all others likewise."""
 
-OWN = ("frame", "check", "progress", "of_data", "data", *OF_DATA)
-"""Arguments of `fit` that are no sections of their own in the spec."""
+NO_SECTIONS = ("frame", "data", "check", "progress", "of_data")
+"""Arguments of `fit` that are no sections, and the one that is made of several."""
 
 
 def fit(
@@ -108,7 +110,7 @@ def fit(
     100.0
     """
     given = {key: value for key, value in locals().items() if value is not None}
-    document = {key: value for key, value in given.items() if key not in OWN}
+    document = {key: value for key, value in given.items() if key not in (*NO_SECTIONS, *OF_DATA)}
     of_data = {**{key: given[key] for key in OF_DATA if key in given}, **of_data}
     for key in sorted(of_data.keys() - Data.model_fields.keys()):
         known = did_you_mean(key, [*document, *SECTIONS, *Data.model_fields])
@@ -121,10 +123,20 @@ def fit(
     return found
 
 
-SECTIONS = texts_of_sections()
+SECTIONS = texts_of(
+    [
+        name
+        for name in signature(fit).parameters
+        if name not in ("columns", "schema_version", *NO_SECTIONS)
+    ]
+)
 fit.__doc__ = (fit.__doc__ or "").replace(
     "    check\n",
-    "".join(f"    {key}\n        {text}\n" for key, text in SECTIONS.items()) + "    check\n",
+    "".join(
+        f"    {key}\n{fill(text, 100, initial_indent=' ' * 8, subsequent_indent=' ' * 8)}\n"
+        for key, text in SECTIONS.items()
+    )
+    + "    check\n",
     1,
 )
 

@@ -79,9 +79,9 @@ def blamed(fault: BaseException) -> str | None:
     """Return the package whose plug-in was at work when something failed; None for our own."""
     packages = {
         point.module.partition(".")[0]
-        for group in entry_points().groups
+        for group in _installed().groups
         if group.startswith("mapmore.")
-        for point in entry_points(group=group)
+        for point in _installed().select(group=group)
     }
     frames = (frame for frame, _ in walk_tb(fault.__traceback__))
     names = (str(frame.f_globals.get("__name__")).partition(".")[0] for frame in frames)
@@ -98,10 +98,16 @@ def _parts_in(group: str, name: str, source: Any) -> Iterator[Added]:
         yield Added(getattr(value, "name", name), value, source)
 
 
+@cache  # reading what is installed takes longer than all else at the start
+def _installed() -> Any:
+    return entry_points()
+
+
 @cache
 def points(group: str) -> dict[str, EntryPoint]:
     """Return the entry points of a group by name; of two with one name, the first by module."""
-    by_module = sorted(entry_points(group=f"mapmore.{group}"), key=lambda point: point.value)
+    of_group = _installed().select(group=f"mapmore.{group}")
+    by_module = sorted(of_group, key=lambda point: point.value)
     return {point.name: point for point in reversed(by_module)}
 
 

@@ -123,13 +123,11 @@ def write_schema_beside(spec: Path) -> None:
         write_text(path, json.dumps(json_schema(), indent=2) + "\n")
 
 
-def texts_of_sections() -> dict[str, str]:
-    """Return what each key of the top level is, by its name."""
-    return {
-        key: value.get("description", "")
-        for key, value in _whole_schema()["properties"].items()
-        if key not in ("extends", "data", "schema_version")
-    }
+def texts_of(keys: Sequence[str]) -> dict[str, str]:
+    """Return what keys of the top level and of `data` are, with an example as Python writes it."""
+    schema = _whole_schema()
+    known = {**schema["$defs"]["Data"]["properties"], **schema["properties"]}
+    return {key: f"{known[key]['description']}, as `{known[key]['examples'][0]!r}`" for key in keys}
 
 
 def _sections_within(
