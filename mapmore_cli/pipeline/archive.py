@@ -8,18 +8,26 @@ import json
 import re
 import shutil
 from collections.abc import Iterator, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
+
+from pydantic import TypeAdapter, ValidationError
 
 from mapmore_cli import __version__
 from mapmore_cli.domain.errors import DataError, UsageError, WriteError
+from mapmore_cli.modelling.pieces.recipe import Fuse, Segmented
+from mapmore_cli.modelling.selection import Fit
 from mapmore_cli.modelling.validation.comparison import Comparison, compare
 from mapmore_cli.pipeline.staleness import (
     MODEL_STAGE,
     SEARCH_STAGE,
     known_records,
+    plain,
     slice_differences,
 )
+from mapmore_cli.spec.sections.dictionary import DictionaryEntry
+from mapmore_cli.spec.sections.model import ModelChoice
 from mapmore_cli.storage.artefacts import read_model
 from mapmore_cli.storage.atomic import refusals_told, sync_tree, unfinished_beside, write_text
 from mapmore_cli.storage.run_folder import MODEL
@@ -209,8 +217,15 @@ def compared(before: Path, after: Path, margin: float, other_settings: bool = Fa
     return replace(found, settings=settings, same_recordings=hashes[0] == hashes[1] != set())
 
 
-MADE_BY = {"segment", "dictionary", "model", "fit", "fuse"}
-"""Sections by which a model is made of its curves."""
+@dataclass(frozen=True)
+class MadeBy:
+    """The sections by which a model is made of its curves."""
+
+    segment: dict[str, Segmented] = field(default_factory=dict)
+    dictionary: list[DictionaryEntry] = field(default_factory=list)
+    model: ModelChoice = field(default_factory=ModelChoice)
+    fit: Fit = field(default_factory=Fit)
+    fuse: Fuse = field(default_factory=Fuse)
 
 
 def _other_settings(*runs: Mapping[str, StageRecord]) -> Iterator[str]:
@@ -220,6 +235,16 @@ def _other_settings(*runs: Mapping[str, StageRecord]) -> Iterator[str]:
     for stage in (SEARCH_STAGE, MODEL_STAGE):
         slices = [run[stage].slice for run in runs if stage in run]
         if len(slices) == 2:
-            asked = [{key: one[key] for key in MADE_BY & one.keys()} for one in slices]
-            yield from slice_differences(stage, *asked)
+            yield from slice_differences(stage, *map(_as_read_now, slices))
             return
+
+
+def _as_read_now(recorded: Mapping[str, Any]) -> Any:
+    """Return the sections of a recorded slice; keys that came with a later version have their
+    defaults.
+    """
+    known = {key: recorded[key] for key in MadeBy.__annotations__ if key in recorded}
+    try:
+        return plain(TypeAdapter(MadeBy).validate_json(json.dumps(known)))
+    except ValidationError:  # of a newer version
+        return known

@@ -134,6 +134,21 @@ def test_a_difference_of_settings_is_not_the_muscle_s(campaigns, mapmore):
     assert "made with --set fuse.z_s=0.1\n" in said.stderr
 
 
+def test_a_key_that_a_later_version_has_is_no_other_setting(campaigns, mapmore, tmp_path):
+    """Found by thought: every model frozen by an older version would be refused."""
+    older = tmp_path / "older"
+    shutil.copytree(campaigns / "runs" / "first", older)
+    record = json.loads((older / "run.json").read_text())
+    made_by = record["stages"]["fuse"]["slice"]
+    del made_by["fuse"]["hold"], made_by["fit"]["margin"], made_by["dictionary"][0]["spline"]
+    (older / "run.json").write_text(json.dumps(record))
+    compared(mapmore, campaigns, older, "third", code=0, says="")
+    made_by["dictionary"][0]["polynomial"]["order"] += 1
+    (older / "run.json").write_text(json.dumps(record))
+    refused = compared(mapmore, campaigns, older, "third", code=2)
+    assert "dictionary" in refused.stderr
+
+
 def test_a_campaign_is_frozen_and_compared_run_by_run(campaigns, mapmore, tmp_path):
     runs = tmp_path / "runs"
     for name in ("first", "second"):
