@@ -16,7 +16,7 @@ from mapmore_cli.domain.errors import SpecError
 from mapmore_cli.domain.given import labels_of
 from mapmore_cli.pipeline.notebooks import canonical_columns, plain_values
 from mapmore_cli.spec.diagnostics import did_you_mean
-from mapmore_cli.spec.schema import texts_of
+from mapmore_cli.spec.schema import key_texts
 from mapmore_cli.spec.sections.data import Data
 from mapmore_cli.storage.readers import reader_of
 
@@ -123,7 +123,7 @@ def fit(
     return found
 
 
-SECTIONS = texts_of(
+SECTIONS = key_texts(
     [
         name
         for name in signature(fit).parameters

@@ -123,7 +123,7 @@ def write_schema_beside(spec: Path) -> None:
         write_text(path, json.dumps(json_schema(), indent=2) + "\n")
 
 
-def texts_of(keys: Sequence[str]) -> dict[str, str]:
+def key_texts(keys: Sequence[str]) -> dict[str, str]:
     """Return what keys of the top level and of `data` are, with an example as Python writes it."""
     schema = _whole_schema()
     known = {**schema["$defs"]["Data"]["properties"], **schema["properties"]}
