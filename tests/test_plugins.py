@@ -4,6 +4,7 @@ import json
 import shutil
 import subprocess
 import sys
+from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
 
@@ -13,6 +14,7 @@ from common import mapmore, rows_of
 
 from mapmore_cli.annexes.search.candidate import offered_structures
 from mapmore_cli.annexes.search.situation import Situation
+from mapmore_cli.domain import plugins
 
 TEMPLATE = Path(__file__).resolve().parents[1] / "docs" / "examples" / "plugin"
 
@@ -140,12 +142,14 @@ def test_the_template_is_found_and_what_is_broken_is_named_and_left_out(folder):
     assert failed.stderr.startswith("error: the plug-in late failed: ZeroDivisionError")
 
 
-def test_a_family_of_structures_is_offered_to_the_search(monkeypatch):
-    monkeypatch.syspath_prepend(TEMPLATE)
-    from mapmore_template.family import FAMILY
-
+def test_a_family_of_structures_is_offered_to_the_search(folder, monkeypatch):
+    monkeypatch.syspath_prepend(folder / "path")
+    for remembered in (plugins._installed, plugins.points, plugins.load):
+        monkeypatch.setattr(plugins, remembered.__name__, remembered.__wrapped__)
+    (family,) = plugins.parts("families", Mapping)
+    monkeypatch.undo()
     recording = Situation("force", ("pressure", "strain"), None, 500, 1, step=0.1, longest=50.0)
-    (structure,) = offered_structures(FAMILY, recording)
+    (structure,) = offered_structures(family.value, recording)
     (product,) = structure.sections["dictionary"]
     washout = {"of": ["pressure", "strain"], "tau": [0.5, 2]}
     assert product["products"]["of"] == ["pressure", "strain", {"washout": washout}]

@@ -93,7 +93,8 @@ def _parts_in(group: str, name: str, source: Any) -> Iterator[Added]:
     plural; an object without them is itself the part.
     """
     many = group.upper()
-    held = getattr(source, many, None) or getattr(source, many.removesuffix("S"), source)
+    single = f"{many[:-3]}Y" if many.endswith("IES") else many[:-1]
+    held = getattr(source, many, None) or getattr(source, single, source)
     for value in held if isinstance(held, list | tuple) else (held,):
         yield Added(getattr(value, "name", name), value, source)
 
