@@ -12,6 +12,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from functools import cache, partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from actuator_joint import chained, turned
@@ -269,7 +270,7 @@ def regulators(_runs: Path) -> Table:
         / "regulator_only"
     )
     known = {"time": {"unit": "s"}, "command": {"unit": "kPa"}, "pressure": {"unit": "kPa"}}
-    settings = {
+    settings: dict[str, Any] = {
         "dictionary": [{"slow": {"of": ["command"]}}],
         "resample": "10 ms",
         "split": {"validate": {"last": 0.5}},

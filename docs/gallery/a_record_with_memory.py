@@ -1,5 +1,7 @@
 """A record with memory: a slow state explains creep that no static model can."""
 
+from typing import Any
+
 import matplotlib.pyplot as plt
 import numpy as np
 from muscle import save
@@ -16,7 +18,7 @@ dictionary = [
     {"slow": {"of": ["pressure"], "tau": [0.5, 1, 2, 4]}},
     {"polynomial": {"of": ["pressure"], "order": 1}},
 ]
-study = {
+study: dict[str, Any] = {
     "target": {"column": "displacement"},
     "units": {"displacement": "mm"},
     "split": {"validate": {"last": 0.5}},

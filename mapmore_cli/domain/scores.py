@@ -9,6 +9,7 @@ from types import MappingProxyType
 from typing import Annotated, Any, get_type_hints
 
 from mapmore_cli.domain.declared import Label
+from mapmore_cli.domain.plugins import points
 
 OWN = "mapmore"
 """Name of the run's own model in its scores, and of the needed static model in a composite."""
@@ -209,6 +210,7 @@ FIGURES = {
     "terms": "terms",
     "convergence": "nrmse",
 }
-"""The figures in their order, with the section of the page that each stands in. A figure `NAME` is
-drawn by `reporting/figures/NAME.py`.
+"""The figures in their order, with the section of the page that each stands in; those of plug-ins
+come last. A figure `NAME` is drawn by `reporting/figures/NAME.py`, or an entry point.
 """
+FIGURES |= {name: "nrmse" for name in sorted(points("figures")) if name not in FIGURES}

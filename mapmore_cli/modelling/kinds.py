@@ -84,8 +84,8 @@ class Kind:
 @cache
 def kinds() -> tuple[Kind, ...]:
     """Return every kind, in the order of their names."""
-    own = [one.KIND for one in plugins.modules("mapmore_cli.modelling") if hasattr(one, "KIND")]
-    return tuple(sorted([*own, *plugins.added("kinds").values()], key=lambda kind: kind.name))
+    found = plugins.parts("kinds", Kind, "mapmore_cli.modelling")
+    return tuple(sorted((part.value for part in found), key=lambda kind: kind.name))
 
 
 def named(name: str) -> Kind:
@@ -96,7 +96,7 @@ def named(name: str) -> Kind:
 
 def page_of(fit: Any) -> ModuleType | None:
     """Return the module that shows fits of their kind on pages, where the kind has one."""
-    kind = next((kind for kind in plugins.added("kinds").values() if kind.fit is type(fit)), None)
+    kind = next((kind for kind in kinds() if kind.fit is type(fit)), None)
     return kind.page if kind else None
 
 

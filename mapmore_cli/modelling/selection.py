@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 from annotated_types import Interval
 
-from mapmore_cli.domain.declared import Contradiction, Either, InUnit, OfHeld, Settings
+from mapmore_cli.domain.declared import Contradiction, Either, OfHeld, Settings, always_in
 
 AUTO = "auto"  # what left-out training data choose: a backbone
 LEAST_RIDGE = 1e-9  # a smaller ridge, but for zero, would drown in the rounding of the Gram matrix
@@ -20,24 +20,28 @@ Stop = Literal["tolerance", "bic", "aicc", "press", "free_run"]
 
 @dataclass(frozen=True, kw_only=True)
 class Fit(Settings):
-    """Term selection (M2 eq 2-7): how inputs are scaled, how many terms at most, and when to stop.
+    """How terms are chosen (M2 eq 2-7).
 
-    - `scaling` is `none` with memory, `max_abs` for damping, else `unit_square`. `range` brings
-      states to [0, 1] and clips them `margin`
-      beyond.
-    - `train_level` restricts the pieces to one training level, as M2 does (`highest`).
-    - `tolerance` ends the choice where no larger fraction of the squares of the target is left; of
-      those about its mean where the
-      dictionary has a constant. It ends no other `stop` rule.
-    - A `ridge`, a fraction of a candidate's variance or `auto`, selects `forward` terms (three
-      times `max_terms`) and prunes them.
-    - With delays of the output: `criterion: free_run` refines the coefficients on the simulation
-      error. `stop: free_run` chooses the number of terms on the last quarter of each training
-      recording.
+    - `scaling`: how inputs are scaled: `none` by default with memory, `max_abs` for damping;
+      `range` brings states to [0, 1], as `none`
+    - `margin`: how far beyond `range` states are clipped, as a fraction of it, as `0.15`
+    - `train_level`: the one training level whose samples the pieces are fitted to, as M2 does, as
+      `highest`
+    - `max_terms`: terms of a segment, or of a model with memory, at most, as `2`
+    - `tolerance`: ends the choice where no larger fraction of the squares of the target is left, of
+      those about its mean where the dictionary has a constant; it ends no other `stop` rule, as
+      `0.01`
+    - `stop`: when fewer terms than `max_terms` are enough; `free_run` chooses the number on the
+      last quarter of each training recording, as `bic`
+    - `criterion`: with delays of the output, `free_run` refines the coefficients on the simulation
+      error, as `free_run`
+    - `ridge`: a fraction of a candidate's variance, or `auto`: `forward` terms are selected and
+      pruned to `max_terms`, as `auto`
+    - `forward`: terms that are selected before pruning; three times `max_terms` by default, as `30`
     """
 
     scaling: Literal["unit_square", "max_abs", "none", "range"] = "unit_square"
-    margin: Annotated[float, Interval(ge=0), InUnit(lambda _: "1")] = 0.15
+    margin: Annotated[float, Interval(ge=0), always_in("1")] = 0.15
     train_level: Annotated[Literal["all", "highest"] | OfHeld, Either()] = "all"
     max_terms: Annotated[int, Interval(ge=1)] = 1
     tolerance: Annotated[float, Interval(ge=0, lt=1)] = 1e-4

@@ -141,8 +141,8 @@ def fit(part: ModelChoices, workspace: Workspace) -> None:
     for piece in result.pieces:
         if piece.selection.tied.any():
             workspace.warn(
-                f"segment {piece.id}: candidates tie within 1e-9; the first of the dictionary "
-                "was taken"
+                f"segment {piece.id}: candidates tie within 1e-9, and the first was taken: "
+                "remove the others from the dictionary"
             )
     write_fit(workspace.out / FIT, result, units_of(dataset))
 

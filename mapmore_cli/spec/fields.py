@@ -23,7 +23,7 @@ from pydantic import (
     model_validator,
 )
 
-from mapmore_cli.domain.declared import Contradiction, InUnit
+from mapmore_cli.domain.declared import Contradiction, InUnit, always_in
 from mapmore_cli.domain.errors import SpecError
 from mapmore_cli.modelling.literature.own import is_definition
 from mapmore_cli.spec.tree import Node, Written, written
@@ -212,14 +212,18 @@ def _column_unit(place: Place) -> str | None:
 OF_TARGET = ("rmse", "normaliser", "max_abs_error")
 """Metrics in the unit of the target."""
 
-Metres = Annotated[float, Field(gt=0), InUnit(lambda _: "m")]
-SignedSeconds = Annotated[float, InUnit(lambda _: "s")]
-OfTarget = Annotated[float, InUnit(lambda place: place.unit_of(place.target))]
-InColumnUnit = Annotated[float, InUnit(_column_unit)]
+Metres = Annotated[float, Field(gt=0), always_in("m")]
+SignedSeconds = Annotated[float, always_in("s")]
+OfTarget = Annotated[float, InUnit(lambda place: place.unit_of(place.target), "that of the target")]
+InColumnUnit = Annotated[float, InUnit(_column_unit, "that of the column")]
 Metric = Annotated[
-    float, InUnit(lambda place: place.unit_of(place.target) if place.key in OF_TARGET else "1")
+    float,
+    InUnit(
+        lambda place: place.unit_of(place.target) if place.key in OF_TARGET else "1",
+        "that of the metric",
+    ),
 ]
-Share = Annotated[float, InUnit(lambda _: "1")]
+Share = Annotated[float, always_in("1")]
 
 Quantity = Annotated[str, Field(pattern=r"^[A-Za-z_][A-Za-z0-9_]*$", max_length=100)]
 """The name of a quantity, as expressions spell it."""

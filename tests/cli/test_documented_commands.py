@@ -22,7 +22,7 @@ ROOT = Path(__file__).parents[2]
 PAGES = (
     ROOT / "README.md",
     *sorted((ROOT / "docs").glob("*.md")),
-    *sorted((ROOT / "docs" / "examples").iterdir()),
+    *sorted(filter(Path.is_file, (ROOT / "docs" / "examples").iterdir())),
 )
 FENCE = re.compile(r"^```(\w*)\n(.*?)^```", re.MULTILINE | re.DOTALL)
 COMMAND = re.compile(r"(?:\s*|\s*- run: |.*\$\()(mapmore .*)")

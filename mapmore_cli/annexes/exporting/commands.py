@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated
 
 import typer
 
@@ -16,20 +16,8 @@ from mapmore_cli.storage.atomic import refusals_told, write_bytes
 def export(
     model_file: console.ModelFile,
     to: Annotated[
-        Literal[
-            "c",
-            "fmu",
-            "fmu3",
-            "csv",
-            "tex",
-            "py",
-            "numpy",
-            "matlab",
-            "table",
-            "mujoco",
-            "simulink",
-        ],
-        typer.Option(help="What to write; see above."),
+        str,
+        typer.Option(metavar="FORM", help="What to write; see above."),
     ],
     output: Annotated[
         Path, typer.Option("--output", "-o", metavar="DIR", help="Folder for the files.")

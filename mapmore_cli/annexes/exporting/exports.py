@@ -23,6 +23,8 @@ from mapmore_cli.annexes.exporting.templates import (
     word,
 )
 from mapmore_cli.annexes.exporting.verifying import middle
+from mapmore_cli.domain import plugins
+from mapmore_cli.domain.errors import UsageError
 from mapmore_cli.domain.foreign import identifiers
 from mapmore_cli.domain.models import Model
 from mapmore_cli.modelling.program.model import program_of
@@ -42,6 +44,7 @@ EXPORTERS: dict[str, Exporter] = {
     "mujoco": mujoco_files,
     "simulink": simulink_files,
 }
+EXPORTERS = {part.name: part.value for part in plugins.parts("exports", Callable)} | EXPORTERS
 
 
 SNIPPETS = {
@@ -91,5 +94,7 @@ def exported(
     that has no letter; DataError where a part of the model is no closed expression; MapmoreError
     where the code that was written has other numbers than `predict`.
     """
+    if to not in EXPORTERS:
+        raise UsageError(f"nothing is exported to {to!r}", f"choose one of {', '.join(EXPORTERS)}")
     files = EXPORTERS[to](model, Wanted(single, grid, verify, warn))
     return {name: data.encode() if isinstance(data, str) else data for name, data in files.items()}

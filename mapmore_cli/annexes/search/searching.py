@@ -27,6 +27,7 @@ from mapmore_cli.annexes.search.bench import (
 from mapmore_cli.annexes.search.black_boxes import Left, black_boxes
 from mapmore_cli.annexes.search.candidate import Structure, offered_structures
 from mapmore_cli.annexes.search.situation import situation_of
+from mapmore_cli.domain import plugins
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import DataError, FitError, MapmoreError
 from mapmore_cli.domain.models import Model
@@ -118,7 +119,9 @@ def search(
     if part.by_level or uneven:  # a model that runs along recordings cannot be fitted then
         situation = replace(situation, step=None)
     training = cut_short(training, held_run(dataset), situation.timed)
-    listed = [one for name in FAMILIES for one in offered_structures(family(name), situation)]
+    added = [part.value for part in plugins.parts("families", Mapping)]
+    families = [*map(family, FAMILIES), *added]
+    listed = [one for known in families for one in offered_structures(known, situation)]
     bench = Bench.of(training, situation, part, dataset)
     budget = Budget(part.model.budget)
     jobs: list[Callable[[], Any]] = [

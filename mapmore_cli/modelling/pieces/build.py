@@ -334,10 +334,10 @@ def _remarks(
     ):
         where = f"{', '.join(explosive)} on {', '.join(several)}"
         return (
-            f"segments of several terms continue beyond their data along {where}: polynomials "
-            "explode there; consider saturate",
+            f"segments of several terms continue beyond their data along {where}, where "
+            "polynomials explode: remove `continue`, or write `saturate` (fuse.extrapolation)",
         )
     return (
-        "segments have several terms, so each curve saturates at the ends of its own range "
-        "(fuse.extrapolation)",
+        "segments have several terms, so each curve is held at the ends of its own range; "
+        "`fuse: {extrapolation: continue}` goes on beyond them",
     )

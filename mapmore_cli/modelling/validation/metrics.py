@@ -115,6 +115,17 @@ def relative(error: Array, measured: Array) -> float:
     return float(np.sqrt(np.sum((error / unit) ** 2) / spread)) if spread > 0 else math.nan
 
 
+def information_criteria(n: int, rmse: float, parameters: int) -> tuple[float, float]:
+    """Return AIC `n ln(SSE/n) + 2k` and BIC `n ln(SSE/n) + k ln n` of a fit to n samples by k
+    parameters, with `SSE/n = rmse^2` (Akaike 1974; Schwarz 1978).
+
+    They compare models of the same samples: constants of the likelihood are left out. Minus
+    infinity for an error of zero.
+    """
+    fit = 2 * n * math.log(rmse) if rmse > 0 else -math.inf
+    return fit + 2 * parameters, fit + parameters * math.log(n)
+
+
 def _unit_of(*values: Array) -> float:
     """Return a power of two next to the largest value, in which squares neither vanish nor
     overflow; dividing by it changes no digit.

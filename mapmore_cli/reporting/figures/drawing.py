@@ -9,8 +9,9 @@ import math
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cache
 from html import escape
-from importlib import import_module
+from types import ModuleType
 from typing import Any, Literal
 
 import numpy as np
@@ -119,11 +120,24 @@ def drawings(name: str, inputs: ReportInputs) -> list[Drawing]:
 
     They come from `draw` in the module of that name, or of the plug-in.
     """
-    if name in plugins.missing("figures"):
+    try:
+        figures: list[Drawing] = _modules()[name].draw(inputs) if name in _modules() else []
+        if figures and not _modules()[name].__name__.startswith("mapmore_cli."):
+            for drawing in figures:  # what fails as it is drawn is left out as well
+                compose(drawing, inputs.style)
+    except Exception as fault:
+        if plugins.blamed(fault) is None:
+            raise
+        plugins.leave_plugin_out("figures", name, fault)
         return []
-    module = plugins.added("figures").get(name) or import_module(f"{__package__}.{name}")
-    figures: list[Drawing] = module.draw(inputs)
     return figures
+
+
+@cache
+def _modules() -> dict[str, ModuleType]:
+    """Return the modules of the figures by their names, and those that they share."""
+    assert __package__ is not None
+    return {part.name: part.value for part in plugins.parts("figures", ModuleType, __package__)}
 
 
 def panel_of(name: str, inputs: ReportInputs, words: str) -> tuple[Drawing, Panel]:
