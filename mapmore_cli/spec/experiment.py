@@ -276,7 +276,8 @@ class Report(Section):
 
     `html` is the page, `svg` a file for each figure, `csv` and `tex` the tables. With `pdf`, `png`
     or `pgf`, every panel of every figure is a file of its own in `panels/`, beside the numbers that
-    it was drawn from.
+    it was drawn from. `over: time` draws the fit of recordings over time whatever the model; by
+    default models without memory are drawn over an input.
     """
 
     figures: list[Literal[tuple(FIGURES)]] = list(FIGURES)  # type: ignore[valid-type]
@@ -286,6 +287,7 @@ class Report(Section):
         "svg",
     ]
     style: Style = Style()
+    over: Literal["time"] | None = None
     published: PublishedScores | None = None
     units: dict[Quantity, str] = {}
 

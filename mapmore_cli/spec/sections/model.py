@@ -8,11 +8,11 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from typing import TYPE_CHECKING, Annotated, Literal
 
-from annotated_types import Len
+from annotated_types import Gt, Len
 from pydantic import Field
 
 from mapmore_cli.domain import plugins
-from mapmore_cli.domain.declared import Contradiction, Pair, Seconds, Settings
+from mapmore_cli.domain.declared import Contradiction, InUnit, Pair, Seconds, Settings
 from mapmore_cli.modelling import kinds
 from mapmore_cli.modelling.literature.own import FamilySettings
 from mapmore_cli.spec.fields import Quantity, Section, SpecPath
@@ -94,9 +94,19 @@ class Needs(Settings):
 
 
 @dataclass(frozen=True, kw_only=True)
+class TendonSettings(Settings):
+    """A tendon between a muscle and what is measured: its `stiffness`, and the `force` that it
+    carries where the length is zero.
+    """
+
+    stiffness: Annotated[float, Gt(0), InUnit(lambda _: "N/m")]
+    force: Annotated[float, InUnit(lambda _: "N")] = 0.0
+
+
+@dataclass(frozen=True, kw_only=True)
 class Summand(Settings):
     """A part of a sum: the model of another run (the path of its spec), or a `formula`; `sign` is 1
-    or -1.
+    or -1. The model of a muscle may be behind a `tendon`.
 
     `inputs` says what the part's inputs are called in this study, as expressions: `{pressure: p1,
     strain: "-s"}`. An input that two parts share by name must be renamed for both.
@@ -106,9 +116,14 @@ class Summand(Settings):
     formula: str | None = None
     sign: Literal[1, -1] = 1
     inputs: dict[Quantity, str] = field(default_factory=dict)
+    tendon: TendonSettings | None = None
 
     def __post_init__(self) -> None:
-        """Refuse both, and neither."""
+        """Refuse both, and neither; and a formula behind a tendon."""
+        if self.tendon is not None and self.formula is not None:
+            raise Contradiction(
+                "a formula is not fitted behind a tendon", "make a run of it", "tendon"
+            )
         if (self.model is None) == (self.formula is None):
             raise Contradiction(
                 "a part of a sum is a `model` or a `formula`",
@@ -121,8 +136,8 @@ class Summand(Settings):
 FitMethod = Literal["variable_projection", "levenberg_marquardt", "simplex"]
 """How a formula of the literature is fitted."""
 
-Summands = Annotated[Sequence[Summand], Len(2)]
-"""At least two parts: models of runs, or formulas that are fitted together."""
+Summands = Annotated[Sequence[Summand], Len(1)]
+"""The parts: models of runs, or formulas that are fitted together."""
 
 
 def refuse_mixed(parts: Sequence[Summand]) -> None:
