@@ -22,7 +22,9 @@ from mapmore_cli.spec.loader import Loaded, load_as
 
 _ID = re.compile(r"(equation|table|figure|text) (\d+)(?:([a-z])|(?: to (\d+)))?(?:, .*)?")
 REFERENCE = re.compile(r"(?:(least|greatest|mean) )?([A-Za-z_]\w*)\[([^\]]*)\]\.(\w+)")
-"""A number in an inequality: `SOURCE[ROW].COLUMN`; of several rows, the least, greatest or mean."""
+"""A number in an inequality: `SOURCE[ROW].COLUMN`; of several rows, `ROW|ROW` or with `*`, the least,
+greatest or mean.
+"""
 RELATION = re.compile(r"\s([<>~])\s")
 
 Role = Literal["result", "input", "setting"]

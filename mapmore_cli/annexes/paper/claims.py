@@ -62,7 +62,10 @@ class Judge:
         if name not in self._rows:
             self._rows[name] = self._runs.source_rows(self._sources[name], self._root)
         rows = self._rows[name]
-        matching = [cells for text, cells in rows.items() if fnmatchcase(text, row)]
+        asked = row.split("|")
+        matching = [
+            cells for text, cells in rows.items() if any(fnmatchcase(text, one) for one in asked)
+        ]
         if not matching or (way is None and len(matching) > 1):
             raise SpecError(
                 f"{name}[{row}]: {len(matching)} rows of ours",

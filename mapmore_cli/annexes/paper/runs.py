@@ -19,6 +19,7 @@ from mapmore_cli.domain.scores import Score
 from mapmore_cli.modelling.expressions import ExpressionError, evaluate, parse
 from mapmore_cli.pipeline.report import collected, report_slice
 from mapmore_cli.pipeline.runner import bring_up_to_date
+from mapmore_cli.reporting.inputs import ReportInputs
 from mapmore_cli.reporting.table import Cell, Table
 from mapmore_cli.reporting.tables import all_tables
 from mapmore_cli.spec.loader import load
@@ -124,13 +125,15 @@ def _with_cells(text: str, printed: Mapping[str, str]) -> str:
 
 def _tables(run_dir: Path) -> dict[str, Table]:
     """Return the tables of a run's page; `scores` has every row, under the names that the specs
-    have, and `curves` what was measured.
+    have, `curves` what was measured, and `shapes` where each model is above and below it.
     """
-    shown = all_tables(collected(report_slice(load(run_dir / "experiment.yaml").spec), run_dir))
+    inputs = collected(report_slice(load(run_dir / "experiment.yaml").spec), run_dir)
+    shown = all_tables(inputs)
     rows = [score_row(row) for row in RunFiles(run_dir).scores().scores]
     cells = (tuple(row.values()) for row in rows)
     scores = Table.of("scores", "Scores", [one.name for one in fields(Score)], cells)
-    return {**{table.name: table for table in shown}, "scores": scores, "curves": _curves(run_dir)}
+    own = {"scores": scores, "curves": _curves(run_dir), "shapes": _shapes(inputs)}
+    return {**{table.name: table for table in shown}, **own}
 
 
 def _curves(run_dir: Path) -> Table:
@@ -149,6 +152,31 @@ def _curves(run_dir: Path) -> Table:
             repeats = seconds // wave if wave > 0 else math.nan
             rows.append((curve.id, name, *ends, seconds, wave, repeats))
     return Table.of("curves", "Curves", names, rows)
+
+
+SHAPE = ("least", "least_at", "greatest", "greatest_at", "bias", "error_below", "error_above")
+
+
+def _shapes(inputs: ReportInputs) -> Table:
+    """Return the extremes of every curve and model, and where they are: along time, or along the
+    input that curves are drawn over; and a model's mean error, and its RMSE below and above the
+    middle of the curve.
+    """
+    along = "time" if inputs.timed else inputs.in_curve.name
+    rows: list[tuple[Cell, ...]] = []
+    for number, curve in enumerate(inputs.dataset.curves):
+        x, y = curve.columns[along], curve.columns[inputs.dataset.target]
+        below = x <= (x.min() + x.max()) / 2
+        told = {model: found[number] for model, found in inputs.validation.predictions.items()}
+        for model, values in {"measured": y, **told}.items():
+            if not np.isfinite(values).any():
+                continue
+            ends = [int(end(values)) for end in (np.nanargmin, np.nanargmax)]
+            places = [float(one) for end in ends for one in (values[end], x[end])]
+            error = values - y
+            rms = [float(np.sqrt(np.nanmean(error[part] ** 2))) for part in (below, ~below)]
+            rows.append((model, curve.id, *places, float(np.nanmean(error)), *rms))
+    return Table.of("shapes", "Shapes", ("model", "curve", *SHAPE), rows)
 
 
 def cell_value(text: str, row: Mapping[str, Cell] | Mapping[str, str]) -> Cell:
