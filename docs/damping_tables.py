@@ -112,7 +112,7 @@ def untried(runs: Path) -> Table:
     """Return what M2 names and could not try."""
     found = campaign("m2_untried", runs).pooled
     models = ("mapmore", "none", "reynolds", "peternel")
-    rows = [
+    rows: list[tuple[Cell, ...]] = [
         (f"{kind}: {words}", *(100 * of[one].nrmse for one in models), of["none"].rmse)
         for kind, muscle in MUSCLES.items()
         for words, of in ((one, found[f"{muscle}-{key}"]) for one, key in UNTRIED.items())
@@ -181,8 +181,7 @@ def rigs(runs: Path) -> Table:
     rows: list[tuple[Cell, ...]] = []
     for kind, muscle in MUSCLES.items():
         theirs = {
-            (row["study"], row["model"]): float(row["printed"])
-            for row in printed("m2_results.csv")
+            (row["study"], row["model"]): float(row["printed"]) for row in printed("m2_results.csv")
         }
         names = [OURS, *(name for name, of in RIGS.items() if kind in of)]
         for name in names:
@@ -192,7 +191,12 @@ def rigs(runs: Path) -> Table:
             errors += [100 * dynamic[model].nrmse for model in ("mapmore", "sarosi+reynolds")]
             share = _greatest(damping, HELD_OUT[muscle])
             pooled = RunFiles(damping.folder.with_name(f"{muscle}-damping.all_pressures"))
-            row = (*errors, share, *_terms(damping), 100 * held["all_pressures"].nrmse)
+            row: tuple[Cell, ...] = (
+                *errors,
+                share,
+                *_terms(damping),
+                100 * held["all_pressures"].nrmse,
+            )
             rows.append((f"{kind}: {name}", *row, *_terms(pooled)))
         of_damping = [theirs[f"{muscle}-damping", model] for model in PAPERS]
         of_sum = [theirs[f"{muscle}-dynamic", model] for model in ("mapmore", "sarosi+reynolds")]
@@ -289,7 +293,9 @@ def slopes(runs: Path) -> Table:
         if curve.level not in (80.0, 200.0):
             continue
         columns = {name: x[near] for name, x in curve.columns.items()}
-        forces = {"measured": columns[static.dataset().target]} | {m: f(columns) for m, f in models.items()}
+        forces = {"measured": columns[static.dataset().target]} | {
+            m: f(columns) for m, f in models.items()
+        }
         found = [_slope(columns["strain"], force) for force in forces.values()]
         rows.append((f"slope at {curve.level:g} kPa [N]", *found))
     table = np.genfromtxt(

@@ -73,9 +73,7 @@ def muscle_behind(study: str, runs: Path, stiffness: float) -> Predict:
     measured force and a tendon's stiffness.
     """
     curves = run(f"muscle-like/{study}", runs).dataset().curves
-    own = [
-        muscle_columns(one.columns, one.columns["force"], stiffness, AT_ZERO) for one in curves
-    ]
+    own = [muscle_columns(one.columns, one.columns["force"], stiffness, AT_ZERO) for one in curves]
     columns = {
         name: np.concatenate([x[name][one.training] for x, one in zip(own, curves, strict=True)])
         for name in own[0]

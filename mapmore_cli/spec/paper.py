@@ -22,8 +22,8 @@ from mapmore_cli.spec.loader import Loaded, load_as
 
 _ID = re.compile(r"(equation|table|figure|text) (\d+)(?:([a-z])|(?: to (\d+)))?(?:, .*)?")
 REFERENCE = re.compile(r"(?:(least|greatest|mean) )?([A-Za-z_]\w*)\[([^\]]*)\]\.(\w+)")
-"""A number in an inequality: `SOURCE[ROW].COLUMN`; of several rows, `ROW|ROW` or with `*`, the least,
-greatest or mean.
+"""A number in an inequality: `SOURCE[ROW].COLUMN`; the least, greatest or mean of several rows,
+as `ROW|ROW` or with `*`.
 """
 RELATION = re.compile(r"\s([<>~])\s")
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from fnmatch import fnmatchcase
 from pathlib import Path
 from statistics import fmean
@@ -15,7 +15,7 @@ from mapmore_cli.spec.paper import REFERENCE, RELATION, Shown, Source
 CLOSE = 1.25
 """Within which factor numbers are of each other that `~` stands between."""
 
-TAKEN = {"least": min, "greatest": max, "mean": fmean}
+TAKEN: Mapping[str, Callable[[list[float]], float]] = {"least": min, "greatest": max, "mean": fmean}
 
 
 class Judge:

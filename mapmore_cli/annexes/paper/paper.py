@@ -268,6 +268,11 @@ class Result:
         return summary_lines(self.compared)
 
     @property
+    def has_section(self) -> bool:
+        """True where there is more to show than a row of the table of items."""
+        return bool(self.tables or self.figures or self.reasons or self.failed)
+
+    @property
     def differs(self) -> bool:
         """True where something compared does not agree."""
         return not all(one.holds for one in self.compared)

@@ -203,4 +203,5 @@ def cell_value(text: str, row: Mapping[str, Cell] | Mapping[str, str]) -> Cell:
 
 
 def as_float(cell: Cell) -> float:
+    """Return the number in a cell; NaN where it holds none."""
     return float(cell) if isinstance(cell, int | float) else math.nan

@@ -64,9 +64,7 @@ def build(part: ModelChoices, given: Given, result: FitResult) -> Model:
             quantities,
         )
     parts = [
-        Part(
-            behind_tendon(model_of(str(one.model)), one.tendon), float(one.sign), dict(one.inputs)
-        )
+        Part(behind_tendon(model_of(str(one.model)), one.tendon), float(one.sign), dict(one.inputs))
         for one in part.model.sum
     ]
     refuse_shared_names(
