@@ -117,7 +117,7 @@ def untried(runs: Path) -> Table:
         for kind, muscle in MUSCLES.items()
         for words, of in ((one, found[f"{muscle}-{key}"]) for one, key in UNTRIED.items())
     ]
-    heads = ("study", *(f"{model} [%] .1f" for model in models), "none [N] .2g")
+    heads = ("study", *(f"{model} [%] .1f" for model in models), "none, RMSE [N] .2g")
     return Table.of("untried", "What M2 could not try", heads, rows)
 
 

@@ -126,8 +126,8 @@ LONG_SIMULATED = (
     *("dmsp-20-400-waveforms", "dmsp-20-400-read-again", "peano-perturbation"),
     *("dmsp-20-88-cycles", "peano-cycles"),
 )
-"""Their competitors are other models of motion, as those of dmsp-20-400-sections; peano-perturbation
-is as dmsp-20-88-perturbation; the last two have long records.
+"""Their competitors are other models of motion, as those of dmsp-20-400-sections;
+peano-perturbation is as dmsp-20-88-perturbation; the last two have long records.
 """
 
 SCORED = {"festo_10mm_family": "family", "printed_cylinder": "cylinder"}

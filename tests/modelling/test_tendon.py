@@ -16,7 +16,9 @@ size = st.floats(0.5, 20)
 def test_a_straight_muscle_and_a_tendon_are_springs_in_series(a, b, k, at_zero):
     length = np.linspace(-1, 1, 7)
     found = solve(lambda own: a + b * own["length"], {"length": length}, k, at_zero)
-    assert found == pytest.approx((a + b * (length + at_zero / k)) / (1 + b / k), rel=1e-6, abs=1e-6)
+    assert found == pytest.approx(
+        (a + b * (length + at_zero / k)) / (1 + b / k), rel=1e-6, abs=1e-6
+    )
 
 
 def test_a_damped_muscle_follows_the_differential_equation_of_both():

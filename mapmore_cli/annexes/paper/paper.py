@@ -268,11 +268,6 @@ class Result:
         return summary_lines(self.compared)
 
     @property
-    def has_section(self) -> bool:
-        """True where there is more to show than a row of the table of items."""
-        return bool(self.tables or self.figures or self.reasons or self.failed)
-
-    @property
     def differs(self) -> bool:
         """True where something compared does not agree."""
         return not all(one.holds for one in self.compared)
@@ -296,6 +291,19 @@ class PaperResult:
     def reasons(self) -> list[Told]:
         """Every explanation of a difference."""
         return [one for result in self.results for one in result.reasons]
+
+    def claims_of(self, item: str) -> list[Told]:
+        """Return the claims whose place is an item."""
+        return [
+            claim
+            for claim in self.claims
+            if isinstance(claim.shown, Claim) and item in claim.shown.place
+        ]
+
+    def has_section(self, one: Result) -> bool:
+        """Return True where there is more to show of an item than a row of the table of items."""
+        claims = self.claims_of(one.item.id)
+        return bool(one.tables or one.figures or one.reasons or one.failed or claims)
 
     def links(self, places: Sequence[str], page: Path) -> list[tuple[str, str]]:
         """Return places with where each is, seen from the page: items on it, others as files."""

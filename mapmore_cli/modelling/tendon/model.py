@@ -5,13 +5,13 @@ shorter by what the tendon is stretched, its shortening velocity v larger by the
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from mapmore_cli.domain.arrays import Array, BoolArray, Columns
 from mapmore_cli.domain.errors import DataError
+from mapmore_cli.domain.foreign import tex_text
 from mapmore_cli.domain.models import Equation, Model
 from mapmore_cli.domain.results import Run
 from mapmore_cli.modelling import kinds
@@ -72,18 +72,12 @@ def outside_range(model: Model, columns: Columns) -> BoolArray:
 
 
 def equations(model: Model, units: Mapping[str, float]) -> tuple[Equation, ...]:
-    """Return what the tendon does to the muscle's inputs; then the equations of the muscle."""
-    body, output = _body(model), model.output.name
-    stretch = f"({output} - {body.force:g})/{body.stiffness:g}"
-    text = f"{output} = {body.muscle.name}(length = length - {stretch}"
-    if any(one.name == "velocity" for one in model.inputs):
-        text += f", velocity = velocity + d {output}/d time/{body.stiffness:g}"
-    latex = rf"\text{{{text})}}".replace("_", r"\_")
+    """Return what the tendon makes of the length; then the equations of the muscle."""
+    body, force = _body(model), model.output.name
+    stretched = f"length = length - ({force} - {body.force:g})/{body.stiffness:g}"
+    latex = rf"\text{{{tex_text(stretched)}}}"
     own = kinds.equations(body.muscle, units)
-    return (
-        Equation("tendon", f"{text})", latex),
-        *(replace(one, id=f"{body.muscle.name}: {one.id}") for one in own),
-    )
+    return (Equation(f"{body.muscle.name}: tendon", stretched, latex), *own)
 
 
 def parameters(model: Model) -> int:
