@@ -241,7 +241,7 @@ def _legend(
         label = "held out" if training else "measured"
         handles.append(panels.key(label, color=style.BLACK, **shape))
     if training:
-        label = "training" if held_out else "measured"
+        label = "training" if inputs.holds_out else "measured"
         handles.append(panels.key(label, color=style.GREY, **shape, **face))
     for model, look in styles.items():
         if any(curve.predicted(model) for curve in curves):
