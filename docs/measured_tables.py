@@ -237,20 +237,25 @@ GROUPS = {
 
 def backbone(runs: Path) -> Table:
     """Return what the pieces add to the backbone, case by case: NRMSE of `mapmore`, of its backbone
-    alone, and of pieces without one.
+    alone, of `sarosi_hinged` alone, and of pieces without a backbone.
     """
     found = campaign("measured_static", runs).pooled
     rows: list[tuple[Cell, ...]] = []
     for group, names in GROUPS.items():
         used = {name: _backbone_of(runs, name) for name in names}
-        with_pieces, alone, bare = (
+        with_pieces, alone, hinged, bare = (
             100 * geometric_mean(found[name][of[name]].nrmse for name in names)
-            for of in (dict.fromkeys(names, OWN), used, dict.fromkeys(names, "bare"))
+            for of in (
+                dict.fromkeys(names, OWN),
+                used,
+                dict.fromkeys(names, "sarosi_hinged"),
+                dict.fromkeys(names, "bare"),
+            )
         )
         words = ", ".join(dict.fromkeys(used.values()))
-        rows.append((group, words, with_pieces, alone, with_pieces / alone, bare))
+        rows.append((group, words, with_pieces, alone, with_pieces / alone, hinged, bare))
     heads = ("held out", "backbone", "with pieces [%] .3g", "backbone alone [%] .3g")
-    more = ("ratio .2f", "pieces alone [%] .3g")
+    more = ("ratio .2f", "sarosi_hinged alone [%] .3g", "pieces alone [%] .3g")
     return Table.of("backbone", "What pieces add to their backbone", (*heads, *more), rows)
 
 
