@@ -82,6 +82,7 @@ class ReportInputs:
     - `asked`: ids of the curves and recordings that alone are to be drawn; empty for some that
       stand for all.
     - `search`: the structures that were tried, where the spec left the structure to a search.
+    - `as_recorded`: whether recordings are drawn over time, whatever the model.
     """
 
     name: str
@@ -102,6 +103,7 @@ class ReportInputs:
     doubts: tuple[str, ...] = ()
     asked: frozenset[str] = frozenset()
     search: Search | None = None
+    as_recorded: bool = False
 
     @property
     def dataset(self) -> Dataset:
@@ -131,17 +133,22 @@ class ReportInputs:
         """Return the inputs with these models beside the run's own, in this order. Raises
         UsageError for one that the run has not.
         """
+        return self.showing((self.own, *names))
+
+    def showing(self, names: Sequence[str]) -> ReportInputs:
+        """Return the inputs with these models alone, in this order; raises as `beside`."""
         if unknown := [name for name in names if name not in self.models]:
             raise UsageError(
                 f"the run compares no model called {unknown[0]!r}",
                 f"choose of {', '.join(self.models[1:])}",
             )
-        predictions = {name: self.validation.predictions[name] for name in (self.own, *names)}
+        predictions = {name: self.validation.predictions[name] for name in names}
         kept = {*predictions, REPEATABILITY}
         scores = tuple(row for row in self.validation.scores if row.model in kept)
-        return replace(
-            self, validation=replace(self.validation, predictions=predictions, scores=scores)
-        )
+        # intervals are those of the run's own model
+        model = self.model if self.own in predictions else replace(self.model, left_out=None)
+        validation = replace(self.validation, predictions=predictions, scores=scores)
+        return replace(self, model=model, validation=validation)
 
     @property
     def lines(self) -> tuple[str, ...]:
@@ -212,7 +219,7 @@ class ReportInputs:
     @property
     def timed(self) -> bool:
         """True where curves are drawn over time."""
-        return in_time(self.model, self.dataset)
+        return self.as_recorded or in_time(self.model, self.dataset)
 
     @property
     def holds_out(self) -> bool:

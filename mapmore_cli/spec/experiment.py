@@ -298,6 +298,8 @@ class Report(Section):
       0.021}}`
     - `units`: further units, by quantity, to print the equations in, as a publication does, as
       `{pressure: bar}`
+    - `over`: `time` draws the fit of recordings over time whatever the model; by default models
+      without memory are drawn over an input, as `time`
     """
 
     figures: list[Literal[tuple(FIGURES)]] = list(FIGURES)  # type: ignore[valid-type]
@@ -307,6 +309,7 @@ class Report(Section):
         "svg",
     ]
     style: Style = Style()
+    over: Literal["time"] | None = None
     published: PublishedScores | None = None
     units: dict[Quantity, str] = {}
 

@@ -17,7 +17,9 @@ from matplotlib.axes import Axes
 from matplotlib.patches import Patch
 
 from mapmore_cli.domain.arrays import Array, BoolArray, IntArray
+from mapmore_cli.domain.models import Formula, Pieces
 from mapmore_cli.domain.recording import Curve, Quantity
+from mapmore_cli.domain.scores import OWN
 from mapmore_cli.modelling.signals.sampling import envelope
 from mapmore_cli.reporting.figures import panels, style
 from mapmore_cli.reporting.figures.drawing import DOUBLE, Drawing, Layout, Panel, Values
@@ -197,8 +199,21 @@ def curve_figures(inputs: ReportInputs, name: str, numbers: Sequence[int]) -> li
         f"{'' if inputs.timed else panels.thinned([len(curve.x) for curve in curves])}"
         f"{panels.some_of(len(shown), len(numbers), f'{which} {things}')}"
         f"{panels.best_of(len(styles), len(inputs.models))}{panels.beyond_scale(far_off)}"
+        f"{own_words(inputs)}"
     )
     return [Drawing(name, caption, figure, grid, _legend(inputs, curves, styles))]
+
+
+def own_words(inputs: ReportInputs) -> str:
+    """Return what a caption says of `mapmore` where no pieces stand behind the name: a formula that
+    was fitted to this data, or models of other runs.
+    """
+    if inputs.own != OWN or isinstance(inputs.model.body, Pieces):
+        return ""
+    if isinstance(inputs.model.body, Formula):
+        return f" {OWN} is {inputs.model.body.backbone.name}, fitted to the training samples here."
+    others = ", ".join(one.name for one in inputs.model.body.models)
+    return f" {OWN} is made of {others}." if others else ""
 
 
 def _marks(inputs: ReportInputs, curves: Sequence[CurveFit]) -> str:
@@ -225,7 +240,8 @@ def _legend(
         label = "held out" if training else "measured"
         handles.append(panels.key(label, color=style.BLACK, **shape))
     if training:
-        handles.append(panels.key("training", color=style.GREY, **shape, **face))
+        label = "training" if inputs.holds_out else "measured"
+        handles.append(panels.key(label, color=style.GREY, **shape, **face))
     for model, look in styles.items():
         if any(curve.predicted(model) for curve in curves):
             handles.append(panels.key(model, **look.line))
@@ -288,7 +304,7 @@ def training_figures(inputs: ReportInputs) -> list[Drawing]:
     caption = (
         f"The training curves with {inputs.own} above, its error (predicted minus measured) below."
         f"{panels.thinned([len(curve.x) for curve in curves])}"
-        f"{panels.some_of(len(curves), len(numbers), 'training curves')}"
+        f"{panels.some_of(len(curves), len(numbers), 'training curves')}{own_words(inputs)}"
     )
     return [Drawing("fit_training", caption, (panel,), Layout(2.95, (2.2, 1.0)), legend)]
 

@@ -8,11 +8,11 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from typing import TYPE_CHECKING, Annotated, Literal
 
-from annotated_types import Len
+from annotated_types import Gt, Len
 from pydantic import Field
 
 from mapmore_cli.domain import plugins
-from mapmore_cli.domain.declared import Contradiction, Pair, Seconds, Settings
+from mapmore_cli.domain.declared import Contradiction, Pair, Seconds, Settings, always_in
 from mapmore_cli.modelling import kinds
 from mapmore_cli.modelling.literature.own import FamilySettings
 from mapmore_cli.spec.fields import Quantity, Section, SpecPath
@@ -102,6 +102,18 @@ class Needs(Settings):
 
 
 @dataclass(frozen=True, kw_only=True)
+class TendonSettings(Settings):
+    """A tendon between a muscle and what is measured.
+
+    - `stiffness`: force for each length that it is stretched by, as `2 kN/m`
+    - `force`: what it carries where the length is zero, as `0.5 N`
+    """
+
+    stiffness: Annotated[float, Gt(0), always_in("N/m")]
+    force: Annotated[float, always_in("N")] = 0.0
+
+
+@dataclass(frozen=True, kw_only=True)
 class Summand(Settings):
     """A part of a sum: the model of another run, or a formula.
 
@@ -110,6 +122,7 @@ class Summand(Settings):
     - `sign`: 1 or -1, as `-1`
     - `inputs`: what the part's inputs are called in this study, as expressions; one that two parts
       share by name must be renamed for both, as `{pressure: p1, strain: "-s"}`
+    - `tendon`: what the model of a muscle is behind, as `{stiffness: 2 kN/m}`
     """
 
     model: SpecPath | None = None
@@ -118,9 +131,14 @@ class Summand(Settings):
     inputs: Annotated[dict[Quantity, str], Field(json_schema_extra={"default": {}})] = field(
         default_factory=dict
     )
+    tendon: TendonSettings | None = None
 
     def __post_init__(self) -> None:
-        """Refuse both, and neither."""
+        """Refuse both, and neither; and a formula behind a tendon."""
+        if self.tendon is not None and self.formula is not None:
+            raise Contradiction(
+                "a formula is not fitted behind a tendon", "make a run of it", "tendon"
+            )
         if (self.model is None) == (self.formula is None):
             raise Contradiction(
                 "a part of a sum is a `model` or a `formula`",
@@ -133,8 +151,8 @@ class Summand(Settings):
 FitMethod = Literal["variable_projection", "levenberg_marquardt", "simplex"]
 """How a formula of the literature is fitted."""
 
-Summands = Annotated[Sequence[Summand], Len(2)]
-"""At least two parts: models of runs, or formulas that are fitted together."""
+Summands = Annotated[Sequence[Summand], Len(1)]
+"""The parts: models of runs, or formulas that are fitted together."""
 
 
 def refuse_mixed(parts: Sequence[Summand]) -> None:
