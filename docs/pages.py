@@ -19,6 +19,7 @@ from pathlib import Path
 import numpy as np
 
 from mapmore_cli.annexes.campaigns.page import scores_of
+from mapmore_cli.annexes.paper.paper import PUBLISHED
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.scores import OWN, Score
 from mapmore_cli.pipeline.jobs import Finished, Job, run_one
@@ -31,7 +32,6 @@ from mapmore_cli.storage.run_folder import RunFiles
 
 DOCS = Path(__file__).parent
 CONFIGS = DOCS.parent / "configs"
-PUBLISHED = DOCS.parent / "datasets" / "published"
 
 
 def finished(entry: Entry, runs: Path) -> Finished:

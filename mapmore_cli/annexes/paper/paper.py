@@ -42,6 +42,9 @@ from mapmore_cli.storage.run_record import score_row
 
 Row = Mapping[str, Cell]
 
+PUBLISHED = Path(__file__).parent / "published"
+"""The tables that the papers print, as printed."""
+
 WORDS = {
     "value": "{what}: {count} values within {rule:g} (off by {span})",
     "size": "{what}: {count} sizes within a factor of {rule:g} (ours are {span} of the printed)",
@@ -431,8 +434,10 @@ def compare_paper(
 
 def _result(item: Item, loaded: LoadedPaper, runs: Runs, tell: Callable[[str], None]) -> Result:
     result = Result(item)
+    own = loaded.spec.tables
+    folder = PUBLISHED if own is None else loaded.folder / own
     for one in item.compare:
-        tables, verdicts = beside(one, loaded.folder / loaded.spec.tables, runs)
+        tables, verdicts = beside(one, folder, runs)
         result.tables += tables
         result.compared += verdicts
     if item.sentences:
@@ -440,8 +445,8 @@ def _result(item: Item, loaded: LoadedPaper, runs: Runs, tell: Callable[[str], N
         result.tables.append(table)
         result.compared += verdicts
     for figure in item.figures:
-        folder = runs.run_dir(figure.run)
-        data, _ = drawn_figure(folder, figure.figure, figure.panel, "svg", tell)
+        run_dir = runs.run_dir(figure.run)
+        data, _ = drawn_figure(run_dir, figure.figure, figure.panel, "svg", tell)
         svg = data.decode()
         result.figures.append(Shown(svg[svg.index("<svg") :], figure.caption))
     return result
