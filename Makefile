@@ -5,7 +5,7 @@ export OPENBLAS_NUM_THREADS := 1
 export OMP_NUM_THREADS := 1
 unexport PYTHONDONTWRITEBYTECODE  # a set one has each of some hundred processes compile the program anew
 
-STUDIES := configs/m2/dmsp-20-88-static.yaml configs/m2/peano-static.yaml
+STUDIES := configs/m2/dmsp-20-88-found.yaml configs/m2/peano-found.yaml
 
 # The tests of one file follow each other in one process, so that what they share is made once; the folders with the long ones come first.
 TESTS := $(BIN)/pytest -q -n 2 --dist loadfile --no-loadscope-reorder

@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Any
 from mapmore_cli.cli.console import View, picked
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.models import Formula, Memory, Pieces
-from mapmore_cli.domain.recording import Quantity
 from mapmore_cli.domain.scores import OWN, RUN_PAGE
 from mapmore_cli.modelling.kinds import page_of
 from mapmore_cli.reporting import memory_tables
@@ -100,11 +99,10 @@ def _stale(run_dir: Path) -> dict[str, str]:
 
 
 def verdict_lines(run_dir: Path) -> tuple[str, ...]:
-    """What a run came to: the model beside its competitors, and its pieces beside the backbone."""
+    """Compare the model of a run with its competitors, and its pieces with their backbone."""
     files = RunFiles(run_dir)
-    table, body = files.scores(), files.model().body
-    name = table.scores[0].target if table.scores else ""
-    target = Quantity(name, table.units.get(name, ""))
+    table, data, body = files.scores(), files.dataset(), files.model().body
+    target = data.quantities[data.target]
     verdict = verdict_sentence(table.scores, OWN, target, table.failed)
     formula = body.backbone if isinstance(body, Pieces) else None
     pieces = "" if formula is None else pieces_sentence(table.scores, OWN, formula.name)

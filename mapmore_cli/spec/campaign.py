@@ -238,7 +238,7 @@ class Paper(Section):
     title: str
     has: dict[Literal["equation", "table", "figure"], Annotated[int, Field(ge=0, le=200)]]
     root: SpecPath = "."  # where places start
-    tables: SpecPath | None = None  # where the published tables are; those that ship by default
+    tables: SpecPath = "."  # where published tables are that do not ship with the program
     items: Annotated[list[Item], Field(min_length=1)]
 
 

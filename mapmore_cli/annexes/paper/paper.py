@@ -43,7 +43,7 @@ from mapmore_cli.storage.run_record import score_row
 Row = Mapping[str, Cell]
 
 PUBLISHED = Path(__file__).parent / "published"
-"""The tables that the papers print, as printed."""
+"""Tables that the papers print, as printed; they ship with the program."""
 
 WORDS = {
     "value": "{what}: {count} values within {rule:g} (off by {span})",
@@ -123,7 +123,8 @@ def beside(one: Comparison, tables: Path, runs: Runs) -> tuple[list[Table], list
     """Return the tables and the verdicts of a comparison; raises SpecError for a published table, a
     column or a row that is not there.
     """
-    printed = _printed_rows(tables / one.published, one.where)
+    own, shipped = (folder / one.published for folder in (tables, PUBLISHED))
+    printed = _printed_rows(shipped if shipped.is_file() and not own.is_file() else own, one.where)
     columns: list[tuple[Column, Sequence[Cell]]] = [
         (Column(label), [row[label] for row in printed]) for label in one.labels
     ]
@@ -434,10 +435,8 @@ def compare_paper(
 
 def _result(item: Item, loaded: LoadedPaper, runs: Runs, tell: Callable[[str], None]) -> Result:
     result = Result(item)
-    own = loaded.spec.tables
-    folder = PUBLISHED if own is None else loaded.folder / own
     for one in item.compare:
-        tables, verdicts = beside(one, folder, runs)
+        tables, verdicts = beside(one, loaded.folder / loaded.spec.tables, runs)
         result.tables += tables
         result.compared += verdicts
     if item.sentences:
@@ -445,8 +444,8 @@ def _result(item: Item, loaded: LoadedPaper, runs: Runs, tell: Callable[[str], N
         result.tables.append(table)
         result.compared += verdicts
     for figure in item.figures:
-        run_dir = runs.run_dir(figure.run)
-        data, _ = drawn_figure(run_dir, figure.figure, figure.panel, "svg", tell)
+        folder = runs.run_dir(figure.run)
+        data, _ = drawn_figure(folder, figure.figure, figure.panel, "svg", tell)
         svg = data.decode()
         result.figures.append(Shown(svg[svg.index("<svg") :], figure.caption))
     return result
