@@ -24,15 +24,12 @@ def test_a_minimal_spec_of_the_page_says_nothing_of_a_structure(path):
     assert not spec.dictionary
 
 
+@pytest.mark.long  # the tutorial searches the recordings of the first
 @pytest.mark.parametrize(
     ("study", "nrmse"),
     [
         ("peano-found", {"m2_settings": 0.0091, "sarosi": 0.0144}),
-        pytest.param(
-            "dmsp-20-88-found",
-            {"m2_settings": 0.0170, "sarosi": 0.0092},
-            marks=pytest.mark.long,
-        ),
+        ("dmsp-20-88-found", {"m2_settings": 0.0170, "sarosi": 0.0092}),
     ],
 )
 def test_what_is_found_in_the_demo_is_as_good_as_the_best_and_as_the_page_says(
