@@ -77,8 +77,8 @@ def test_the_page_of_defaults_has_all_that_differ_from_the_papers(tmp_path):
     nothing of its structure.
     """
     page = (ROOT / "docs" / "defaults.md").read_text(encoding="utf-8")
-    bare = "schema_version: 1\nname: a\ntarget: force\ndata: {files: [a.csv], columns: {force: {column: F}}}"
-    defaults = load_text(bare, "bare.yaml", tmp_path).resolved
+    bare = "name: a\ntarget: force\ndata: {files: [a.csv], columns: {force: {column: F}}}"
+    defaults = load_text(f"schema_version: 1\n{bare}", "bare.yaml", tmp_path).resolved
     shown = re.findall(r"^\| `(.+?)` \| (.+?) \| `(.+?)` \| (.+?) \|", page, re.MULTILINE)
     assert len(shown) >= 6
     for key, paper, study, default in shown:
