@@ -169,7 +169,7 @@ def in_full(text: str, page: str) -> str:
         headings, *rows = read_rows(Path(page), match[2])
         table = Table(match[2], "", tuple(map(Column, headings)), tuple(map(tuple, rows)))
         shown = to_markdown(table, str).replace("****\n\n", "")
-        head, tail = '<details markdown="1"><summary>', f"</summary>\n\n{shown}\n[CSV]"
+        head, tail = '<details markdown="1" open><summary>', f"</summary>\n\n{shown}\n[CSV]"
         return re.sub(
             r"\[(All \d+ rows)\](\(.*?\))",
             lambda link: f"{head}{link[1]}{tail}{link[2]}\n\n</details>\n",
