@@ -94,7 +94,7 @@ audit: .venv-audit/program  # known weaknesses of the tested versions; asks an a
 	.venv-audit/bin/pip-audit --strict --no-deps --disable-pip -r constraints.txt --format cyclonedx-json --output build/mapmore.cdx.json
 
 release-check: .venv/development  # archive and wheel without a network, then five visitors on 3.11, 3.12 and 3.13 where these are
-	$(BIN)/python tests/release/release.py $(PYTHONS)
+	.ci/release.sh $(PYTHONS)
 
 clean:
 	rm -rf .venv .venv-lowest .venv-newest .venv-audit runs build *.egg-info

@@ -57,11 +57,6 @@ def rows_of(text, last=str):
     return [(*cells, last(cell)) for *cells, cell in rows]
 
 
-BUILD = (
-    "import sys; from setuptools import build_meta; getattr(build_meta, sys.argv[1])(sys.argv[2])"
-)
-"""What pip has the build backend do, without pip."""
-
 NO_NETWORK = """
 import sys
 

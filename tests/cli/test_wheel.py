@@ -10,7 +10,13 @@ import zipfile
 import common
 import pytest
 from cli_samples import PROJECT
-from common import BUILD, NO_NETWORK
+from common import NO_NETWORK
+
+
+BUILD = (
+    "import sys; from setuptools import build_meta; getattr(build_meta, sys.argv[1])(sys.argv[2])"
+)
+"""What pip has the build backend do, without pip."""
 
 
 def build(place, *work):
