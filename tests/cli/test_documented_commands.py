@@ -190,30 +190,24 @@ def write_recordings(folder):
     """Four load cycles at each pressure, and what recipes call by other names."""
     time = np.arange(0, 40, 0.05)
     strain = 0.05 * (1 - np.cos(2 * np.pi * time / 10))
-    cycles = {}
-    for pressure in (100, 200, 300):
-        friction = 4 * np.sign(np.gradient(strain))
-        force = 2 * pressure * (1 - 3 * strain) ** 2 - 40 - friction
-        cycles[pressure] = np.column_stack([time, np.full(len(time), pressure), strain, force])
-    for pressure, table in cycles.items():
-        write_table(folder / f"cycle_{pressure}.csv", "t,P,eps,F", table)
-        write_table(folder / f"monday_{pressure}.csv", "t,P,eps,F", table)
-        write_table(folder / f"tuesday_{pressure}.csv", "t,P,eps,F", table + np.array([0, 0, 0, 5]))
-    gap = np.delete(cycles[100], slice(300, 400), axis=0)
-    write_table(folder / "gap.csv", "t,P,eps,F", gap)
+    friction = 4 * np.sign(np.gradient(strain))
     told = np.repeat(np.random.default_rng(1).uniform(50, 200, len(time) // 20), 20)
-    pressure = lfilter([0.1], [1, -0.9], told)
-    write_table(folder / "valve.csv", "t,P,u", np.column_stack([time, pressure, told / 50]))
-    force = 2 * pressure * (1 - 3 * strain) ** 2
-    tester = np.column_stack([time, 100 * strain, force])
-    write_table(folder / "tester.csv", "t,strain_pct,N", tester)
+    air = lfilter([0.1], [1, -0.9], told)
     late = np.append(time, time[-1] + 0.05) + 0.7
-    log = np.column_stack([1000 * late, np.append(pressure, pressure[-1]) / 6.894757])
-    write_table(folder / "pressure.txt", "ms,psi", log)
-
-
-def write_table(path, titles, rows):
-    np.savetxt(path, rows, fmt="%.5f", delimiter=",", header=titles, comments="")
+    tables = {
+        "valve.csv": {"t": time, "P": air, "u": told / 50},
+        "tester.csv": {"t": time, "strain_pct": 100 * strain, "N": 2 * air * (1 - 3 * strain) ** 2},
+        "pressure.txt": {"ms": 1000 * late, "psi": np.append(air, air[-1]) / 6.894757},
+    }
+    for p in (100, 200, 300):
+        force = 2 * p * (1 - 3 * strain) ** 2 - 40 - friction
+        for day, shift in (("cycle", 0), ("monday", 0), ("tuesday", 5)):
+            cycles = {"t": time, "P": p + 0 * time, "eps": strain, "F": force + shift}
+            tables[f"{day}_{p}.csv"] = cycles
+    tables["gap.csv"] = {key: np.delete(x, slice(300, 400)) for key, x in cycles.items()}
+    for name, columns in tables.items():
+        titles, rows = ",".join(columns), np.column_stack([*columns.values()])
+        np.savetxt(folder / name, rows, "%.5f", ",", header=titles, comments="")
 
 
 @pytest.fixture(scope="module")

@@ -12,7 +12,6 @@ import pytest
 from cli_samples import PROJECT
 from common import NO_NETWORK
 
-
 BUILD = (
     "import sys; from setuptools import build_meta; getattr(build_meta, sys.argv[1])(sys.argv[2])"
 )
