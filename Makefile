@@ -5,12 +5,12 @@ export OPENBLAS_NUM_THREADS := 1
 export OMP_NUM_THREADS := 1
 unexport PYTHONDONTWRITEBYTECODE  # a set one has each of some hundred processes compile the program anew
 
-STUDIES := configs/m2/dmsp-20-88-static.yaml configs/m2/peano-static.yaml
+STUDIES := configs/m2/dmsp-20-88-found.yaml configs/m2/peano-found.yaml
 
 # The tests of one file follow each other in one process, so that what they share is made once; the folders with the long ones come first.
 TESTS := $(BIN)/pytest -q -n 2 --dist loadfile --no-loadscope-reorder
 
-.PHONY: demo test test-all lint schema docs datasets measured motion paper peers bench fuzz torture test-lowest test-newest audit clean bench-id
+.PHONY: release-check demo test test-all lint schema docs datasets measured motion paper peers bench fuzz torture test-lowest test-newest audit clean bench-id
 
 demo: .venv/program
 	$(BIN)/mapmore batch $(STUDIES)
@@ -93,6 +93,9 @@ audit: .venv-audit/program  # known weaknesses of the tested versions; asks an a
 	.venv-audit/bin/pip-audit --strict --no-deps --disable-pip -r constraints.txt
 	mkdir -p build
 	.venv-audit/bin/pip-audit --strict --no-deps --disable-pip -r constraints.txt --format cyclonedx-json --output build/mapmore.cdx.json
+
+release-check: .venv/development  # archive and wheel without a network, then five visitors on 3.11, 3.12 and 3.13 where these are
+	.ci/release.sh $(PYTHONS)
 
 clean:
 	rm -rf .venv .venv-lowest .venv-newest .venv-audit runs build *.egg-info

@@ -38,6 +38,7 @@ STUDY: dict[str, Any] = {
     "levels": {"of": "pressure", "at": "auto"},
     "segment": {"strain": {"method": "even", "count": 4}},
     "dictionary": [{"polynomial": {"of": ["strain"], "order": 4}}],
+    "fit": {"max_terms": 2},
 }
 
 

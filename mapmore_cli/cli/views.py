@@ -13,10 +13,15 @@ from typing import TYPE_CHECKING, Any
 from mapmore_cli.cli.console import View, picked
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.models import Formula, Memory, Pieces
-from mapmore_cli.domain.scores import RUN_PAGE
+from mapmore_cli.domain.scores import OWN, RUN_PAGE
 from mapmore_cli.modelling.kinds import page_of
 from mapmore_cli.reporting import memory_tables
-from mapmore_cli.reporting.score_tables import curve_scores_table, score_table
+from mapmore_cli.reporting.score_tables import (
+    curve_scores_table,
+    pieces_sentence,
+    score_table,
+    verdict_sentence,
+)
 from mapmore_cli.reporting.table import Cell, Table
 from mapmore_cli.reporting.tables import (
     FROM_TO,
@@ -29,7 +34,7 @@ from mapmore_cli.reporting.tables import (
     terms_table,
 )
 from mapmore_cli.storage import artefacts
-from mapmore_cli.storage.run_folder import RESULTS
+from mapmore_cli.storage.run_folder import RESULTS, RunFiles
 from mapmore_cli.storage.run_record import load_records, score_row, scores_in, stale_stages
 
 if TYPE_CHECKING:
@@ -93,6 +98,17 @@ def _stale(run_dir: Path) -> dict[str, str]:
         name: f"{name} is out of date: {before} was done again since; run the spec to renew it"
         for name, before in stale_stages(load_records(run_dir, lambda _message: None)).items()
     }
+
+
+def verdict_lines(run_dir: Path) -> tuple[str, ...]:
+    """Compare the model of a run with its competitors, and its pieces with their backbone."""
+    files = RunFiles(run_dir)
+    table, data, body = files.scores(), files.dataset(), files.model().body
+    target = data.quantities[data.target]
+    verdict = verdict_sentence(table.scores, OWN, target, table.failed)
+    formula = body.backbone if isinstance(body, Pieces) else None
+    pieces = "" if formula is None else pieces_sentence(table.scores, OWN, formula.name)
+    return tuple(filter(None, (verdict, pieces)))
 
 
 def page_lines(run_dir: Path) -> tuple[str, ...]:

@@ -187,6 +187,21 @@ def _comparison(ours: Score, others: Sequence[Score], failed: Sequence[str]) -> 
     return f"{claim}: {ours.model} is {'better' if ours.rmse < best.rmse else 'worse'}{ratio}"
 
 
+def pieces_sentence(scores: Sequence[Score], own: str, backbone: str) -> str:
+    """Compare the pooled error of the model `own` with that of its `backbone` alone; return an
+    empty text where one of them has no score.
+    """
+    errors = {score.model: score.rmse for score in deciding(scores)}
+    alone = errors.get(backbone, errors.get("backbone", math.nan))
+    gain = 1 - errors.get(own, math.nan) / alone if alone else math.nan
+    if not math.isfinite(gain):
+        return ""
+    if gain > EQUAL_WITHIN:
+        return f"pieces: {100 * gain:.3g} % less error than the backbone {backbone} alone"
+    word = "as good" if gain > -EQUAL_WITHIN else "better"
+    return f"the backbone alone is {word}: `model: {{type: literature, name: {backbone}}}`"
+
+
 def _percent(fraction: float) -> str:
     return f"{100 * fraction:.3g} %"
 

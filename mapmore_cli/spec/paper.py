@@ -216,7 +216,7 @@ class Paper(Section):
     title: str
     has: dict[Literal["equation", "table", "figure"], Annotated[int, Field(ge=0, le=200)]]
     root: SpecPath = "."  # where places start
-    tables: SpecPath = "."  # where the published tables are
+    tables: SpecPath = "."  # where published tables are that do not ship with the program
     sources: dict[str, Source] = {}
     items: Annotated[list[Item], Field(min_length=1)]
     claims: list[Claim] = []

@@ -13,12 +13,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mapmore_cli.annexes.paper.claims import related
-from mapmore_cli.annexes.paper.paper import judged
+from mapmore_cli.annexes.paper.paper import PUBLISHED, judged
 from mapmore_cli.spec.campaign import load_campaign
 from mapmore_cli.spec.loader import load
 from mapmore_cli.spec.paper import Verdict, load_paper
 
-PUBLISHED = PROJECT / "datasets" / "published"
 NUMBERED = {"m1": (6, 1, 6), "m2": (24, 5, 15), "p": (17, 4, 11), "w": (16, 0, 10), "h": (6, 1, 6)}
 """Equations, tables and figures that the papers number, counted in their texts."""
 

@@ -47,12 +47,14 @@ CHAINED = [
     if any(word in path.stem for word in ("-damping", "-dynamic", "-from-zero"))
 ]
 """Studies that one run of a dynamic study makes: see test_motion_studies.py."""
+FOUND = [path for path in STUDIES if path.stem.endswith("-found")]
+"""Those of `make demo`: see test_search_page.py."""
 WITH_PAGE = [path for path in STUDIES if path.parent.name in ("wrist", "muscle-like")]
 """Studies that a page of their own is about: see test_muscle_pages.py."""
 ELSEWHERE = [
     path
     for path in STUDIES
-    if path == ON_RATES or path in CHAINED or path in WITH_PAGE or path.stem in IN_FREE_RUN
+    if path == ON_RATES or path in (*CHAINED, *FOUND, *WITH_PAGE) or path.stem in IN_FREE_RUN
 ]
 SIMULATED = [path for path in STUDIES if path not in MEASURED and path not in ELSEWHERE]
 

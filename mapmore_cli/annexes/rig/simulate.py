@@ -291,7 +291,7 @@ def write_example(folder: Path, progress: Progress) -> list[Path]:
         raise WriteError(f"{folder}: is not an empty folder", "name a new folder")
     with refusals_told(folder):
         folder.mkdir(parents=True, exist_ok=True)
-        for name in ("rig.yaml", "study.yaml"):
+        for name in ("rig.yaml", "study.yaml", "search.yaml", "paper.yaml"):
             write_text(
                 folder / name,
                 files("mapmore_cli.annexes.rig")
