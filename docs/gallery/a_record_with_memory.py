@@ -4,8 +4,6 @@ static model has them, and a linear one with a past has the creep alone.
 
 from typing import Any
 
-from typing import Any
-
 import matplotlib.pyplot as plt
 import numpy as np
 from muscle import save
