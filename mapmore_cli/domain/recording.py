@@ -20,6 +20,12 @@ DIRECTION = "direction"
 """
 
 
+
+def uncertainty_of(name: str) -> str:
+    """Return the column that holds the standard deviation of each sample of a quantity."""
+    return f"{name}_uncertainty"
+
+
 @dataclass(frozen=True)
 class Quantity:
     """A measured or modelled quantity."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
-from annotated_types import Interval
+from annotated_types import Gt, Interval
 
 from mapmore_cli.domain.declared import Contradiction, Either, InUnit, OfHeld, Settings
 
@@ -13,6 +13,9 @@ AUTO = "auto"  # what left-out training data choose: a backbone
 LEAST_RIDGE = 1e-9  # a smaller ridge, but for zero, would drown in the rounding of the Gram matrix
 # terms chosen forward for each that is kept, where pruning follows and nothing else is said
 FORWARD = 3
+
+Loss = Literal["squares", "huber", "bisquare"]
+"""What a residual costs."""
 
 Stop = Literal["tolerance", "bic", "aicc", "press", "free_run"]
 """When fewer terms than `max_terms` are enough."""
@@ -34,6 +37,10 @@ class Fit(Settings):
     - With delays of the output: `criterion: free_run` refines the coefficients on the simulation
       error. `stop: free_run` chooses the number of terms on the last quarter of each training
       recording.
+    - A `loss` other than `squares` counts large residuals less, by reweighting: `huber` by their
+      size, `bisquare` not at all beyond 4.685 `scale`. `scale: auto` is 1.4826 times the median
+      absolute residual. Outliers are listed, and stay.
+    - `weight: curve` counts every recording of a curve alike, however many samples it has.
     """
 
     scaling: Literal["unit_square", "max_abs", "none", "range"] = "unit_square"
@@ -45,6 +52,13 @@ class Fit(Settings):
     criterion: Literal["one_step", "free_run"] = "one_step"
     ridge: Annotated[Literal["auto"] | Annotated[float, Interval(ge=0)], Either()] = 0.0
     forward: Annotated[int, Interval(ge=1)] | None = None
+    loss: Loss = "squares"
+    scale: Annotated[
+        Literal["auto"]
+        | Annotated[float, Gt(0), InUnit(lambda place: place.unit_of(place.target))],
+        Either(),
+    ] = "auto"
+    weight: Literal["sample", "curve"] = "sample"
 
     @property
     def forward_terms(self) -> int:
@@ -53,7 +67,11 @@ class Fit(Settings):
         return max(self.max_terms, forward)
 
     def __post_init__(self) -> None:
-        """Refuse a ridge that is lost in rounding."""
+        """Refuse a ridge that is lost in rounding, and a scale of nothing."""
+        if self.scale != "auto" and self.loss == "squares":
+            raise Contradiction(
+                "squares have no scale", "remove it, or add `loss: huber`", "scale"
+            )
         if isinstance(self.ridge, float) and 0 < self.ridge < LEAST_RIDGE:
             raise Contradiction(
                 f"a ridge of {self.ridge:g} is lost in rounding",

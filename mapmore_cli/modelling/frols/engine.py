@@ -19,6 +19,7 @@ from mapmore_cli.modelling.frols.moments import (
     divided,
     gram,
     safe_scale,
+    weighted,
 )
 from mapmore_cli.modelling.frols.select import (
     RANK_TOLERANCE,
@@ -213,6 +214,7 @@ def frols(
     *,
     stop: str = "tolerance",
     names: Sequence[str] = (),
+    uncertainty: ArrayLike | None = None,
 ) -> Selection:
     """Select the few columns of `P` that explain `y`, one after the other by error reduction ratio.
 
@@ -236,9 +238,12 @@ def frols(
       best by that criterion.
     - `names` of the candidates, (M,), for tables and messages; `p0`, `p1`, ... where they have
       none.
+    - `uncertainty`: standard deviation of each sample of `y`, (n,). Rows are divided by it: ERR,
+      `sse` and `yy` are those of the weighted columns.
 
     Raises DataError where `P` or `y` has a value that is not finite, with its column and row;
-    ValueError where the shapes or the names do not fit, or `max_terms` is below one.
+    ValueError where the shapes or the names do not fit, `max_terms` is below one, or an uncertainty
+    is not a number above zero.
 
     >>> x = np.linspace(0, 1, 50)
     >>> P = np.column_stack([x**0, x, x**2])
@@ -259,16 +264,30 @@ def frols(
     n, M = P.shape
     if len(names) not in (0, M):
         raise ValueError(f"{len(names)} names for {M} candidates")
-    found = (
-        _by_gram(blocks_of_rows(P, y), stopping)
-        if reads_once(n, M, stopping.limit(n, M))
-        else _by_basis(P, y, stopping)
-    )
+    sigma = None if uncertainty is None else _positive(uncertainty, n)
+    if reads_once(n, M, stopping.limit(n, M)):
+        found = _by_gram(blocks_of_rows(P, y), stopping, sigma)
+    elif sigma is None:
+        found = _by_basis(P, y, stopping)
+    else:
+        found = _by_basis(P / sigma[:, None], y / sigma, stopping, sigma)
     return replace(found, candidates=tuple(names)) if names else found
 
 
+def _positive(uncertainty: ArrayLike, n: int) -> Array:
+    sigma = np.asarray(uncertainty, dtype=np.float64)
+    if sigma.shape != (n,) or not ((sigma > 0) & np.isfinite(sigma)).all():
+        raise ValueError(f"`uncertainty` must be ({n},) numbers above zero")
+    return sigma
+
+
 def frols_streamed(
-    blocks: Blocks, max_terms: int | None = None, tolerance: float = 0.0, *, stop: str = "tolerance"
+    blocks: Blocks,
+    max_terms: int | None = None,
+    tolerance: float = 0.0,
+    *,
+    stop: str = "tolerance",
+    uncertainty: Array | None = None,
 ) -> Selection:
     """`frols` of a dictionary that comes in row blocks and never as a whole: memory O(M^2 + block),
     whatever n is.
@@ -282,7 +301,7 @@ def frols_streamed(
     Raises DataError where a value is not finite, with its column and its row counted over all
     blocks; ValueError where there is no row or no column, or `max_terms` is below one.
     """
-    return _by_gram(blocks, Stopping(max_terms, tolerance, stop))
+    return _by_gram(blocks, Stopping(max_terms, tolerance, stop), uncertainty)
 
 
 def reads_once(n: int, M: int, terms: int) -> bool:
@@ -295,11 +314,12 @@ def reads_once(n: int, M: int, terms: int) -> bool:
     return n * M > SMALL and n > M and GRAM_COLUMNS_PER_TERM * (terms + 2) >= M
 
 
-def _by_gram(blocks: Blocks, stopping: Stopping) -> Selection:
+def _by_gram(blocks: Blocks, stopping: Stopping, uncertainty: Array | None) -> Selection:
     """On the Gram matrix as long as it has the digits, otherwise on explicit remainders."""
+    blocks = blocks if uncertainty is None else weighted(blocks, uncertainty)
     matrix, scale, samples = gram(blocks)
     rows, limit = divided(blocks, scale), stopping.limit(samples, len(scale) - 1)
-    rest = (stopping, limit, scale, samples, blocks)
+    rest = (stopping, limit, scale, samples, blocks, uncertainty)
     try:
         return selected(GramRemainders(matrix, rows), *rest)
     except DigitsLost:
@@ -311,14 +331,17 @@ def _by_gram(blocks: Blocks, stopping: Stopping) -> Selection:
         return selected(BasisRemainders(P, y, limit), *rest)
 
 
-def _by_basis(P: Array, y: Array, stopping: Stopping) -> Selection:
+def _by_basis(
+    P: Array, y: Array, stopping: Stopping, uncertainty: Array | None = None
+) -> Selection:
     blocks, limit = blocks_of_rows(P, y), stopping.limit(*P.shape)
     with np.errstate(over="ignore", invalid="ignore"):  # `safe_scale` looks for the cause
         squares = np.append(_column_squares(P), y @ y)
     scale = safe_scale(squares, blocks)
     if (scale != 1.0).any():
         P, y = P / scale[:-1], y / scale[-1]
-    return selected(BasisRemainders(P, y, limit), stopping, limit, scale, len(y), blocks)
+    basis = BasisRemainders(P, y, limit)
+    return selected(basis, stopping, limit, scale, len(y), blocks, uncertainty)
 
 
 def triangle(blocks: Blocks) -> tuple[Array, Array]:

@@ -6,7 +6,9 @@ calls them in one go.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
 from itertools import product
 
 import numpy as np
@@ -24,7 +26,7 @@ from mapmore_cli.domain.fits import (
     Selection,
 )
 from mapmore_cli.domain.models import CurveFunction, Fusion, Model, Pieces, SegmentFunction, Side
-from mapmore_cli.domain.recording import Curve, Quantity
+from mapmore_cli.domain.recording import Curve, Quantity, uncertainty_of
 from mapmore_cli.domain.results import FitResult, PiecesFit
 from mapmore_cli.modelling import literature
 from mapmore_cli.modelling.expressions import (
@@ -37,6 +39,12 @@ from mapmore_cli.modelling.expressions import (
 )
 from mapmore_cli.modelling.expressions.ranged import placed
 from mapmore_cli.modelling.frols import TIE_TOLERANCE, frols, frols_streamed, reads_once
+from mapmore_cli.modelling.frols.robust import (
+    Robust,
+    curves_told_apart,
+    reweighted,
+    standard_errors,
+)
 from mapmore_cli.modelling.literature.backbone import residual_of
 from mapmore_cli.modelling.pieces.recipe import Recipe
 from mapmore_cli.modelling.pieces.segmentation import samples_at, segment_curve, training_curves
@@ -48,9 +56,11 @@ END_FRACTION = 0.05
 EVERY_CORNER_UP_TO = 3
 
 
-def placements(rule: str, X: Array, y: Array, variables: Sequence[str]) -> tuple[Scaling, ...]:
+def placements(
+    rule: str, X: Array, y: Array, variables: Sequence[str], sigma: Array | None = None
+) -> tuple[Scaling, ...]:
     """Return all scalings of the samples `X`, (n, v), and `y`, (n,), that satisfy a rule; the
-    caller keeps the one that errs least.
+    caller keeps the one that errs least. `sigma`, (n,), is the uncertainty of y.
 
     - `unit_square`: x and y span one unit and the trend passes through the origin, which lies at
       the left or at the right end of each
@@ -66,7 +76,7 @@ def placements(rule: str, X: Array, y: Array, variables: Sequence[str]) -> tuple
             if count <= EVERY_CORNER_UP_TO
             else [(False,) * count, (True,) * count]
         )
-        return tuple(_anchored(X, y, names, right) for right in every)
+        return tuple(_anchored(X, y, names, right, sigma) for right in every)
     slope, y_slope = np.ones(count), 1.0
     if rule == "max_abs":
         slope, y_slope = 1 / _span(np.abs(X).max(axis=0)), float(_span(np.abs(y).max()))
@@ -75,7 +85,9 @@ def placements(rule: str, X: Array, y: Array, variables: Sequence[str]) -> tuple
     return (Scaling(rule, "-", names, slope, np.zeros(count), y_slope, 0.0),)
 
 
-def _anchored(X: Array, y: Array, variables: tuple[str, ...], right: tuple[bool, ...]) -> Scaling:
+def _anchored(
+    X: Array, y: Array, variables: tuple[str, ...], right: tuple[bool, ...], sigma: Array | None
+) -> Scaling:
     low, high = X.min(axis=0), X.max(axis=0)
     slope, anchor = 1 / _span(high - low), np.where(right, high, low)
     y_anchor = 0.0
@@ -88,7 +100,9 @@ def _anchored(X: Array, y: Array, variables: tuple[str, ...], right: tuple[bool,
             np.abs(distance, out=distance)
             np.maximum(far, np.multiply(distance, steepness, out=distance), out=far)
         nearest = max(1, int(np.ceil(END_FRACTION * len(y))))
-        y_anchor = float(y[far <= np.partition(far, nearest - 1)[nearest - 1]].mean())
+        near = far <= np.partition(far, nearest - 1)[nearest - 1]
+        weights = None if sigma is None else sigma[near] ** -2.0
+        y_anchor = float(y[near].mean() if weights is None else np.average(y[near], None, weights))
     place = ",".join("right" if r else "left" for r in right) or "-"
     return Scaling(
         "unit_square", place, variables, slope, -slope * anchor, float(_span(np.ptp(y))), y_anchor
@@ -122,6 +136,8 @@ def segment(
     Raises DataError where a segment holds no sample, or a curve has too few for the cut.
     """
     terms = [candidate(text) for text in recipe.dictionary]
+    # losses that leave samples out do not compare
+    recipe = replace(recipe, fit=replace(recipe.fit, loss="squares", scale="auto"))
     training = training_curves(curves, recipe.level is not None)
     fitted = {curve.id: residual_of(curve, recipe.target, backbone) for curve in training}
 
@@ -154,20 +170,36 @@ def fit(
     terms = [candidate(text) for text in recipe.dictionary]
     fits = []
     for segmented in segmentation:
+        curve = fitted[segmented.curve]
         for one in segmented.segments:
-            fits.append(fit_segment(one, fitted[segmented.curve].columns, terms, recipe))
+            groups = _curves_of(one.rows, curves, curve)
+            fits.append(fit_segment(one, curve.columns, terms, recipe, groups))
             tick()
     return tuple(fits)
 
 
+def _curves_of(rows: IntArray, curves: Sequence[Curve], curve: Curve) -> IntArray | None:
+    """Return which residuals go together, (n,): those of a curve where several are pooled, else
+    those of a recording; None where all are of one.
+    """
+    if all(one.id != curve.id for one in curves):
+        return np.searchsorted(np.cumsum([one.size for one in curves]), rows, side="right")
+    return None if curve.origin is None or len(curve.recordings) < 2 else curve.origin[rows]
+
+
 def fit_segment(
-    segment: Segment, columns: Columns, terms: Sequence[Expression], recipe: Recipe
+    segment: Segment,
+    columns: Columns,
+    terms: Sequence[Expression],
+    recipe: Recipe,
+    groups: IntArray | None = None,
 ) -> SegmentFit:
     """Choose and fit the terms of one segment, for every placement of its scaling; the least
     training SSE wins, the first of equals. `columns` are those of its curve.
 
     All placements share the slope of y, so their scaled SSE compare. Rows are sorted first: the
-    numbers then do not depend on the order in which a logger wrote them.
+    numbers then do not depend on the order in which a logger wrote them. `groups` says which
+    residuals go together, (n,) for the rows of the segment.
     """
     n, most = len(segment.rows), recipe.fit.max_terms
     if n <= most:
@@ -177,40 +209,100 @@ def fit_segment(
         )
         what = f"segment {segment.id}: {n} training sample(s), too few for {most} term(s)"
         raise DataError(what, f"{ways}, or set fit.max_terms below {max(2, n)}")
-    variables = quantities_in(terms)
-    samples = samples_at(columns, segment.rows, (*variables, recipe.target))
-    order = np.lexsort([samples[name] for name in (recipe.target, *variables[::-1])])
+    variables, unsure = quantities_in(terms), uncertainty_of(recipe.target)
+    given = [unsure] if unsure in columns else []
+    samples = samples_at(columns, segment.rows, (*variables, recipe.target, *given))
+    order = np.lexsort([samples[name] for name in (*given, recipe.target, *variables[::-1])])
     X, y = np.empty((n, len(variables)), order="F"), samples[recipe.target][order]
     for place, name in enumerate(variables):
         X[:, place] = samples.pop(name)[order]
+    sigma = samples[unsure][order] if given else None
+    groups = None if groups is None else groups[order]
     del samples, order  # of a long record they take more than all else
     give_back(segment.rows)
-    best: SegmentFit | None = None
-    for scaling in placements(recipe.fit.scaling, X, y, variables):
-        z = scaled_inputs(scaling, dict(zip(variables, X.T, strict=True)))
-        written = placed(
-            recipe.dictionary, tuple((name, *extremes(values)) for name, values in z.items())
-        )
-        try:
-            selection = _selected_terms(
-                terms if written == recipe.dictionary else list(map(parse, written)),
-                z,
-                (y - scaling.y_intercept) / scaling.y_slope,
-                recipe,
-            )
-        except NotFinite as error:
-            remedy = (
-                "terms are evaluated in the segment's scaled coordinates; set fit.scaling: "
-                "none, or leave the term out"
-            )
-            raise DataError(f"segment {segment.id}: {error}", remedy) from error
-        if best is None or selection.sse < best.selection.sse * (1 - TIE_TOLERANCE):
-            best = SegmentFit(segment.id, segment.curve, segment.cell, written, scaling, selection)
-    assert best is not None
-    return best
+    return _SegmentSamples(segment, recipe, terms, variables, X, y, sigma).fitted(groups)
 
 
-def _selected_terms(terms: Sequence[Expression], z: Columns, y: Array, recipe: Recipe) -> Selection:
+@dataclass(frozen=True)
+class _SegmentSamples:
+    """The n samples of a segment in canonical order: inputs `X`, (n, v), target `y`, (n,), and its
+    standard deviation `sigma`, (n,), where it is known.
+    """
+
+    segment: Segment
+    recipe: Recipe
+    terms: Sequence[Expression]
+    variables: tuple[str, ...]
+    X: Array
+    y: Array
+    sigma: Array | None
+
+    def fitted(self, groups: IntArray | None) -> SegmentFit:
+        """Return the fit, with standard errors that know which residuals go together."""
+        robust, weights = Robust.of(self.recipe.fit), None
+        if robust is None:
+            best = self.best()
+        else:
+            best, weights = reweighted(robust, self.best, self._regressors)
+        k = len(best.selection.chosen)
+        curves, groups = (0, None) if groups is None else curves_told_apart(groups, k)
+        if robust is None and groups is None:
+            return best
+        blocks = partial(self._blocks, best)
+        errors = standard_errors(blocks, best.selection.theta, groups, robust, weights)
+        return replace(best, selection=replace(best.selection, theta_error=errors, curves=curves))
+
+    def best(self, weights: Array | None = None) -> SegmentFit:
+        """Return the best placement with its terms, with `weights` of the samples, (n,)."""
+        recipe, sigma = self.recipe, self.sigma
+        if weights is not None:
+            sigma = (1.0 if sigma is None else sigma) / np.sqrt(weights)
+        best: SegmentFit | None = None
+        for scaling in placements(recipe.fit.scaling, self.X, self.y, self.variables, sigma):
+            z = self._scaled(scaling)
+            written = placed(
+                recipe.dictionary, tuple((name, *extremes(values)) for name, values in z.items())
+            )
+            try:
+                selection = _selected_terms(
+                    self.terms if written == recipe.dictionary else list(map(parse, written)),
+                    z,
+                    (self.y - scaling.y_intercept) / scaling.y_slope,
+                    sigma,
+                    recipe,
+                )
+            except NotFinite as error:
+                remedy = (
+                    "terms are evaluated in the segment's scaled coordinates; set fit.scaling: "
+                    "none, or leave the term out"
+                )
+                raise DataError(f"segment {self.segment.id}: {error}", remedy) from error
+            if best is None or selection.sse < best.selection.sse * (1 - TIE_TOLERANCE):
+                one = self.segment
+                best = SegmentFit(one.id, one.curve, one.cell, written, scaling, selection)
+        assert best is not None
+        return best
+
+    def _scaled(self, scaling: Scaling) -> Columns:
+        return scaled_inputs(scaling, dict(zip(self.variables, self.X.T, strict=True)))
+
+    def _blocks(self, fit: SegmentFit) -> Iterator[tuple[Array, Array]]:
+        """Yield the chosen regressors and the target, in units of the uncertainty."""
+        scaling, y = fit.scaling, self.y
+        for rows, P in dictionary_blocks(
+            list(map(parse, fit.terms)), self._scaled(scaling), len(y)
+        ):
+            unit = np.ones(1) if self.sigma is None else self.sigma[rows]
+            yield P * (scaling.y_slope / unit)[:, None], (y[rows] - scaling.y_intercept) / unit
+
+    def _regressors(self, fit: SegmentFit) -> tuple[Array, Array]:
+        P, y = map(np.concatenate, zip(*self._blocks(fit), strict=True))
+        return P, y
+
+
+def _selected_terms(
+    terms: Sequence[Expression], z: Columns, y: Array, sigma: Array | None, recipe: Recipe
+) -> Selection:
     """FROLS on the dictionary, which is never there as a whole where it need not be read more than
     once or twice.
     """
@@ -220,8 +312,10 @@ def _selected_terms(terms: Sequence[Expression], z: Columns, y: Array, recipe: R
             lambda: ((P, y[rows]) for rows, P in dictionary_blocks(terms, z, n)),
             *how,
             stop=recipe.fit.stop,
+            uncertainty=sigma,
         )
-    return frols(dictionary_matrix(terms, z, n), y, *how, stop=recipe.fit.stop)
+    P = dictionary_matrix(terms, z, n)
+    return frols(P, y, *how, stop=recipe.fit.stop, uncertainty=sigma)
 
 
 def fuse(
