@@ -300,6 +300,7 @@ class MemoryModel:
     ]
     constant: Annotated[Number, "the constant", "[target]"]
     limits: Annotated[Span, "least and greatest training output", "[target]"]
+    curves: Annotated[Count, CURVES] = 0
 
     @property
     def scaling(self) -> Scaling:

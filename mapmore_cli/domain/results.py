@@ -10,7 +10,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 
 from mapmore_cli.domain.arrays import Array, BoolArray, Columns
-from mapmore_cli.domain.declared import Label, QuantityName
+from mapmore_cli.domain.declared import Count, Label, QuantityName
 from mapmore_cli.domain.fits import FormulaFit, MemoryFit, SegmentFit
 from mapmore_cli.domain.recording import Dataset, Quantity
 from mapmore_cli.domain.scores import Score, ScoreTable
@@ -24,6 +24,27 @@ class PiecesFit:
 
 
 @dataclass(frozen=True)
+class Outlier:
+    """A training sample that lies far from the fit: it counts less, and stays in the data."""
+
+    recording: Annotated[Label, "identifier of its recording"]
+    file: Annotated[str, "file that it comes from"]
+    sample: Annotated[
+        Count, "row of the file, or where that is not known the sample of the curve, from 1"
+    ]
+    is_row: Annotated[bool, "whether it is a row of the file"]
+    curve: Annotated[Label, "identifier of its curve"]
+    off: Annotated[float, "measured less fitted", "[target]"]
+    scales: Annotated[float, "the same, in scales of the residuals"]
+
+    @property
+    def place(self) -> str:
+        """Where it stands, as `a.csv:row 17`."""
+        which = f"{self.file}:row" if self.is_row else f"{self.file}, {self.curve}: sample"
+        return f"{which} {self.sample}"
+
+
+@dataclass(frozen=True)
 class FitResult:
     """What was fitted, with every intermediate result of the selection of terms.
 
@@ -34,6 +55,9 @@ class FitResult:
     body: Annotated[Any, "what was fitted; absent where models are only added up"]
     backbone: Annotated[FormulaFit | None, "formula whose residual was fitted"] = None
     notes: Annotated[tuple[str, ...], "remarks for the reader"] = ()
+    outliers: Annotated[
+        tuple[Outlier, ...], "samples that a robust loss found far off, the farthest first"
+    ] = ()
 
     @property
     def pieces(self) -> tuple[SegmentFit, ...]:

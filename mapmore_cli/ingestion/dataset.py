@@ -13,7 +13,14 @@ import numpy as np
 
 from mapmore_cli.domain.arrays import BoolArray, extremes
 from mapmore_cli.domain.errors import DataError, SpecError
-from mapmore_cli.domain.recording import DAMPING, STATIC_FORCE, Dataset, Quantity, Recording
+from mapmore_cli.domain.recording import (
+    DAMPING,
+    STATIC_FORCE,
+    Dataset,
+    Quantity,
+    Recording,
+    even_rows,
+)
 from mapmore_cli.fitting.stage import Progress
 from mapmore_cli.ingestion.clock import clocked, with_joined
 from mapmore_cli.ingestion.curves import (
@@ -38,6 +45,7 @@ from mapmore_cli.ingestion.samples import (
     read_tables,
     without_missing,
 )
+from mapmore_cli.ingestion.uncertainty import with_uncertainty
 from mapmore_cli.modelling.signals.cycles import last_cycles
 from mapmore_cli.spec.sections.data import Between, Data, Holdout
 from mapmore_cli.spec.sections.logs import FileEntry
@@ -101,16 +109,17 @@ def build_dataset(
     curves = joined_curves(parts, masks, levels)
     notes += [levels.describe()] if levels else []
     notes += meant_levels(data.split.hold_out, levels)
+    known = with_uncertainty(curves, data, units, slice_.measured, target)
     if data.groups is not None and data.groups.has_effects:
         effects = group_effects(curves, data.groups, target)
-        curves = tuple(effects.taken_off(curve, target) for curve in curves)
+        known = tuple(effects.taken_off(curve, target) for curve in known)
         notes += effects.describe(target, units[target])
     return Dataset(
         target=target,
         level=levels.of if levels else None,
         quantities={name: Quantity(name, unit) for name, unit in units.items()},
         recordings=tuple(recordings),
-        curves=curves,
+        curves=known,
         notes=tuple(notes),
     )
 
@@ -186,6 +195,7 @@ def _mended(
             rows_read=piece.size + piece.merged + sum(map(len, piece.left_out.values())),
             dropped={reason: len(rows) for reason, rows in piece.left_out.items()},
             log="" if len(whole) == 1 else id_,
+            rows=even_rows(piece.rows) if piece.place == "row" and not data.resample else (0, 0),
         )
         for name, piece in zip(names, left, strict=True)
     ]

@@ -69,9 +69,7 @@ class Fit(Settings):
     def __post_init__(self) -> None:
         """Refuse a ridge that is lost in rounding, and a scale of nothing."""
         if self.scale != "auto" and self.loss == "squares":
-            raise Contradiction(
-                "squares have no scale", "remove it, or add `loss: huber`", "scale"
-            )
+            raise Contradiction("squares have no scale", "remove it, or add `loss: huber`", "scale")
         if isinstance(self.ridge, float) and 0 < self.ridge < LEAST_RIDGE:
             raise Contradiction(
                 f"a ridge of {self.ridge:g} is lost in rounding",

@@ -23,10 +23,10 @@ from pydantic import (
     model_validator,
 )
 
-from mapmore_cli.domain.declared import Contradiction, InUnit
+from mapmore_cli.domain.declared import Contradiction, Either, InUnit, OfKey
 from mapmore_cli.domain.errors import SpecError
 from mapmore_cli.modelling.literature.own import is_definition
-from mapmore_cli.spec.tree import Node, Written, written
+from mapmore_cli.spec.tree import Loc, Node, Written, written
 from mapmore_cli.spec.units import (
     CANONICAL,
     default_unit,
@@ -220,6 +220,48 @@ Metric = Annotated[
     float, InUnit(lambda place: place.unit_of(place.target) if place.key in OF_TARGET else "1")
 ]
 Share = Annotated[float, InUnit(lambda _: "1")]
+
+
+def _share_of_value(given: Any, info: ValidationInfo) -> Any:
+    """Keep `2 %` as text, where it is no value of the quantity that is meant."""
+    if not isinstance(given, Written) or not isinstance(info.context, Context):
+        return given
+    place = Place(info.context, given)
+    is_value = place.unit_of(place.quantity) in ("1", "%")
+    return str(given) if given.is_quantity and given.endswith("%") and not is_value else given
+
+
+_Group = Annotated[str, Field(pattern=r"^[-+]?[0-9]*\.?[0-9]+$")]
+_ValueOrColumn = Annotated[
+    Annotated[OfKey, Field(gt=0)] | str, Either(), BeforeValidator(_share_of_value)
+]
+Uncertainty = Annotated[
+    Annotated[OfKey, Field(gt=0)]
+    | str
+    | Annotated[list[_ValueOrColumn], Field(min_length=1)]
+    | Annotated[dict[_Group, _ValueOrColumn], Field(min_length=1)],
+    Either(),
+    BeforeValidator(_share_of_value),
+]
+"""A standard deviation: a value, a share in per cent, the name of a column, several, or by
+group.
+"""
+
+
+def columns_of(rule: Any, way: Loc = ()) -> Iterator[tuple[Loc, str]]:
+    """Yield the columns that an uncertainty names, with the keys that lead to each."""
+    if isinstance(rule, str) and not rule.endswith("%"):
+        yield way, rule
+    inside = (
+        rule.items()
+        if isinstance(rule, Mapping)
+        else enumerate(rule)
+        if isinstance(rule, list)
+        else ()
+    )
+    for key, one in inside:
+        yield from columns_of(one, (*way, key))
+
 
 Quantity = Annotated[str, Field(pattern=r"^[A-Za-z_][A-Za-z0-9_]*$", max_length=100)]
 """The name of a quantity, as expressions spell it."""

@@ -67,11 +67,10 @@ class Robust:
         slopes = weights == 1.0 if self.loss == "huber" else root * (5 * root - 4)
         return float(np.mean(slopes))
 
-    def settled(self, P: Array, y: Array, weights: Array | None) -> Array:
+    def settled(self, P: Array, y: Array, weights: Array) -> Array:
         """Return the weights that follow from the least squares that they make, (n,), in at most
         ten rounds from given ones; columns `P`, (n, k), stay.
         """
-        weights = np.ones(len(y)) if weights is None else weights
         for _ in range(ROUNDS):
             root = np.sqrt(weights)
             theta = np.linalg.lstsq(P * root[:, None], y * root, rcond=None)[0]
@@ -85,19 +84,22 @@ class Robust:
 def reweighted(
     robust: Robust,
     choose: Callable[[Array | None], Choice],
-    regressors: Callable[[Choice], tuple[Array, Array]],
+    regressors: Callable[[Choice], tuple[Array, Array, BoolArray]],
 ) -> tuple[Choice, Array]:
     """Choose terms with the weights of a robust start, then with the final ones; return the choice
     and its weights, (n,).
 
     - `choose`: the choice with given weights, (n,); None for equal ones.
-    - `regressors`: the chosen columns (n, k) and the target (n,), in units of the uncertainty.
+    - `regressors`: the chosen columns and the target of the samples that the choice has a value at,
+      in units of the uncertainty; and which of all samples these are, (n,).
 
     Both begin with Huber's loss, which has a single minimum.
     """
     choice, weights = choose(None), None
     for one in (Robust("huber", robust.scale), robust):
-        weights = one.settled(*regressors(choice), weights)
+        P, y, known = regressors(choice)
+        weights = np.ones(len(known)) if weights is None else weights
+        weights[known] = one.settled(P, y, weights[known])
         choice = choose(weights)
     assert weights is not None
     return choice, weights

@@ -145,9 +145,7 @@ def _highest(err: Array) -> IntArray:
     )
 
 
-def to_explain(
-    blocks: Blocks, samples: int, yy: float, uncertainty: Array | None = None
-) -> float:
+def to_explain(blocks: Blocks, samples: int, yy: float, uncertainty: Array | None = None) -> float:
     """Sum of squares that a tolerance is a fraction of: `y'y`; less what the constant explains
     where a candidate is constant.
 

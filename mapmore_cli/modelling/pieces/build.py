@@ -14,7 +14,7 @@ from itertools import product
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mapmore_cli.domain.arrays import Array, Columns, IntArray, extremes, give_back
+from mapmore_cli.domain.arrays import Array, BoolArray, Columns, IntArray, extremes, give_back
 from mapmore_cli.domain.declared import taken
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.fits import (
@@ -178,6 +178,30 @@ def fit(
     return tuple(fits)
 
 
+def residuals(
+    curves: Sequence[Curve],
+    segmentation: Sequence[SegmentedCurve],
+    fits: Sequence[SegmentFit],
+    recipe: Recipe,
+    backbone: FormulaFit | None = None,
+) -> Iterator[tuple[IntArray, Array, Array, Array]]:
+    """Yield for each segment the rows of its samples, counted over all curves in a row, what its
+    own function leaves of the target, the uncertainty and the target, (n,) each.
+    """
+    fit_of, whole = {one.id: one for one in fits}, {curve.id: curve for curve in curves}
+    starts = dict(zip(whole, np.cumsum([0, *(curve.size for curve in curves)]), strict=False))
+    training = {one.id: one for one in training_curves(curves, recipe.level is not None)}
+    for segmented in segmentation:
+        curve = residual_of(training[segmented.curve], recipe.target, backbone)
+        for one in segmented.segments:
+            own, columns = fit_of[one.id], {n: x[one.rows] for n, x in curve.columns.items()}
+            z, y = scaled_inputs(own.scaling, columns), columns[recipe.target]
+            P = dictionary_matrix(list(map(parse, own.terms)), z, len(y))
+            fitted = own.scaling.y_slope * (P @ own.selection.theta) + own.scaling.y_intercept
+            sigma = columns.get(uncertainty_of(recipe.target), np.ones(len(y)))
+            yield one.rows + starts.get(segmented.curve, 0), y - fitted, sigma, y
+
+
 def _curves_of(rows: IntArray, curves: Sequence[Curve], curve: Curve) -> IntArray | None:
     """Return which residuals go together, (n,): those of a curve where several are pooled, else
     those of a recording; None where all are of one.
@@ -295,9 +319,9 @@ class _SegmentSamples:
             unit = np.ones(1) if self.sigma is None else self.sigma[rows]
             yield P * (scaling.y_slope / unit)[:, None], (y[rows] - scaling.y_intercept) / unit
 
-    def _regressors(self, fit: SegmentFit) -> tuple[Array, Array]:
+    def _regressors(self, fit: SegmentFit) -> tuple[Array, Array, BoolArray]:
         P, y = map(np.concatenate, zip(*self._blocks(fit), strict=True))
-        return P, y
+        return P, y, np.ones(len(y), dtype=np.bool_)
 
 
 def _selected_terms(

@@ -11,7 +11,13 @@ from typing import Annotated, Literal
 from pydantic import ConfigDict, Field
 
 from mapmore_cli.domain.declared import Contradiction, Either, InUnit, OfKey, Seconds, of_sibling
-from mapmore_cli.spec.fields import PathOrName, Quantity, Section, SignedSeconds
+from mapmore_cli.spec.fields import (
+    PathOrName,
+    Quantity,
+    Section,
+    SignedSeconds,
+    Uncertainty,
+)
 from mapmore_cli.spec.sections.logs import FileEntry, Join, Keep, Logs
 
 OfLevel = Annotated[float, of_sibling("of")]
@@ -245,6 +251,10 @@ class Data(Logs):
       data out.
     - `plateau` is where a step response rests, `auto` or `[from, to]`: its mean pressure is
       `step_pressure`, its samples do not train.
+    - `uncertainty` is the standard deviation of each sample of a quantity: a value (`0.5 N`), a
+      share of what was measured (`2 %`), the name of a column, a list of these, whose squares add
+      up, or a mapping from the values of `groups` to these. Samples of the target weigh by it; of
+      an input it is told how much of the residual it explains.
     """
 
     join: list[Join] = []
@@ -259,7 +269,17 @@ class Data(Logs):
     cycles: Cycles | None = None
     levels: Levels | None = None
     groups: Groups | None = None
+    uncertainty: dict[Quantity, Uncertainty] = {}
     split: Split = Split()
+
+    def _contradictions(self) -> Iterator[ValueError]:
+        for name, rule in self.uncertainty.items():
+            if isinstance(rule, dict) and self.groups is None:
+                yield Contradiction(
+                    f"the uncertainty of `{name}` is by group, and there are no groups",
+                    "say what tells them apart, as `groups: {of: session}`",
+                    "uncertainty",
+                )
 
     @property
     def measured(self) -> tuple[str, ...]:
