@@ -20,7 +20,9 @@ from mapmore_cli.reporting.score_tables import curve_scores_table, score_table
 from mapmore_cli.reporting.table import Cell, Table
 from mapmore_cli.reporting.tables import (
     FROM_TO,
+    coefficients_table,
     levels_table,
+    outliers_table,
     recordings_table,
     rival_minima,
     segment_ends,
@@ -156,8 +158,10 @@ def _of_validation(validation: Validation) -> View:
     lines = [f"warning: {warning}" for warning in validation.warnings]
     for name, formula in validation.formulas.items():
         lines += rival_minima(name, formula)
-    more = picked(validation, "formulas", "warnings")
+    more = picked(validation, "formulas", "warnings", "outliers")
     tables = (*pooled.tables, curve_scores_table(validation.scores, validation.units))
+    if validation.outliers:
+        tables = (*tables, outliers_table(validation.outliers, *validation.units.values()))
     return View({**pooled.document, **more}, tables, tuple(lines))
 
 
@@ -218,7 +222,7 @@ def _of_fit(result: FitResult) -> View:
         **picked(result, "backbone=formula", "notes"),
     }
     if result.pieces:
-        tables.append(terms_table(result))
+        tables += [terms_table(result), coefficients_table(result, "target")]
     if memory is not None:
         document["memory"] = {
             **asdict(memory.model),

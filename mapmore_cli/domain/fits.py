@@ -47,11 +47,6 @@ class Scaling:
     y_intercept: Annotated[Number, "intercept of the output", "[target]"]
 
 
-CURVES = (
-    "curves whose residuals were summed for theta_error; 0 where residuals count as independent"
-)
-
-
 @dataclass(frozen=True, repr=False)
 class Selection:
     """Everything that FROLS found out about one segment (M2 eq 2-7): k terms chosen of M
@@ -87,7 +82,14 @@ class Selection:
     yy: Annotated[float, "total sum of squares, uncentred"]
     samples: Annotated[Count, "samples fitted to"]
     stop: Annotated[Label, "why selection stopped"]
-    curves: Annotated[Count, CURVES] = 0
+    curves: Annotated[
+        Count,
+        "curves whose residuals were summed for theta_error; 0 where residuals count as "
+        "independent",
+    ] = 0
+    scale: Annotated[
+        float, "scale of the residuals by which a robust loss weighs them; NaN for squares"
+    ] = float("nan")
     candidates: tuple[str, ...] = field(default=(), compare=False, metadata={"stored": False})
 
     @property
@@ -300,7 +302,6 @@ class MemoryModel:
     ]
     constant: Annotated[Number, "the constant", "[target]"]
     limits: Annotated[Span, "least and greatest training output", "[target]"]
-    curves: Annotated[Count, CURVES] = 0
 
     @property
     def scaling(self) -> Scaling:

@@ -15,7 +15,7 @@ from mapmore_cli.domain.declared import (
     QuantityName,
     TermName,
 )
-from mapmore_cli.domain.fits import CURVES, Boundaries, FormulaFit, MemoryModel, Scaling
+from mapmore_cli.domain.fits import Boundaries, FormulaFit, MemoryModel, Scaling
 from mapmore_cli.domain.recording import Quantity, Signal
 
 Side = Beyond | Number
@@ -42,7 +42,6 @@ class SegmentFunction:
     limits: Annotated[
         Ranges, "least and greatest training value of each segmented variable in the segment", "[*]"
     ] = field(default_factory=dict)
-    curves: Annotated[Count, CURVES] = 0
 
 
 @dataclass(frozen=True)

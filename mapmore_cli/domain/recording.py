@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Annotated
 
@@ -16,7 +16,6 @@ from mapmore_cli.domain.arrays import (
     Number,
     Ranges,
     extremes,
-    in_blocks,
 )
 from mapmore_cli.domain.declared import Count, Label, QuantityName, one_of
 
@@ -69,11 +68,9 @@ class Recording:
     log: Annotated[
         Label, "identifier of the log that this is a piece of; empty where it is the whole log"
     ] = ""
-    rows: Annotated[
-        tuple[Count, Count],
-        "row of the first sample in the file, from 1, and rows from one to the next; zeros where "
-        "they are not even",
-    ] = (0, 0)
+    first_row: Annotated[
+        Count, "row of the first sample in the file, from 1; 0 where samples are not row by row"
+    ] = 0
 
     @property
     def name(self) -> str:
@@ -91,26 +88,7 @@ class Recording:
     def at(self, rows: IntArray) -> Recording:
         """Return the recording with these samples alone."""
         columns = {name: x[rows] for name, x in self.columns.items()}
-        return replace(self, columns=columns, rows=even_rows(self.row_numbers[rows]))
-
-    @property
-    def row_numbers(self) -> IntArray:
-        """Row of each sample in the file, (n,); zeros where it is not known."""
-        first, step = self.rows
-        return first + step * np.arange(self.rows_kept)
-
-
-def even_rows(rows: IntArray) -> tuple[int, int]:
-    """Return the first of ascending rows, (n,), and the step between them; zeros where they are not
-    even.
-    """
-    if not len(rows):
-        return 0, 0
-    step = int(rows[1] - rows[0]) if len(rows) > 1 else 1
-    even = int(rows[-1] - rows[0]) == step * (len(rows) - 1)
-    if step != 1:  # ascending by one at least, they cannot but be even
-        even = all((np.diff(part) == step).all() for (part,) in in_blocks(rows, overlap=1))
-    return (int(rows[0]), step) if even and step > 0 else (0, 0)
+        return replace(self, columns=columns, first_row=0)
 
 
 @dataclass(frozen=True)
@@ -180,26 +158,6 @@ class Curve:
         if self.origin is None:
             return (np.arange(self.size),)
         return tuple(np.flatnonzero(self.origin == number) for number in np.unique(self.origin))
-
-
-def counting_alike(curves: Sequence[Curve], target: str) -> tuple[Curve, ...]:
-    """Return the curves with uncertainties of the `target` by which each recording of a curve
-    counts alike, however many samples of it train: `sigma sqrt(n_r R / n)`, of R such parts with n
-    samples in all.
-    """
-    sizes = []
-    for curve in curves:
-        part = np.zeros(curve.size, dtype=np.int64) if curve.origin is None else curve.origin
-        sizes.append(np.bincount(part[curve.training], minlength=len(curve.recordings)))
-    trained = np.concatenate(sizes)
-    mean = trained[trained > 0].mean()
-    weighed = []
-    for curve, own in zip(curves, sizes, strict=True):
-        part = 0 if curve.origin is None else curve.origin
-        root = np.sqrt(np.maximum(own, 1) / mean)[part]
-        sigma = curve.columns.get(uncertainty_of(target), np.ones(curve.size)) * root
-        weighed.append(replace(curve, columns={**curve.columns, uncertainty_of(target): sigma}))
-    return tuple(weighed)
 
 
 def united(ranges: Iterable[Ranges]) -> dict[str, tuple[float, float]]:

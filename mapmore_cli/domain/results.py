@@ -10,7 +10,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 
 from mapmore_cli.domain.arrays import Array, BoolArray, Columns
-from mapmore_cli.domain.declared import Count, Label, QuantityName
+from mapmore_cli.domain.declared import Label, QuantityName
 from mapmore_cli.domain.fits import FormulaFit, MemoryFit, SegmentFit
 from mapmore_cli.domain.recording import Dataset, Quantity
 from mapmore_cli.domain.scores import Score, ScoreTable
@@ -27,21 +27,11 @@ class PiecesFit:
 class Outlier:
     """A training sample that lies far from the fit: it counts less, and stays in the data."""
 
-    recording: Annotated[Label, "identifier of its recording"]
     file: Annotated[str, "file that it comes from"]
-    sample: Annotated[
-        Count, "row of the file, or where that is not known the sample of the curve, from 1"
-    ]
-    is_row: Annotated[bool, "whether it is a row of the file"]
+    place: Annotated[str, "`row 17` of the file; where that is not known, `sample 17` of its curve"]
     curve: Annotated[Label, "identifier of its curve"]
-    off: Annotated[float, "measured less fitted", "[target]"]
+    off: Annotated[float, "measured less predicted", "[target]"]
     scales: Annotated[float, "the same, in scales of the residuals"]
-
-    @property
-    def place(self) -> str:
-        """Where it stands, as `a.csv:row 17`."""
-        which = f"{self.file}:row" if self.is_row else f"{self.file}, {self.curve}: sample"
-        return f"{which} {self.sample}"
 
 
 @dataclass(frozen=True)
@@ -55,9 +45,6 @@ class FitResult:
     body: Annotated[Any, "what was fitted; absent where models are only added up"]
     backbone: Annotated[FormulaFit | None, "formula whose residual was fitted"] = None
     notes: Annotated[tuple[str, ...], "remarks for the reader"] = ()
-    outliers: Annotated[
-        tuple[Outlier, ...], "samples that a robust loss found far off, the farthest first"
-    ] = ()
 
     @property
     def pieces(self) -> tuple[SegmentFit, ...]:
@@ -161,6 +148,9 @@ class Validation:
     along: Annotated[QuantityName, "the quantity that varies within a curve"] = ""
     bands: Annotated[tuple[ErrorBand, ...], "errors by the size of what was measured"] = ()
     residual_tests: Annotated[tuple[ResidualTest, ...], "tests of the own model's residuals"] = ()
+    outliers: Annotated[
+        tuple[Outlier, ...], "training samples far from a robust fit, the farthest first"
+    ] = ()
     shown: Annotated[
         Dataset | None, "samples that figures show; absent where they show the whole dataset"
     ] = None

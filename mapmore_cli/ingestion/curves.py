@@ -15,15 +15,7 @@ import numpy as np
 from mapmore_cli.domain.arrays import Array, BoolArray, Columns, extremes
 from mapmore_cli.domain.errors import DataError, SpecError
 from mapmore_cli.domain.models import Model
-from mapmore_cli.domain.recording import (
-    DAMPING,
-    STATIC_FORCE,
-    Curve,
-    Quantity,
-    Recording,
-    even_rows,
-    united,
-)
+from mapmore_cli.domain.recording import DAMPING, STATIC_FORCE, Curve, Quantity, Recording, united
 from mapmore_cli.ingestion.samples import located
 from mapmore_cli.modelling.kinds import outside_range, predict
 from mapmore_cli.modelling.signals.cycles import split_cycles
@@ -246,10 +238,8 @@ def _at_levels_only(recording: Recording, levels: LevelSet) -> tuple[Recording, 
     reason = f"no level within {levels.within:g} of {levels.of}"
     dropped = {**recording.dropped, reason: lost} if lost else recording.dropped
     columns = {name: chosen(values, at_one) for name, values in recording.columns.items()}
-    rows = recording.rows
-    if lost:
-        rows = even_rows(recording.row_numbers[at_one])
-    return replace(recording, columns=columns, dropped=dropped, rows=rows), level
+    first = 0 if lost else recording.first_row
+    return replace(recording, columns=columns, dropped=dropped, first_row=first), level
 
 
 def _positions(log: Sequence[Recording]) -> Iterator[Array]:

@@ -19,7 +19,6 @@ from mapmore_cli.domain.recording import (
     Dataset,
     Quantity,
     Recording,
-    even_rows,
 )
 from mapmore_cli.fitting.stage import Progress
 from mapmore_cli.ingestion.clock import clocked, with_joined
@@ -109,17 +108,17 @@ def build_dataset(
     curves = joined_curves(parts, masks, levels)
     notes += [levels.describe()] if levels else []
     notes += meant_levels(data.split.hold_out, levels)
-    known = with_uncertainty(curves, data, units, slice_.measured, target)
     if data.groups is not None and data.groups.has_effects:
         effects = group_effects(curves, data.groups, target)
-        known = tuple(effects.taken_off(curve, target) for curve in known)
+        curves = tuple(effects.taken_off(curve, target) for curve in curves)
         notes += effects.describe(target, units[target])
+    curves = with_uncertainty(curves, data, units, slice_.measured, target)
     return Dataset(
         target=target,
         level=levels.of if levels else None,
         quantities={name: Quantity(name, unit) for name, unit in units.items()},
         recordings=tuple(recordings),
-        curves=known,
+        curves=curves,
         notes=tuple(notes),
     )
 
@@ -195,10 +194,17 @@ def _mended(
             rows_read=piece.size + piece.merged + sum(map(len, piece.left_out.values())),
             dropped={reason: len(rows) for reason, rows in piece.left_out.items()},
             log="" if len(whole) == 1 else id_,
-            rows=even_rows(piece.rows) if piece.place == "row" and not data.resample else (0, 0),
+            first_row=_first_row(piece),
         )
         for name, piece in zip(names, left, strict=True)
     ]
+
+
+def _first_row(piece: Samples) -> int:
+    """Return the row of the first sample where each has the next one; 0 where they do not."""
+    first, last = int(piece.rows[0]), int(piece.rows[-1])
+    by_row = piece.place == "row" and not piece.merged and last - first + 1 == piece.size
+    return first if by_row else 0
 
 
 def _losses(recording: Recording) -> Iterator[str]:

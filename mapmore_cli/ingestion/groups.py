@@ -11,7 +11,7 @@ from scipy.optimize import least_squares
 
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.domain.recording import Curve, uncertainty_of
+from mapmore_cli.domain.recording import Curve
 from mapmore_cli.modelling.signals.sampling import even_share
 from mapmore_cli.spec.sections.data import Groups
 
@@ -47,12 +47,7 @@ class GroupEffects:
             rows = curve.columns[self.of] == group
             values[rows] -= self.offsets.get(group, 0.0)
             values[rows] /= self.gains.get(group, 1.0)
-        own = {target: values}
-        if self.gains and (unsure := uncertainty_of(target)) in curve.columns:
-            groups, gains = curve.columns[self.of], self.gains
-            each = np.array([gains.get(group, 1.0) for group in groups.tolist()])
-            own[unsure] = curve.columns[unsure] / each
-        return replace(curve, columns={**curve.columns, **own})
+        return replace(curve, columns={**curve.columns, target: values})
 
     def describe(self, target: str, unit: str) -> Iterator[str]:
         """Yield gains and offsets in words, for the page."""

@@ -6,8 +6,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from functools import partial
-from typing import Any
 
 import numpy as np
 
@@ -16,12 +14,11 @@ from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.recording import Curve, uncertainty_of
 from mapmore_cli.spec.sections.data import Data
 from mapmore_cli.spec.units import convert, split_quantity
-from mapmore_cli.storage.spool import by_blocks
 
-SPREAD = 1e-3
-"""Of the median of a curve: a sample with a smaller uncertainty would count as much as a million
-others.
-"""
+Rule = float | str | dict[str, float]
+
+LEAST = 1e-3
+"""Of the median of a curve: with a smaller uncertainty one sample counts as much as a million."""
 
 
 def with_uncertainty(
@@ -44,41 +41,31 @@ def with_uncertainty(
     return tuple(curves)
 
 
-def _checked(curve: Curve, name: str, rule: Any, data: Data, units: Mapping[str, str]) -> Array:
-    if isinstance(rule, dict):
-        assert data.groups is not None
-        group = curve.columns[data.groups.of]
-        sigma = np.full(curve.size, np.nan)
-        for key, one in rule.items():
-            rows = group == float(key)
-            sigma[rows] = _deviation(curve, name, one, units)[rows]
-    else:
-        sigma = _deviation(curve, name, rule, units)
-    least = 0.0 if isinstance(rule, float) else SPREAD * float(np.nanmedian(sigma))
-    faulty = by_blocks(lambda values: ~(values > least), sigma)
-    if faulty.any():
-        row = int(np.argmax(faulty))
-        where = curve.recordings[0 if curve.origin is None else int(curve.origin[row])]
+def _checked(curve: Curve, name: str, rule: Rule, data: Data, units: Mapping[str, str]) -> Array:
+    sigma = _deviation(curve, name, rule, data, units)
+    median = float(np.median(sigma))
+    faulty = np.flatnonzero(~(sigma > LEAST * median))
+    if len(faulty):
+        row = int(faulty[0])
         raise DataError(
-            f"data.uncertainty.{name}: {sigma[row]:.3g} at {name} {curve.columns[name][row]:g} "
-            f"({where}, curve {curve.id}); the median of the curve is {np.nanmedian(sigma):.3g}",
-            "give each sample an uncertainty, and shares of small values a floor, as "
-            f"`[0.5 {units[name]}, 2 %]`",
+            f"data.uncertainty.{name}: it is {sigma[row]:.3g} at {curve.columns[name][row]:g} "
+            f"(sample {row + 1} of {curve.id}), and {median:.3g} in the middle of the curve",
+            "give each group one; to shares of small values add a floor by `derive`, as "
+            f"`sd: sqrt(0.25 + (0.02*{name})^2)`, and name that",
         )
     return sigma
 
 
-def _deviation(curve: Curve, name: str, rule: Any, units: Mapping[str, str]) -> Array:
-    """Return the standard deviation of each sample, (n,); squares of several add up."""
-    if isinstance(rule, list):
-        return np.sqrt(sum(_deviation(curve, name, one, units) ** 2 for one in rule))
+def _deviation(curve: Curve, name: str, rule: Rule, data: Data, units: Mapping[str, str]) -> Array:
+    """Return the standard deviation of each sample, (n,); NaN in a group that has none."""
+    if isinstance(rule, dict):
+        assert data.groups is not None
+        group = curve.columns[data.groups.of]
+        return np.select([group == float(value) for value in rule], [*rule.values()], np.nan)
     if isinstance(rule, float):
-        return np.broadcast_to(np.float64(rule), curve.size)
+        return np.full(curve.size, rule)
     if rule.endswith("%"):
-        share = convert(split_quantity(rule)[0], "%", "1")
-        return by_blocks(lambda values: share * np.abs(values), curve.columns[name])
+        return np.abs(curve.columns[name]) * convert(split_quantity(rule)[0], "%", "1")
     # a column of one's own, whose unit nobody says, is in that of the quantity
     unit = units[name] if units[rule] == "1" else units[rule]
-    return by_blocks(
-        partial(convert, source_unit=unit, target_unit=units[name]), curve.columns[rule]
-    )
+    return convert(curve.columns[rule], unit, units[name])

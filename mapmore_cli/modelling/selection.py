@@ -40,7 +40,8 @@ class Fit(Settings):
     - A `loss` other than `squares` counts large residuals less, by reweighting: `huber` by their
       size, `bisquare` not at all beyond 4.685 `scale`. `scale: auto` is 1.4826 times the median
       absolute residual. Outliers are listed, and stay.
-    - `weight: curve` counts every recording of a curve alike, however many samples it has.
+    - `weight: curve` counts alike, however many samples they have, all curves that are pooled, or
+      all recordings of one.
     """
 
     scaling: Literal["unit_square", "max_abs", "none", "range"] = "unit_square"
@@ -59,6 +60,11 @@ class Fit(Settings):
         Either(),
     ] = "auto"
     weight: Literal["sample", "curve"] = "sample"
+
+    @property
+    def known_scale(self) -> float | None:
+        """The scale where it is given."""
+        return None if isinstance(self.scale, str) else self.scale
 
     @property
     def forward_terms(self) -> int:

@@ -15,7 +15,7 @@ from mapmore_cli.modelling.expressions.states import Lagged, Measured, State
 from mapmore_cli.modelling.pieces.recipe import CutByDirection
 from mapmore_cli.spec.diagnostics import Finding, did_you_mean, refused, told
 from mapmore_cli.spec.experiment import ExperimentSpec, TargetColumn
-from mapmore_cli.spec.fields import TargetKind, columns_of
+from mapmore_cli.spec.fields import TargetKind
 from mapmore_cli.spec.sections.data import Direction, Rate
 from mapmore_cli.spec.sections.dictionary import (
     AlongRange,
@@ -79,10 +79,10 @@ def _uses(spec: ExperimentSpec) -> Iterator[tuple[Loc, str | None]]:
     for loc, conditions in [(("data", "keep"), data.keep), *files]:
         for i, condition in enumerate(conditions):
             yield (*loc, i, "quantity"), condition.quantity
-    for name, rule in data.uncertainty.items():
+    for name, sigma in data.uncertainty.items():
         yield ("data", "uncertainty", name), name
-        for way, column in columns_of(rule):
-            yield ("data", "uncertainty", name, *way), column
+        is_column = isinstance(sigma, str) and not sigma.endswith("%")
+        yield ("data", "uncertainty", name), str(sigma) if is_column else None
     yield ("data", "cycles", "over"), data.cycles.over if data.cycles else None
     yield ("data", "levels", "of"), data.levels.of if data.levels else None
     if hold_out is not None:
@@ -411,6 +411,18 @@ def idle(spec: ExperimentSpec) -> Iterator[Finding]:
             "fit.train_level:",
             f"{ONE}: it learns from all training levels",
             "remove it, or hold out the other levels by `split`",
+        ),
+        (
+            fit.weight != "sample",
+            "fit.weight",
+            f"{ONE}: its recordings count by their samples",
+            "remove it",
+        ),
+        (
+            fit.loss != "squares" and (fit.ridge != 0.0 or "free_run" in (fit.stop, fit.criterion)),
+            "fit.loss",
+            f"with memory, `{fit.loss}` weighs errors one step ahead, without a ridge",
+            "remove `loss`; or `ridge`, and `free_run`",
         ),
         (
             fit.forward is not None and fit.ridge == 0.0,

@@ -26,7 +26,7 @@ from pydantic import (
 from mapmore_cli.domain.declared import Contradiction, Either, InUnit, OfKey
 from mapmore_cli.domain.errors import SpecError
 from mapmore_cli.modelling.literature.own import is_definition
-from mapmore_cli.spec.tree import Loc, Node, Written, written
+from mapmore_cli.spec.tree import Node, Written, written
 from mapmore_cli.spec.units import (
     CANONICAL,
     default_unit,
@@ -209,7 +209,7 @@ def _column_unit(place: Place) -> str | None:
     return of_difference(unit) if isinstance(unit, str) else place.unit_of(place.quantity)
 
 
-OF_TARGET = ("rmse", "normaliser", "max_abs_error")
+OF_TARGET = ("rmse", "rmse_weighted", "normaliser", "max_abs_error")
 """Metrics in the unit of the target."""
 
 Metres = Annotated[float, Field(gt=0), InUnit(lambda _: "m")]
@@ -232,36 +232,13 @@ def _share_of_value(given: Any, info: ValidationInfo) -> Any:
 
 
 _Group = Annotated[str, Field(pattern=r"^[-+]?[0-9]*\.?[0-9]+$")]
-_ValueOrColumn = Annotated[
-    Annotated[OfKey, Field(gt=0)] | str, Either(), BeforeValidator(_share_of_value)
-]
+_Value = Annotated[OfKey, Field(gt=0)]
 Uncertainty = Annotated[
-    Annotated[OfKey, Field(gt=0)]
-    | str
-    | Annotated[list[_ValueOrColumn], Field(min_length=1)]
-    | Annotated[dict[_Group, _ValueOrColumn], Field(min_length=1)],
+    _Value | str | Annotated[dict[_Group, _Value], Field(min_length=1)],
     Either(),
     BeforeValidator(_share_of_value),
 ]
-"""A standard deviation: a value, a share in per cent, the name of a column, several, or by
-group.
-"""
-
-
-def columns_of(rule: Any, way: Loc = ()) -> Iterator[tuple[Loc, str]]:
-    """Yield the columns that an uncertainty names, with the keys that lead to each."""
-    if isinstance(rule, str) and not rule.endswith("%"):
-        yield way, rule
-    inside = (
-        rule.items()
-        if isinstance(rule, Mapping)
-        else enumerate(rule)
-        if isinstance(rule, list)
-        else ()
-    )
-    for key, one in inside:
-        yield from columns_of(one, (*way, key))
-
+"""A standard deviation: a value, a share in per cent, the name of a column, or values by group."""
 
 Quantity = Annotated[str, Field(pattern=r"^[A-Za-z_][A-Za-z0-9_]*$", max_length=100)]
 """The name of a quantity, as expressions spell it."""

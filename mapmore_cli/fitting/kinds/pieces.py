@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from itertools import count
 from typing import TYPE_CHECKING
 
-from mapmore_cli.domain.recording import counting_alike
 from mapmore_cli.domain.results import FitResult, PiecesFit
 from mapmore_cli.fitting.kinds import Given
 from mapmore_cli.fitting.kinds.choices import (
@@ -17,7 +16,6 @@ from mapmore_cli.fitting.kinds.choices import (
 )
 from mapmore_cli.fitting.kinds.dictionary import terms_of
 from mapmore_cli.fitting.kinds.formula import fitted
-from mapmore_cli.fitting.outliers import with_outliers
 from mapmore_cli.modelling.pieces.recipe import Cut, Recipe
 from mapmore_cli.modelling.pieces.segmentation import trained_at
 from mapmore_cli.modelling.selection import AUTO
@@ -80,20 +78,12 @@ def fit(part: ModelChoices, given: Given) -> FitResult:
         backbone,
         lambda: given.progress("segments", next(done), total),
     )
-    result = FitResult(PiecesFit(segments), backbone, notes)
-    return with_outliers(
-        result,
-        part.fit,
-        given.dataset,
-        method.residuals(curves, given.segmentation, segments, recipe, backbone),
-    )
+    return FitResult(PiecesFit(segments), backbone, notes)
 
 
 def _trained(part: ModelChoices, dataset: Dataset) -> tuple[Sequence[Curve], Recipe]:
     """Return the curves, of which some train, and the whole recipe."""
     curves = trained_at(dataset.curves, part.fit.train_level)
-    if part.fit.weight == "curve":
-        curves = counting_alike(curves, dataset.target)
     return curves, recipe_of(dataset.target, part)
 
 

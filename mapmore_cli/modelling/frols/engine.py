@@ -5,7 +5,7 @@ digits. Its triangular factor may stand for it.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -29,6 +29,7 @@ from mapmore_cli.modelling.frols.select import (
     Stopping,
     selected,
 )
+from mapmore_cli.modelling.frols.weighing import Weighing
 
 # a downdated `q'q` below this fraction of `p'p` has lost too many digits (anything of 1e-4..1e-10
 # would serve)
@@ -214,7 +215,7 @@ def frols(
     *,
     stop: str = "tolerance",
     names: Sequence[str] = (),
-    uncertainty: ArrayLike | None = None,
+    weighing: Weighing | None = None,
 ) -> Selection:
     """Select the few columns of `P` that explain `y`, one after the other by error reduction ratio.
 
@@ -238,12 +239,11 @@ def frols(
       best by that criterion.
     - `names` of the candidates, (M,), for tables and messages; `p0`, `p1`, ... where they have
       none.
-    - `uncertainty`: standard deviation of each sample of `y`, (n,). Rows are divided by it: ERR,
-      `sse` and `yy` are those of the weighted columns.
+    - `weighing`: how samples weigh, where not all alike: their uncertainty, a robust loss.
 
     Raises DataError where `P` or `y` has a value that is not finite, with its column and row;
     ValueError where the shapes or the names do not fit, `max_terms` is below one, or an uncertainty
-    is not a number above zero.
+    is no number above zero.
 
     >>> x = np.linspace(0, 1, 50)
     >>> P = np.column_stack([x**0, x, x**2])
@@ -264,21 +264,24 @@ def frols(
     n, M = P.shape
     if len(names) not in (0, M):
         raise ValueError(f"{len(names)} names for {M} candidates")
-    sigma = None if uncertainty is None else _positive(uncertainty, n)
-    if reads_once(n, M, stopping.limit(n, M)):
-        found = _by_gram(blocks_of_rows(P, y), stopping, sigma)
-    elif sigma is None:
-        found = _by_basis(P, y, stopping)
+
+    def select(sigma: Array | None) -> Selection:
+        if reads_once(n, M, stopping.limit(n, M)):
+            return _by_gram(blocks_of_rows(P, y), stopping, sigma)
+        if sigma is None:
+            return _by_basis(P, y, stopping)
+        return _by_basis(P / sigma[:, None], y / sigma, stopping, sigma)
+
+    if weighing is None:
+        found = select(None)
     else:
-        found = _by_basis(P / sigma[:, None], y / sigma, stopping, sigma)
+        sigma = weighing.uncertainty
+        if sigma is not None and not (
+            sigma.shape == (n,) and ((sigma > 0) & (sigma < np.inf)).all()
+        ):
+            raise ValueError(f"the uncertainty must be ({n},) numbers above zero")
+        found = weighing.selection(select, lambda chosen: blocks_of_rows(P[:, chosen], y))
     return replace(found, candidates=tuple(names)) if names else found
-
-
-def _positive(uncertainty: ArrayLike, n: int) -> Array:
-    sigma = np.asarray(uncertainty, dtype=np.float64)
-    if sigma.shape != (n,) or not ((sigma > 0) & np.isfinite(sigma)).all():
-        raise ValueError(f"`uncertainty` must be ({n},) numbers above zero")
-    return sigma
 
 
 def frols_streamed(
@@ -287,7 +290,8 @@ def frols_streamed(
     tolerance: float = 0.0,
     *,
     stop: str = "tolerance",
-    uncertainty: Array | None = None,
+    weighing: Weighing | None = None,
+    only: Callable[[IntArray], Blocks] | None = None,
 ) -> Selection:
     """`frols` of a dictionary that comes in row blocks and never as a whole: memory O(M^2 + block),
     whatever n is.
@@ -296,12 +300,15 @@ def frols_streamed(
     thousand rows. Most records need one pass. There is another where the normal equations lose
     digits (an ill-conditioned or dependent dictionary, a residual sum of squares below 1e-9 of
     `y'y`), two where squares of the values overflow or vanish, and one where a tolerance may end
-    the choice.
+    the choice. `only` gives the blocks of some candidates, where `weighing` asks for them.
 
     Raises DataError where a value is not finite, with its column and its row counted over all
     blocks; ValueError where there is no row or no column, or `max_terms` is below one.
     """
-    return _by_gram(blocks, Stopping(max_terms, tolerance, stop), uncertainty)
+    stopping = Stopping(max_terms, tolerance, stop)
+    if weighing is None or only is None:
+        return _by_gram(blocks, stopping)
+    return weighing.selection(lambda sigma: _by_gram(blocks, stopping, sigma), only)
 
 
 def reads_once(n: int, M: int, terms: int) -> bool:
@@ -314,12 +321,12 @@ def reads_once(n: int, M: int, terms: int) -> bool:
     return n * M > SMALL and n > M and GRAM_COLUMNS_PER_TERM * (terms + 2) >= M
 
 
-def _by_gram(blocks: Blocks, stopping: Stopping, uncertainty: Array | None) -> Selection:
+def _by_gram(blocks: Blocks, stopping: Stopping, sigma: Array | None = None) -> Selection:
     """On the Gram matrix as long as it has the digits, otherwise on explicit remainders."""
-    blocks = blocks if uncertainty is None else weighted(blocks, uncertainty)
+    blocks = blocks if sigma is None else weighted(blocks, sigma)
     matrix, scale, samples = gram(blocks)
     rows, limit = divided(blocks, scale), stopping.limit(samples, len(scale) - 1)
-    rest = (stopping, limit, scale, samples, blocks, uncertainty)
+    rest = (stopping, limit, scale, samples, blocks, sigma)
     try:
         return selected(GramRemainders(matrix, rows), *rest)
     except DigitsLost:
@@ -331,9 +338,7 @@ def _by_gram(blocks: Blocks, stopping: Stopping, uncertainty: Array | None) -> S
         return selected(BasisRemainders(P, y, limit), *rest)
 
 
-def _by_basis(
-    P: Array, y: Array, stopping: Stopping, uncertainty: Array | None = None
-) -> Selection:
+def _by_basis(P: Array, y: Array, stopping: Stopping, sigma: Array | None = None) -> Selection:
     blocks, limit = blocks_of_rows(P, y), stopping.limit(*P.shape)
     with np.errstate(over="ignore", invalid="ignore"):  # `safe_scale` looks for the cause
         squares = np.append(_column_squares(P), y @ y)
@@ -341,7 +346,7 @@ def _by_basis(
     if (scale != 1.0).any():
         P, y = P / scale[:-1], y / scale[-1]
     basis = BasisRemainders(P, y, limit)
-    return selected(basis, stopping, limit, scale, len(y), blocks, uncertainty)
+    return selected(basis, stopping, limit, scale, len(y), blocks, sigma)
 
 
 def triangle(blocks: Blocks) -> tuple[Array, Array]:

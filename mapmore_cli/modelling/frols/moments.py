@@ -140,13 +140,6 @@ class Standard:
     spread: Array
 
 
-def centred(by: Standard, weighed: Moments) -> Standard:
-    """Return the standard with the means that weighted moments of its columns have."""
-    return Standard(
-        by.centre + np.where(np.isinf(by.spread), 0.0, by.spread) * weighed.mean, by.spread
-    )
-
-
 @dataclass(frozen=True)
 class Moments:
     """Sums over n rows of `z = (Z - centre)/spread`: `sums` (M+1,) and `products` (M+1, M+1)."""
@@ -221,21 +214,15 @@ def standardised(blocks: Blocks, by: Standard) -> Blocks:
     return passed
 
 
-def moments(blocks: Blocks, root: Array | None = None) -> Moments:
+def moments(blocks: Blocks) -> Moments:
     """Return sums of the columns of standardised blocks and of their products, in one pass; memory
-    O(M^2 + block). Rows count by the squares of `root`, (n,), whose mean is one.
+    O(M^2 + block).
     """
-    sums, start = np.zeros(1), 0
+    sums = np.zeros(1)
 
     def summed() -> Iterator[tuple[Array, Array]]:
-        nonlocal sums, start
+        nonlocal sums
         for P, y in blocks():
-            if root is not None:
-                own = root[start : start + len(y)]
-                start += len(y)
-                sums = sums + np.append(own**2 @ P, own**2 @ y)
-                yield P * own[:, None], y * own
-                continue
             sums = sums + np.append(P.sum(axis=0), y.sum())
             yield P, y
 

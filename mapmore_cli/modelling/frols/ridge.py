@@ -143,25 +143,18 @@ def _left_out_error(
     )
 
 
-def ridge_press(
-    blocks: Blocks, data: Regularised, subsets: Sequence[IntArray], root: Array | None = None
-) -> Array:
+def ridge_press(blocks: Blocks, data: Regularised, subsets: Sequence[IntArray]) -> Array:
     """Return `PRESS = sum_i (r_i / (1 - h_i))^2` of each subset, (m,), in one pass over
     standardised blocks; infinite where a leverage is one.
 
     The leverage is `h_i = 1/n + z_i' G^-1 z_i / n`: of the mean, and of the terms. A ridge makes it
-    exact but for the change of means and standard deviations by one sample. Rows count by the
-    squares of `root`, (n,): they, and the one of the mean, are times the root.
+    exact but for the change of means and standard deviations by one sample.
     """
-    total, start = np.zeros(len(subsets)), 0
+    total = np.zeros(len(subsets))
     for P, y in blocks():
-        own = np.ones(1) if root is None else root[start : start + len(y)]
-        start += len(y)
         for place, kept in enumerate(subsets):
-            Z, gram = P[:, kept] * own[:, None], data.gram[np.ix_(kept, kept)]
-            left = (
-                1 - (own**2 + np.einsum("ij,ji->i", Z, np.linalg.solve(gram, Z.T))) / data.samples
-            )
-            residual = y * own - Z @ data.coefficients(kept)
+            Z, gram = P[:, kept], data.gram[np.ix_(kept, kept)]
+            left = 1 - (1 + np.einsum("ij,ji->i", Z, np.linalg.solve(gram, Z.T))) / data.samples
+            residual = y - Z @ data.coefficients(kept)
             total[place] += np.square(residual / np.where(left > FULL_LEVERAGE, left, np.nan)).sum()
     return np.where(np.isnan(total), np.inf, total)

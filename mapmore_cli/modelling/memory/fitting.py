@@ -9,21 +9,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import Array, BoolArray, IntArray
+from mapmore_cli.domain.arrays import Array, IntArray
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.fits import MemoryFit
-from mapmore_cli.domain.recording import uncertainty_of
-from mapmore_cli.modelling.expressions import NotFinite, Number, parse
-from mapmore_cli.modelling.frols.moments import blocks_of_rows
-from mapmore_cli.modelling.frols.robust import (
-    Robust,
-    curves_told_apart,
-    reweighted,
-    standard_errors,
-)
+from mapmore_cli.modelling.expressions import NotFinite
 from mapmore_cli.modelling.memory.records import Record
 from mapmore_cli.modelling.memory.refinement import Coefficients, refine
-from mapmore_cli.modelling.memory.selectors import Regressors, TermChoice, regressors
+from mapmore_cli.modelling.memory.selectors import TermChoice
 from mapmore_cli.modelling.memory.training import DIGITS, TrainingData, Unknown, left_open
 from mapmore_cli.modelling.selection import MemoryRecipe
 
@@ -35,80 +27,10 @@ SHORT = 2048  # training samples on which they compete
 
 DIVERGES = "use another `fit.stop`, fewer delayed outputs, or a ridge"
 
-ONE = Number(1.0)
-
 Progress = Callable[[int, int], None]
 
 
 def fit_with_memory(
-    records: Sequence[Record],
-    recipe: MemoryRecipe,
-    progress: Progress = lambda _done, _total: None,
-) -> MemoryFit:
-    """Choose and fit the terms of one model to the training samples of all pieces, as
-    `fit_by_squares`; a robust loss weighs samples by their errors one step ahead.
-    """
-    robust = Robust.of(recipe)
-    if robust is None:
-        return _with_errors(fit_by_squares(records, recipe, progress), records, recipe)
-
-    def choose(weights: Array | None) -> MemoryFit:
-        weighed = records if weights is None else _weighed(records, recipe.target, weights)
-        return fit_by_squares(weighed, recipe, progress)
-
-    def one_step(fit: MemoryFit) -> tuple[Array, Array, BoolArray]:
-        data = regressors_of(records, fit)
-        return *data.in_uncertainties(), data.known
-
-    fit, weights = reweighted(robust, choose, one_step)
-    return _with_errors(fit, records, recipe, robust, weights)
-
-
-def _with_errors(
-    fit: MemoryFit,
-    records: Sequence[Record],
-    recipe: MemoryRecipe,
-    robust: Robust | None = None,
-    weights: Array | None = None,
-) -> MemoryFit:
-    """Return a fit of one step ahead with standard errors that know of recordings and of a loss;
-    one with a ridge, or refined in free run, has those of its curvature.
-    """
-    terms = len(fit.model.terms)
-    labels = np.array([record.recording for record in records if record.training.any()])
-    apart = curves_told_apart(labels, terms)[1] is not None
-    plain = recipe.ridge == 0.0 and recipe.criterion == "one_step" and fit.identified is None
-    if not plain or (robust is None and not apart):
-        return fit
-    data = regressors_of(records, fit)
-    P, y = data.in_uncertainties()
-    curves, groups = curves_told_apart(np.repeat(*np.transpose(data.recordings)), terms)
-    own = None if weights is None else weights[data.known]
-    errors = standard_errors(blocks_of_rows(P, y), fit.model.theta, groups, robust, own)
-    return replace(
-        fit,
-        model=replace(fit.model, theta_error=errors, curves=curves),
-        selection=replace(fit.selection, theta_error=errors, curves=curves),
-    )
-
-
-def regressors_of(records: Sequence[Record], fit: MemoryFit) -> Regressors:
-    """Return what the terms of a model are one step ahead, with the constant where it has one."""
-    terms = [*map(parse, fit.model.terms), *([ONE] if fit.model.constant else [])]
-    return regressors(records, fit.model.states, terms, fit.model.output)
-
-
-def _weighed(records: Sequence[Record], target: str, weights: Array) -> list[Record]:
-    """Return the pieces with uncertainties by which samples count times their weights, (n,)."""
-    unsure, ends = uncertainty_of(target), np.cumsum([record.size for record in records])
-    weighed = []
-    for record, own in zip(records, np.split(weights, ends[:-1]), strict=True):
-        sigma = record.columns.get(unsure, np.ones(record.size)) / np.sqrt(own)
-        weighed.append(replace(record, columns={**record.columns, unsure: sigma}))
-    return weighed
-
-
-def fit_by_squares(
     records: Sequence[Record],
     recipe: MemoryRecipe,
     progress: Progress = lambda _done, _total: None,
@@ -123,6 +45,12 @@ def fit_by_squares(
     fed back, the dictionary needs more memory than there is, or no model's free run stays finite.
     """
     numbers = left_open(records, recipe.dictionary, recipe.step)
+    if numbers.states and recipe.loss != "squares":
+        raise DataError(
+            f"{numbers.states[0].name}: its numbers are found by squares, and the loss is "
+            f"`{recipe.loss}`",
+            "write the numbers, as `slow(pressure, 0.3)`, or remove `fit.loss`",
+        )
     start = _start(records, recipe, numbers) if numbers.states else np.empty(0)
     training, held_out = TrainingData(records, recipe, numbers.numbers(start)), None
     if recipe.stop == "free_run":
@@ -200,7 +128,7 @@ def _sized_in_free_run(
     for record in records:
         rows = np.flatnonzero(record.training)
         late.append(np.isin(np.arange(record.size), rows[len(rows) - int(LATE * len(rows)) :]))
-        beginnings.append(replace(record, training=record.training & ~late[-1]))
+        beginnings.append(Record(record.columns, record.training & ~late[-1]))
     early = TrainingData(beginnings, recipe, numbers)
     sizes, errors = [], []
     for terms, chosen in enumerate(early.selector.sizes, 1):

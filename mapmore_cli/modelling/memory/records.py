@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from itertools import count
 
 import numpy as np
 
@@ -45,12 +44,11 @@ def complete(columns: Iterable[Array], n: int) -> BoolArray:
 @dataclass(frozen=True)
 class Record:
     """One piece: quantities by name, (n,) each, at even time steps; `training` (n,) marks the
-    samples to learn from. `recording` is the number of the recording that it is of.
+    samples to learn from.
     """
 
     columns: Columns
     training: BoolArray
-    recording: int = 0
 
     @property
     def size(self) -> int:
@@ -113,10 +111,8 @@ def records_of(curves: Sequence[Curve], step: float) -> tuple[Record, ...]:
     Raises DataError where samples are not at even time steps.
     """
     records: list[Record] = []
-    number = count()
     for curve in curves:
         for name, rows in zip(curve.recordings, curve.logs, strict=True):
-            recording = next(number)
             time = curve.columns["time"][rows]
             try:
                 parts = [rows[part] for part in uninterrupted(time, step)]
@@ -127,11 +123,7 @@ def records_of(curves: Sequence[Curve], step: float) -> tuple[Record, ...]:
                     f"action: split}}` where recordings break off",
                 ) from error
             records += [
-                Record(
-                    {name: x[part] for name, x in curve.columns.items()},
-                    curve.training[part],
-                    recording,
-                )
+                Record({name: x[part] for name, x in curve.columns.items()}, curve.training[part])
                 for part in parts
             ]
     return tuple(records)

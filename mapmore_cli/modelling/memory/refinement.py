@@ -126,7 +126,6 @@ class FreeRunProblem:
     - `ridge`: (k,) penalty of each squared coefficient.
     - `free_constant`: whether the model has a constant of its own.
     - `between`: (2, k + 1 + m) least and greatest place of a point.
-    - `roots`: (n,) of each piece, what its counted errors are times.
     """
 
     pieces: Callable[[Array], tuple[ReadyPiece, ...]]
@@ -135,7 +134,6 @@ class FreeRunProblem:
     ridge: Array
     free_constant: bool
     between: Array
-    roots: tuple[Array, ...] | None = None
 
     @property
     def longest(self) -> int:
@@ -154,18 +152,15 @@ class FreeRunProblem:
         return replace(point, error=float(error))
 
     def errors(self, point: Coefficients) -> Array:
-        """Return measured less simulated output of all samples that count, (n,), times the roots of
-        their weights.
-        """
-        errors = [
-            (piece.measured[piece.start :] - run.output)[rows]
-            for piece, run, rows in zip(
-                self.pieces(point.numbers), point.runs, self.counted, strict=True
-            )
-        ]
-        if self.roots is not None:
-            errors = [root * error for root, error in zip(self.roots, errors, strict=True)]
-        return np.concatenate(errors)
+        """Return measured less simulated output of all samples that count, (n,)."""
+        return np.concatenate(
+            [
+                (piece.measured[piece.start :] - run.output)[rows]
+                for piece, run, rows in zip(
+                    self.pieces(point.numbers), point.runs, self.counted, strict=True
+                )
+            ]
+        )
 
     def normal(self, point: Coefficients, horizon: int | None = None) -> tuple[Array, Array]:
         """Half the curvature `J'J + ridge` and half the downhill gradient of the error along a
@@ -177,8 +172,6 @@ class FreeRunProblem:
                 self.pieces(point.numbers), point.runs, self.counted, strict=True
             )
         ]
-        if self.roots is not None:
-            by_theta = [root[:, None] * own for root, own in zip(self.roots, by_theta, strict=True)]
         by_numbers = [
             self._by_number(point, place, horizon)
             for place in range(point.terms + 1, len(point.vector))

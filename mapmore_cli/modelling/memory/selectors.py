@@ -5,20 +5,20 @@ pruning.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import Array, BoolArray, Columns, IntArray
+from mapmore_cli.domain.arrays import Array, Columns, IntArray
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.fits import Selection, StateSet
 from mapmore_cli.domain.recording import uncertainty_of
 from mapmore_cli.modelling.expressions import Expression, dictionary_blocks, dictionary_matrix
 from mapmore_cli.modelling.expressions.families import fits_whole, refuse_beyond_memory
-from mapmore_cli.modelling.frols import frols, frols_streamed
-from mapmore_cli.modelling.frols.moments import centred, moments, standard, standardised
+from mapmore_cli.modelling.frols import Weighing, frols, frols_streamed
+from mapmore_cli.modelling.frols.moments import moments, standard, standardised
 from mapmore_cli.modelling.frols.ridge import Regularised, choose_ridge, prune, ridge_press, select
 from mapmore_cli.modelling.frols.select import fewest_terms, in_units, widened
 from mapmore_cli.modelling.memory.records import Record, complete
@@ -29,19 +29,13 @@ from mapmore_cli.modelling.selection import MemoryRecipe, Stop
 @dataclass(frozen=True)
 class Regressors:
     """States and output on the n training samples that have a history, (n,) each, in the order of
-    the recordings.
-
-    - `uncertainty`: that of the output, (n,), where it is known.
-    - `known`: which of all samples these are.
-    - `recordings`: number of the recording of each piece, and its samples.
+    the recordings, and the uncertainty of the output where it is known, (n,).
     """
 
     terms: tuple[Expression, ...]
     states: Columns
     y: Array
     uncertainty: Array | None = None
-    known: BoolArray = field(default_factory=lambda: np.empty(0, dtype=np.bool_))
-    recordings: tuple[tuple[int, int], ...] = ()
 
     @property
     def samples(self) -> int:
@@ -51,32 +45,17 @@ class Regressors:
     def rows(self, part: slice) -> Regressors:
         """Return some of the samples."""
         return Regressors(
-            self.terms,
-            {name: values[part] for name, values in self.states.items()},
-            self.y[part],
-            None if self.uncertainty is None else self.uncertainty[part],
+            self.terms, {name: values[part] for name, values in self.states.items()}, self.y[part]
         )
 
-    @property
-    def root(self) -> Array | None:
-        """Roots of the weights, (n,), whose squares have the mean one; None for equal ones."""
-        return None if self.uncertainty is None else root_weights(self.uncertainty)
-
-    def in_uncertainties(self) -> tuple[Array, Array]:
-        """Return the whole dictionary and the output, in units of the uncertainty."""
-        unit = np.ones(self.samples) if self.uncertainty is None else self.uncertainty
-        P = dictionary_matrix(self.terms, self.states, self.samples)
-        return P / unit[:, None], self.y / unit
+    def of(self, among: IntArray) -> Regressors:
+        """Return the same with some of the terms."""
+        return replace(self, terms=tuple(self.terms[i] for i in among))
 
     def blocks(self) -> Iterator[tuple[Array, Array]]:
         """Yield the dictionary and the output, block by block."""
         for rows, P in dictionary_blocks(self.terms, self.states, self.samples):
             yield P, self.y[rows]
-
-
-def root_weights(uncertainty: Array) -> Array:
-    """Return one over the uncertainties, (n,), times what makes the mean of the squares one."""
-    return np.asarray(1 / (uncertainty * np.sqrt(np.mean(uncertainty**-2.0))))
 
 
 def regressors(
@@ -87,7 +66,7 @@ def regressors(
     Raises DataError where there are none, or the output is missing.
     """
     parts: list[tuple[Columns, Array]] = []
-    masks, sigma = list[BoolArray](), list[Array]()
+    unsure, sigma = uncertainty_of(target), list[Array]()
     for record in records:
         if target not in record.columns:
             raise DataError(
@@ -95,9 +74,7 @@ def regressors(
             )
         values = evaluate_states(states, record.columns)
         known = record.training & complete(values.values(), record.size)
-        masks.append(known)
-        if uncertainty_of(target) in record.columns:
-            sigma.append(record.columns[uncertainty_of(target)][known])
+        sigma += [record.columns[unsure][known]] if unsure in record.columns else []
         parts.append(
             (
                 {name: column[known] for name, column in values.items()},
@@ -111,15 +88,7 @@ def regressors(
             "no training sample has a history as long as the delays ask for",
             "use fewer steps of delay, or longer recordings",
         )
-    sizes = zip((record.recording for record in records), map(np.count_nonzero, masks), strict=True)
-    return Regressors(
-        tuple(terms),
-        pooled,
-        y,
-        np.concatenate(sigma) if sigma else None,
-        np.concatenate(masks),
-        tuple((number, int(size)) for number, size in sizes),
-    )
+    return Regressors(tuple(terms), pooled, y, np.concatenate(sigma) if sigma else None)
 
 
 FOLDS = 4  # blocks of samples that are left out in turn where the ridge is chosen
@@ -177,18 +146,20 @@ class _Plain:
     def _selected(
         self, among: IntArray, terms: int, tolerance: float = 0.0, stop: Stop = "tolerance"
     ) -> TermChoice:
+        data, recipe = self.data, self.recipe
+        weighing = Weighing(data.uncertainty, recipe.loss, recipe.known_scale)
         if self.whole is None:
             selection = frols_streamed(
-                lambda: ((P[:, among], y) for P, y in self.data.blocks()),
+                lambda: ((P[:, among], y) for P, y in data.blocks()),
                 terms,
                 tolerance,
                 stop=stop,
-                uncertainty=self.data.uncertainty,
+                weighing=weighing,
+                only=lambda chosen: data.of(among[chosen]).blocks,
             )
         else:
-            how, sigma = (terms, tolerance), self.data.uncertainty
             P = self.whole[:, among]
-            selection = frols(P, self.data.y, *how, stop=stop, uncertainty=sigma)
+            selection = frols(P, data.y, terms, tolerance, stop=stop, weighing=weighing)
         selection = widened(selection, among, len(self.data.terms))
         return TermChoice(selection, 0.0, 0.0, selection.chosen)
 
@@ -203,23 +174,15 @@ class _Ridged:
 
     def __init__(self, data: Regressors, recipe: MemoryRecipe) -> None:
         refuse_beyond_memory(len(data.terms))
-        self.recipe, self.root = recipe, data.root
+        self.recipe = recipe
         self.standard = standard(data.blocks)
-        if self.root is not None:
-            weighed = moments(standardised(data.blocks, self.standard), self.root)
-            self.standard = centred(self.standard, weighed)
         self.blocks = standardised(data.blocks, self.standard)
-        total = moments(self.blocks, self.root)
+        total = moments(self.blocks)
         ridge = recipe.ridge
         if ridge == "auto":
             edges = np.linspace(0, data.samples, min(FOLDS, data.samples) + 1).astype(np.int64)
-            folds = [
-                moments(
-                    standardised(data.rows(part).blocks, self.standard),
-                    None if self.root is None else self.root[part],
-                )
-                for part in (slice(begin, end) for begin, end in pairwise(edges))
-            ]
+            parts = [data.rows(slice(begin, end)) for begin, end in pairwise(edges)]
+            folds = [moments(standardised(part.blocks, self.standard)) for part in parts]
             ridge = choose_ridge(total, folds, recipe.forward_terms, recipe.max_terms)
         self.data = Regularised(total.covariance, total.samples, ridge)
         self.forward = select(self.data, recipe.forward_terms).chosen
@@ -234,7 +197,7 @@ class _Ridged:
         )
         stop, samples = self.recipe.stop, self.data.samples
         if stop == "press":
-            errors = ridge_press(self.blocks, self.data, self.sizes, self.root)
+            errors = ridge_press(self.blocks, self.data, self.sizes)
             return self.among(self.sizes[int(np.argmin(errors))], stop)
         if stop in ("bic", "aicc"):
             return self.among(self.sizes[fewest_terms(stop, unexplained, samples) - 1], stop)

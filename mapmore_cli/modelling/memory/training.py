@@ -20,7 +20,6 @@ import numpy as np
 from mapmore_cli.domain.arrays import Array, BoolArray, IntArray, extremes
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.fits import Identified, MemoryFit, MemoryModel, StateSet
-from mapmore_cli.domain.recording import uncertainty_of
 from mapmore_cli.modelling.expressions import Name, parse, substitute, to_text
 from mapmore_cli.modelling.expressions.operator import Parameter
 from mapmore_cli.modelling.expressions.operators import OPERATORS
@@ -32,12 +31,7 @@ from mapmore_cli.modelling.memory.refinement import (
     FreeRunProblem,
     errors_of_coefficients,
 )
-from mapmore_cli.modelling.memory.selectors import (
-    TermChoice,
-    regressors,
-    root_weights,
-    selector,
-)
+from mapmore_cli.modelling.memory.selectors import TermChoice, regressors, selector
 from mapmore_cli.modelling.memory.simulation import (
     ReadyPiece,
     bounds_of,
@@ -280,11 +274,6 @@ class TrainingData:
             mask[one.start :] & np.isfinite(one.measured[one.start :])
             for one, (_, mask) in zip(pieces, parts, strict=True)
         ]
-        sigma = [
-            columns[unsure][one.start :][own]
-            for one, (columns, _), own in zip(pieces, parts, rows, strict=True)
-            if (unsure := uncertainty_of(self.recipe.target)) in columns
-        ]
         places = [place for place, own in enumerate(rows) if own.any()]
         if not places:
             raise DataError(
@@ -313,7 +302,6 @@ class TrainingData:
             self.selector.penalty(chosen),
             self.recipe.ridge != 0.0,
             np.hstack([[[-np.inf], [np.inf]] * np.ones(len(chosen) + 1), numbers.bounds]),
-            _roots([sigma[place] for place in places]) if sigma else None,
         )
 
     def _states_of(self, chosen: IntArray) -> StateSet:
@@ -326,12 +314,6 @@ class TrainingData:
             if states.scaled
             else kept
         )
-
-
-def _roots(sigma: Sequence[Array]) -> tuple[Array, ...]:
-    """Return the roots of the weights of each piece, whose squares have the mean one over all."""
-    whole = root_weights(np.concatenate(sigma))
-    return tuple(np.split(whole, np.cumsum([len(own) for own in sigma])[:-1]))
 
 
 def _names_in(terms: Sequence[str]) -> list[str]:

@@ -6,15 +6,15 @@ calls them in one go.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
-from functools import partial
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import replace
 from itertools import product
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mapmore_cli.domain.arrays import Array, BoolArray, Columns, IntArray, extremes, give_back
+from mapmore_cli.domain.arrays import Array, Columns, IntArray, extremes, give_back
 from mapmore_cli.domain.declared import taken
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.fits import (
@@ -38,12 +38,12 @@ from mapmore_cli.modelling.expressions import (
     parse,
 )
 from mapmore_cli.modelling.expressions.ranged import placed
-from mapmore_cli.modelling.frols import TIE_TOLERANCE, frols, frols_streamed, reads_once
-from mapmore_cli.modelling.frols.robust import (
-    Robust,
-    curves_told_apart,
-    reweighted,
-    standard_errors,
+from mapmore_cli.modelling.frols import (
+    TIE_TOLERANCE,
+    Weighing,
+    frols,
+    frols_streamed,
+    reads_once,
 )
 from mapmore_cli.modelling.literature.backbone import residual_of
 from mapmore_cli.modelling.pieces.recipe import Recipe
@@ -56,11 +56,14 @@ END_FRACTION = 0.05
 EVERY_CORNER_UP_TO = 3
 
 
+Middle = Callable[[Array], Any]
+
+
 def placements(
-    rule: str, X: Array, y: Array, variables: Sequence[str], sigma: Array | None = None
+    rule: str, X: Array, y: Array, variables: Sequence[str], middle: Middle = np.mean
 ) -> tuple[Scaling, ...]:
     """Return all scalings of the samples `X`, (n, v), and `y`, (n,), that satisfy a rule; the
-    caller keeps the one that errs least. `sigma`, (n,), is the uncertainty of y.
+    caller keeps the one that errs least. `middle` makes one anchor of several samples.
 
     - `unit_square`: x and y span one unit and the trend passes through the origin, which lies at
       the left or at the right end of each
@@ -76,7 +79,7 @@ def placements(
             if count <= EVERY_CORNER_UP_TO
             else [(False,) * count, (True,) * count]
         )
-        return tuple(_anchored(X, y, names, right, sigma) for right in every)
+        return tuple(_anchored(X, y, names, right, middle) for right in every)
     slope, y_slope = np.ones(count), 1.0
     if rule == "max_abs":
         slope, y_slope = 1 / _span(np.abs(X).max(axis=0)), float(_span(np.abs(y).max()))
@@ -86,12 +89,12 @@ def placements(
 
 
 def _anchored(
-    X: Array, y: Array, variables: tuple[str, ...], right: tuple[bool, ...], sigma: Array | None
+    X: Array, y: Array, variables: tuple[str, ...], right: tuple[bool, ...], middle: Middle
 ) -> Scaling:
     low, high = X.min(axis=0), X.max(axis=0)
     slope, anchor = 1 / _span(high - low), np.where(right, high, low)
     y_anchor = 0.0
-    # mean over the samples nearest to the anchor; all at the same distance count, so the order of
+    # middle of the samples nearest to the anchor; all at the same distance count, so the order of
     # rows does not matter
     if variables:
         far = np.zeros(len(y))
@@ -100,9 +103,7 @@ def _anchored(
             np.abs(distance, out=distance)
             np.maximum(far, np.multiply(distance, steepness, out=distance), out=far)
         nearest = max(1, int(np.ceil(END_FRACTION * len(y))))
-        near = far <= np.partition(far, nearest - 1)[nearest - 1]
-        weights = None if sigma is None else sigma[near] ** -2.0
-        y_anchor = float(y[near].mean() if weights is None else np.average(y[near], None, weights))
+        y_anchor = float(middle(y[far <= np.partition(far, nearest - 1)[nearest - 1]]))
     place = ",".join("right" if r else "left" for r in right) or "-"
     return Scaling(
         "unit_square", place, variables, slope, -slope * anchor, float(_span(np.ptp(y))), y_anchor
@@ -172,37 +173,13 @@ def fit(
     for segmented in segmentation:
         curve = fitted[segmented.curve]
         for one in segmented.segments:
-            groups = _curves_of(one.rows, curves, curve)
-            fits.append(fit_segment(one, curve.columns, terms, recipe, groups))
+            origin = _origin(one.rows, curves, curve)
+            fits.append(fit_segment(one, curve.columns, terms, recipe, origin))
             tick()
     return tuple(fits)
 
 
-def residuals(
-    curves: Sequence[Curve],
-    segmentation: Sequence[SegmentedCurve],
-    fits: Sequence[SegmentFit],
-    recipe: Recipe,
-    backbone: FormulaFit | None = None,
-) -> Iterator[tuple[IntArray, Array, Array, Array]]:
-    """Yield for each segment the rows of its samples, counted over all curves in a row, what its
-    own function leaves of the target, the uncertainty and the target, (n,) each.
-    """
-    fit_of, whole = {one.id: one for one in fits}, {curve.id: curve for curve in curves}
-    starts = dict(zip(whole, np.cumsum([0, *(curve.size for curve in curves)]), strict=False))
-    training = {one.id: one for one in training_curves(curves, recipe.level is not None)}
-    for segmented in segmentation:
-        curve = residual_of(training[segmented.curve], recipe.target, backbone)
-        for one in segmented.segments:
-            own, columns = fit_of[one.id], {n: x[one.rows] for n, x in curve.columns.items()}
-            z, y = scaled_inputs(own.scaling, columns), columns[recipe.target]
-            P = dictionary_matrix(list(map(parse, own.terms)), z, len(y))
-            fitted = own.scaling.y_slope * (P @ own.selection.theta) + own.scaling.y_intercept
-            sigma = columns.get(uncertainty_of(recipe.target), np.ones(len(y)))
-            yield one.rows + starts.get(segmented.curve, 0), y - fitted, sigma, y
-
-
-def _curves_of(rows: IntArray, curves: Sequence[Curve], curve: Curve) -> IntArray | None:
+def _origin(rows: IntArray, curves: Sequence[Curve], curve: Curve) -> IntArray | None:
     """Return which residuals go together, (n,): those of a curve where several are pooled, else
     those of a recording; None where all are of one.
     """
@@ -216,14 +193,14 @@ def fit_segment(
     columns: Columns,
     terms: Sequence[Expression],
     recipe: Recipe,
-    groups: IntArray | None = None,
+    origin: IntArray | None = None,
 ) -> SegmentFit:
     """Choose and fit the terms of one segment, for every placement of its scaling; the least
     training SSE wins, the first of equals. `columns` are those of its curve.
 
     All placements share the slope of y, so their scaled SSE compare. Rows are sorted first: the
-    numbers then do not depend on the order in which a logger wrote them. `groups` says which
-    residuals go together, (n,) for the rows of the segment.
+    numbers then do not depend on the order in which a logger wrote them. `origin` says which
+    residuals go together, (n,), for the rows of the segment.
     """
     n, most = len(segment.rows), recipe.fit.max_terms
     if n <= most:
@@ -240,92 +217,48 @@ def fit_segment(
     X, y = np.empty((n, len(variables)), order="F"), samples[recipe.target][order]
     for place, name in enumerate(variables):
         X[:, place] = samples.pop(name)[order]
-    sigma = samples[unsure][order] if given else None
-    groups = None if groups is None else groups[order]
+    weighing = Weighing(
+        samples[unsure][order] if given else None,
+        recipe.fit.loss,
+        recipe.fit.known_scale,
+        None if origin is None else origin[order],
+        recipe.fit.weight == "curve",
+    )
     del samples, order  # of a long record they take more than all else
     give_back(segment.rows)
-    return _SegmentSamples(segment, recipe, terms, variables, X, y, sigma).fitted(groups)
-
-
-@dataclass(frozen=True)
-class _SegmentSamples:
-    """The n samples of a segment in canonical order: inputs `X`, (n, v), target `y`, (n,), and its
-    standard deviation `sigma`, (n,), where it is known.
-    """
-
-    segment: Segment
-    recipe: Recipe
-    terms: Sequence[Expression]
-    variables: tuple[str, ...]
-    X: Array
-    y: Array
-    sigma: Array | None
-
-    def fitted(self, groups: IntArray | None) -> SegmentFit:
-        """Return the fit, with standard errors that know which residuals go together."""
-        robust, weights = Robust.of(self.recipe.fit), None
-        if robust is None:
-            best = self.best()
-        else:
-            best, weights = reweighted(robust, self.best, self._regressors)
-        k = len(best.selection.chosen)
-        curves, groups = (0, None) if groups is None else curves_told_apart(groups, k)
-        if robust is None and groups is None:
-            return best
-        blocks = partial(self._blocks, best)
-        errors = standard_errors(blocks, best.selection.theta, groups, robust, weights)
-        return replace(best, selection=replace(best.selection, theta_error=errors, curves=curves))
-
-    def best(self, weights: Array | None = None) -> SegmentFit:
-        """Return the best placement with its terms, with `weights` of the samples, (n,)."""
-        recipe, sigma = self.recipe, self.sigma
-        if weights is not None:
-            sigma = (1.0 if sigma is None else sigma) / np.sqrt(weights)
-        best: SegmentFit | None = None
-        for scaling in placements(recipe.fit.scaling, self.X, self.y, self.variables, sigma):
-            z = self._scaled(scaling)
-            written = placed(
-                recipe.dictionary, tuple((name, *extremes(values)) for name, values in z.items())
+    best: SegmentFit | None = None
+    robust = recipe.fit.loss != "squares"
+    middle = np.median if robust else np.mean
+    for scaling in placements(recipe.fit.scaling, X, y, variables, middle):
+        z = scaled_inputs(scaling, dict(zip(variables, X.T, strict=True)))
+        written = placed(
+            recipe.dictionary, tuple((name, *extremes(values)) for name, values in z.items())
+        )
+        try:
+            selection = _selected_terms(
+                terms if written == recipe.dictionary else list(map(parse, written)),
+                z,
+                (y - scaling.y_intercept) / scaling.y_slope,
+                recipe,
+                weighing.divided(scaling.y_slope),
             )
-            try:
-                selection = _selected_terms(
-                    self.terms if written == recipe.dictionary else list(map(parse, written)),
-                    z,
-                    (self.y - scaling.y_intercept) / scaling.y_slope,
-                    sigma,
-                    recipe,
-                )
-            except NotFinite as error:
-                remedy = (
-                    "terms are evaluated in the segment's scaled coordinates; set fit.scaling: "
-                    "none, or leave the term out"
-                )
-                raise DataError(f"segment {self.segment.id}: {error}", remedy) from error
-            if best is None or selection.sse < best.selection.sse * (1 - TIE_TOLERANCE):
-                one = self.segment
-                best = SegmentFit(one.id, one.curve, one.cell, written, scaling, selection)
-        assert best is not None
-        return best
-
-    def _scaled(self, scaling: Scaling) -> Columns:
-        return scaled_inputs(scaling, dict(zip(self.variables, self.X.T, strict=True)))
-
-    def _blocks(self, fit: SegmentFit) -> Iterator[tuple[Array, Array]]:
-        """Yield the chosen regressors and the target, in units of the uncertainty."""
-        scaling, y = fit.scaling, self.y
-        for rows, P in dictionary_blocks(
-            list(map(parse, fit.terms)), self._scaled(scaling), len(y)
+        except NotFinite as error:
+            remedy = (
+                "terms are evaluated in the segment's scaled coordinates; set fit.scaling: "
+                "none, or leave the term out"
+            )
+            raise DataError(f"segment {segment.id}: {error}", remedy) from error
+        errs = "scale" if robust else "sse"  # weighted sums of squares do not compare
+        if best is None or getattr(selection, errs) < getattr(best.selection, errs) * (
+            1 - TIE_TOLERANCE
         ):
-            unit = np.ones(1) if self.sigma is None else self.sigma[rows]
-            yield P * (scaling.y_slope / unit)[:, None], (y[rows] - scaling.y_intercept) / unit
-
-    def _regressors(self, fit: SegmentFit) -> tuple[Array, Array, BoolArray]:
-        P, y = map(np.concatenate, zip(*self._blocks(fit), strict=True))
-        return P, y, np.ones(len(y), dtype=np.bool_)
+            best = SegmentFit(segment.id, segment.curve, segment.cell, written, scaling, selection)
+    assert best is not None
+    return best
 
 
 def _selected_terms(
-    terms: Sequence[Expression], z: Columns, y: Array, sigma: Array | None, recipe: Recipe
+    terms: Sequence[Expression], z: Columns, y: Array, recipe: Recipe, weighing: Weighing
 ) -> Selection:
     """FROLS on the dictionary, which is never there as a whole where it need not be read more than
     once or twice.
@@ -336,10 +269,15 @@ def _selected_terms(
             lambda: ((P, y[rows]) for rows, P in dictionary_blocks(terms, z, n)),
             *how,
             stop=recipe.fit.stop,
-            uncertainty=sigma,
+            weighing=weighing,
+            only=lambda chosen: (
+                lambda: (
+                    (P, y[rows]) for rows, P in dictionary_blocks([terms[i] for i in chosen], z, n)
+                )
+            ),
         )
     P = dictionary_matrix(terms, z, n)
-    return frols(P, y, *how, stop=recipe.fit.stop, uncertainty=sigma)
+    return frols(P, y, *how, stop=recipe.fit.stop, weighing=weighing)
 
 
 def fuse(

@@ -252,8 +252,8 @@ class Data(Logs):
     - `plateau` is where a step response rests, `auto` or `[from, to]`: its mean pressure is
       `step_pressure`, its samples do not train.
     - `uncertainty` is the standard deviation of each sample of a quantity: a value (`0.5 N`), a
-      share of what was measured (`2 %`), the name of a column, a list of these, whose squares add
-      up, or a mapping from the values of `groups` to these. Samples of the target weigh by it; of
+      share of what was measured (`2 %`), the name of a column, or values by those of `groups`, as
+      `{'1': 0.5 N, '2': 1 N}`. Samples of the target weigh by it; of
       an input it is told how much of the residual it explains.
     """
 
