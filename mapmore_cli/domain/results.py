@@ -28,7 +28,9 @@ class Outlier:
     """A training sample that lies far from the fit: it counts less, and stays in the data."""
 
     file: Annotated[str, "file that it comes from"]
-    place: Annotated[str, "`row 17` of the file; where that is not known, `sample 17` of its curve"]
+    place: Annotated[
+        Label, "`row 17` of the file; where that is not known, `sample 17` of its curve"
+    ]
     curve: Annotated[Label, "identifier of its curve"]
     off: Annotated[float, "measured less predicted", "[target]"]
     scales: Annotated[float, "the same, in scales of the residuals"]

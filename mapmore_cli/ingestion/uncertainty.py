@@ -13,7 +13,7 @@ from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.recording import Curve, uncertainty_of
 from mapmore_cli.spec.sections.data import Data
-from mapmore_cli.spec.units import convert, split_quantity
+from mapmore_cli.spec.units import convert, is_quantity, split_quantity
 
 Rule = float | str | dict[str, float]
 
@@ -64,7 +64,7 @@ def _deviation(curve: Curve, name: str, rule: Rule, data: Data, units: Mapping[s
         return np.select([group == float(value) for value in rule], [*rule.values()], np.nan)
     if isinstance(rule, float):
         return np.full(curve.size, rule)
-    if rule.endswith("%"):
+    if is_quantity(rule):
         return np.abs(curve.columns[name]) * convert(split_quantity(rule)[0], "%", "1")
     # a column of one's own, whose unit nobody says, is in that of the quantity
     unit = units[name] if units[rule] == "1" else units[rule]

@@ -218,41 +218,29 @@ def coefficients_table(fit: FitResult, unit: str) -> Table:
     """
     columns = (
         *("segment", "term", "theta", "standard error .3g", "t .3g", "± 95 % .3g"),
-        *("lower", "upper", f"theta × y_slope [{unit}]", f"± 95 % [{unit}] .3g", "ERR [%] .4f"),
+        *("lower", "upper", f"theta × y_slope [{unit}]", f"± 95 % [{unit}] .3g"),
     )
     rows: list[tuple[Cell, ...]] = []
     unknown: list[str] = []
     for piece in fit.pieces:
         slope, freedom = piece.scaling.y_slope, piece.selection.freedom
         for term, row in zip(piece.terms, piece.selection.table(), strict=True):
-            theta, error = row["coefficient"], row["standard_error"]
-            width = half_width(error, freedom)
+            theta, width = row["coefficient"], half_width(row["standard_error"], freedom)
             ends = (width, theta - width, theta + width, theta * slope, width * abs(slope))
-            rows.append((piece.id, term, theta, error, row["t"], *ends, 100 * row["err"]))
-            if freedom > 0 and not width <= abs(theta):
-                unknown.append(f"{term} ({piece.id})")
-    notes = [about_errors(fit)]
+            rows.append((piece.id, term, theta, row["standard_error"], row["t"], *ends))
+            unknown += [f"{term} ({piece.id})"] if freedom > 0 and not width <= abs(theta) else []
+    by_curve = all(piece.selection.curves for piece in fit.pieces)
+    notes = [BY_CURVE_NOTE if by_curve else f"{INDEPENDENCE_CAVEAT} {GUESS_NOTE}"]
     if unknown:
-        more = f" and {len(unknown) - MOST_NAMED} more" if len(unknown) > MOST_NAMED else ""
-        named = ", ".join(unknown[:MOST_NAMED])
-        notes.append(f"Not identified (95 % interval beyond zero): {named}{more}.")
+        named = ", ".join(unknown[:MOST_NAMED]) + (", ..." if len(unknown) > MOST_NAMED else "")
+        notes.append(f"Not identified (95 % interval beyond zero): {named}.")
     title = "Coefficients with 95 % confidence intervals"
     return Table.of("coefficients", title, columns, rows, *notes)
 
 
 MOST_NAMED = 12  # terms in a sentence
-
-
-def about_errors(fit: FitResult) -> str:
-    """Say what the standard errors take to be independent."""
-    counts = {piece.selection.curves for piece in fit.pieces}
-    if 0 not in counts:
-        return (
-            f"Standard errors by curve: residuals of one curve may go together ({min(counts)} "
-            "curves; Cameron and Miller 2015)."
-        )
-    few = f"With fewer than {FEW} curves, or no more than terms, this is a guess."
-    return f"{INDEPENDENCE_CAVEAT} {few}"
+BY_CURVE_NOTE = "Standard errors by curve: residuals of one curve may go together."
+GUESS_NOTE = f"With fewer than {FEW} curves, or no more than terms, this is a guess."
 
 
 def outliers_table(found: Sequence[Outlier], unit: str) -> Table:

@@ -31,7 +31,7 @@ from mapmore_cli.spec.sections.dictionary import (
 )
 from mapmore_cli.spec.sections.logs import FileEntry
 from mapmore_cli.spec.tree import Loc
-from mapmore_cli.spec.units import default_unit
+from mapmore_cli.spec.units import default_unit, is_quantity
 
 NO_TIME = "add `time` to `columns`, or `sample_time` to `data`"
 ONE = "one model with memory stands in place of the segments"
@@ -81,7 +81,7 @@ def _uses(spec: ExperimentSpec) -> Iterator[tuple[Loc, str | None]]:
             yield (*loc, i, "quantity"), condition.quantity
     for name, sigma in data.uncertainty.items():
         yield ("data", "uncertainty", name), name
-        is_column = isinstance(sigma, str) and not sigma.endswith("%")
+        is_column = isinstance(sigma, str) and not is_quantity(sigma)
         yield ("data", "uncertainty", name), str(sigma) if is_column else None
     yield ("data", "cycles", "over"), data.cycles.over if data.cycles else None
     yield ("data", "levels", "of"), data.levels.of if data.levels else None

@@ -20,6 +20,7 @@ from pydantic import (
     PlainSerializer,
     SerializationInfo,
     ValidationInfo,
+    WithJsonSchema,
     model_validator,
 )
 
@@ -233,8 +234,9 @@ def _share_of_value(given: Any, info: ValidationInfo) -> Any:
 
 _Group = Annotated[str, Field(pattern=r"^[-+]?[0-9]*\.?[0-9]+$")]
 _Value = Annotated[OfKey, Field(gt=0)]
+_Column = Annotated[str, WithJsonSchema({"type": "string", "pattern": "^[A-Za-z_]"})]
 Uncertainty = Annotated[
-    _Value | str | Annotated[dict[_Group, _Value], Field(min_length=1)],
+    _Value | _Column | Annotated[dict[_Group, _Value], Field(min_length=1)],
     Either(),
     BeforeValidator(_share_of_value),
 ]

@@ -273,6 +273,7 @@ class Data(Logs):
     split: Split = Split()
 
     def _contradictions(self) -> Iterator[ValueError]:
+        yield from super()._contradictions()
         for name, rule in self.uncertainty.items():
             if isinstance(rule, dict) and self.groups is None:
                 yield Contradiction(
