@@ -242,8 +242,7 @@ def frols(
     - `weighing`: how samples weigh, where not all alike: their uncertainty, a robust loss.
 
     Raises DataError where `P` or `y` has a value that is not finite, with its column and row;
-    ValueError where the shapes or the names do not fit, `max_terms` is below one, or an uncertainty
-    is no number above zero.
+    ValueError where the shapes or the names do not fit, or `max_terms` is below one.
 
     >>> x = np.linspace(0, 1, 50)
     >>> P = np.column_stack([x**0, x, x**2])
@@ -268,19 +267,11 @@ def frols(
     def select(sigma: Array | None) -> Selection:
         if reads_once(n, M, stopping.limit(n, M)):
             return _by_gram(blocks_of_rows(P, y), stopping, sigma)
-        if sigma is None:
-            return _by_basis(P, y, stopping)
-        return _by_basis(P / sigma[:, None], y / sigma, stopping, sigma)
+        by = (P, y) if sigma is None else (P / sigma[:, None], y / sigma)
+        return _by_basis(*by, stopping, sigma)
 
-    if weighing is None:
-        found = select(None)
-    else:
-        sigma = weighing.uncertainty
-        if sigma is not None and not (
-            sigma.shape == (n,) and ((sigma > 0) & (sigma < np.inf)).all()
-        ):
-            raise ValueError(f"the uncertainty must be ({n},) numbers above zero")
-        found = weighing.selection(select, lambda chosen: blocks_of_rows(P[:, chosen], y))
+    weighing = weighing or Weighing()
+    found = weighing.selection(select, lambda chosen: blocks_of_rows(P[:, chosen], y))
     return replace(found, candidates=tuple(names)) if names else found
 
 
@@ -300,15 +291,14 @@ def frols_streamed(
     thousand rows. Most records need one pass. There is another where the normal equations lose
     digits (an ill-conditioned or dependent dictionary, a residual sum of squares below 1e-9 of
     `y'y`), two where squares of the values overflow or vanish, and one where a tolerance may end
-    the choice. `only` gives the blocks of some candidates, where `weighing` asks for them.
+    the choice. `weighing` may ask for the blocks of some candidates, which `only` gives sooner.
 
     Raises DataError where a value is not finite, with its column and its row counted over all
     blocks; ValueError where there is no row or no column, or `max_terms` is below one.
     """
-    stopping = Stopping(max_terms, tolerance, stop)
-    if weighing is None or only is None:
-        return _by_gram(blocks, stopping)
-    return weighing.selection(lambda sigma: _by_gram(blocks, stopping, sigma), only)
+    stopping, weighing = Stopping(max_terms, tolerance, stop), weighing or Weighing()
+    of = only or (lambda chosen: lambda: ((P[:, chosen], y) for P, y in blocks()))
+    return weighing.selection(lambda sigma: _by_gram(blocks, stopping, sigma), of)
 
 
 def reads_once(n: int, M: int, terms: int) -> bool:
