@@ -267,8 +267,9 @@ def frols(
     def select(sigma: Array | None) -> Selection:
         if reads_once(n, M, stopping.limit(n, M)):
             return _by_gram(blocks_of_rows(P, y), stopping, sigma)
-        by = (P, y) if sigma is None else (P / sigma[:, None], y / sigma)
-        return _by_basis(*by, stopping, sigma)
+        if sigma is None:
+            return _by_basis(P, y, stopping)
+        return _by_basis(P / sigma[:, None], y / sigma, stopping, sigma)
 
     weighing = weighing or Weighing()
     found = weighing.selection(select, lambda chosen: blocks_of_rows(P[:, chosen], y))

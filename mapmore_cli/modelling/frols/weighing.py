@@ -110,6 +110,11 @@ class Weighing:
         return weights, scale
 
 
+def mean_weight(uncertainty: Array) -> float:
+    """Return the mean of one over the squares of uncertainties, (n,)."""
+    return float(np.mean(uncertainty**-2.0))
+
+
 def scale_of(residual: Array, y: Array) -> float:
     """Return `1.4826 median |r|`; where most residuals are rounding error of `y`, that."""
     exact = EXACT * float(np.sqrt(np.mean(y**2)))
