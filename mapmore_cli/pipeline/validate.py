@@ -140,7 +140,7 @@ def score(part: ScoresSlice, workspace: Workspace) -> None:
     far = outliers(dataset, own, part.robust) if part.robust is not None else ()
     if far:
         worst = f"the farthest is {far[0].file}:{far[0].place}"
-        workspace.warn(f"{len(far)} training samples count less, far from the fit; {worst}")
+        workspace.warn(f"{len(far)} training samples far from the fit are listed; {worst}")
     validation = Validation(predictions, formulas, tuple(scores), units, fits, loud, outliers=far)
     write_validation(workspace.out / VALIDATION, for_report(validation, model, dataset))
     write_scores(workspace.out, validation.table, model.name)

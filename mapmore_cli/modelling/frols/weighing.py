@@ -41,8 +41,6 @@ class Weighing:
     - `scale`: that of the residuals; None for 1.4826 times their median absolute value.
     - `curves`: the curve of each sample, (n,), where residuals of a curve go together.
     - `alike`: whether all curves count alike, however many samples they have.
-
-    Raises ValueError for an uncertainty that is no number above zero.
     """
 
     uncertainty: Array | None = None
@@ -50,13 +48,6 @@ class Weighing:
     scale: float | None = None
     curves: IntArray | None = None
     alike: bool = False
-
-    def __post_init__(self) -> None:
-        """Refuse samples that would count without limit, or as nothing."""
-        if self.uncertainty is not None and not np.all(
-            (self.uncertainty > 0) & (self.uncertainty < np.inf)
-        ):
-            raise ValueError("an uncertainty is no number above zero")
 
     @cached_property
     def sigma(self) -> Array | None:

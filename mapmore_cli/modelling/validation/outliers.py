@@ -14,10 +14,12 @@ from mapmore_cli.modelling.selection import Fit
 FAR = TUNING["bisquare"]
 """Residuals in scales from which on a sample is listed: those that the bisquare leaves out."""
 
+MOST = 500  # that are listed
+
 
 def outliers(dataset: Dataset, forecasts: Sequence[Forecast], fit: Fit) -> tuple[Outlier, ...]:
     """Return the training samples more than `FAR` scales from what a model says of them (with
-    memory, one step ahead), the farthest first.
+    memory, one step ahead), the farthest first, at most `MOST`.
 
     They are counted in their uncertainty, where it is known; the scale is that of the section
     `fit`, else 1.4826 times the median absolute residual of all training samples.
@@ -32,7 +34,8 @@ def outliers(dataset: Dataset, forecasts: Sequence[Forecast], fit: Fit) -> tuple
     known = np.concatenate([curve.training for curve in curves]) & np.isfinite(said)
     left = np.where(known, y - said, 0.0) / unit
     scales = left / (fit.known_scale or scale_of(left[known], (y / unit)[known]))
-    ranked = np.argsort(-np.abs(scales), kind="stable")[: np.count_nonzero(np.abs(scales) > FAR)]
+    far = min(MOST, np.count_nonzero(np.abs(scales) > FAR))
+    ranked = np.argsort(-np.abs(scales), kind="stable")[:far]
     return tuple(
         Outlier(*_place(dataset, at), float(y[at] - said[at]), float(scales[at]))
         for at in ranked.tolist()
