@@ -17,7 +17,7 @@ from mapmore_cli.fitting.kinds.choices import (
 from mapmore_cli.fitting.kinds.dictionary import terms_of
 from mapmore_cli.fitting.kinds.formula import fitted
 from mapmore_cli.modelling.pieces.recipe import Cut, Recipe
-from mapmore_cli.modelling.pieces.segmentation import trained_at, with_relative_uncertainty
+from mapmore_cli.modelling.pieces.segmentation import trained_at
 from mapmore_cli.modelling.selection import AUTO
 from mapmore_cli.spec.sections.dictionary import remembers
 
@@ -83,8 +83,7 @@ def fit(part: ModelChoices, given: Given) -> FitResult:
 
 def _trained(part: ModelChoices, dataset: Dataset) -> tuple[Sequence[Curve], Recipe]:
     """Return the curves, of which some train, and the whole recipe."""
-    trained = trained_at(dataset.curves, part.fit.train_level)
-    curves = with_relative_uncertainty(trained, dataset.target)
+    curves = trained_at(dataset.curves, part.fit.train_level)
     return curves, recipe_of(dataset.target, part)
 
 

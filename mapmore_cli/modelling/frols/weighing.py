@@ -35,8 +35,8 @@ FEW = 5
 class Weighing:
     """How n samples weigh.
 
-    - `uncertainty`: standard deviation of each, (n,). Rows are divided by it: ERR, `sse` and `yy`
-      of a selection are those of the weighted columns.
+    - `uncertainty`: standard deviation of each, (n,). ERR, `sse` and `yy` of a selection are those
+      of the weighted columns.
     - `loss`: `squares`; `huber` or `bisquare` count large residuals less.
     - `scale`: that of the residuals; None for 1.4826 times their median absolute value.
     - `curves`: the curve of each sample, (n,), where residuals of a curve go together.
@@ -51,12 +51,14 @@ class Weighing:
 
     @cached_property
     def sigma(self) -> Array | None:
-        """The uncertainty, (n,), by which rows are divided; None where all samples count alike."""
-        if not self.alike or self.curves is None:
-            return self.uncertainty
-        sizes = np.bincount(self.curves)
-        root = np.sqrt(sizes / sizes[sizes > 0].mean())[self.curves]
-        return np.asarray(root if self.uncertainty is None else self.uncertainty * root)
+        """What rows are divided by, (n,); None where all samples count alike. Weights have the mean
+        one, so that weighted squares keep the unit of the target.
+        """
+        sigma = self.uncertainty
+        if self.alike and self.curves is not None:
+            root = np.sqrt(np.bincount(self.curves))[self.curves]
+            sigma = root if sigma is None else sigma * root
+        return None if sigma is None else np.asarray(sigma * np.sqrt(np.mean(sigma**-2.0)))
 
     def selection(
         self, select: Callable[[Array | None], Selection], only: Callable[[IntArray], Blocks]
@@ -69,6 +71,8 @@ class Weighing:
         first by Huber's loss, which has a single minimum.
         """
         found, weights = select(self.sigma), None
+        if not len(found.chosen):
+            return found
         for loss in ("huber", self.loss) if self.loss != "squares" else ():
             P, y = map(np.concatenate, zip(*self._rows(only(found.chosen))(), strict=True))
             weights, scale = self._settled(loss, P, y, weights)
@@ -99,11 +103,6 @@ class Weighing:
             if np.abs(weights - before).max() < SETTLED:
                 break
         return weights, scale
-
-
-def mean_weight(uncertainty: Array) -> float:
-    """Return the mean of one over the squares of uncertainties, (n,)."""
-    return float(np.mean(uncertainty**-2.0))
 
 
 def scale_of(residual: Array, y: Array) -> float:

@@ -21,7 +21,6 @@ from mapmore_cli.modelling.frols import Weighing, frols, frols_streamed
 from mapmore_cli.modelling.frols.moments import moments, standard, standardised
 from mapmore_cli.modelling.frols.ridge import Regularised, choose_ridge, prune, ridge_press, select
 from mapmore_cli.modelling.frols.select import fewest_terms, in_units, widened
-from mapmore_cli.modelling.frols.weighing import mean_weight
 from mapmore_cli.modelling.memory.records import Record, complete
 from mapmore_cli.modelling.memory.states import evaluate_states
 from mapmore_cli.modelling.selection import MemoryRecipe, Stop
@@ -30,8 +29,7 @@ from mapmore_cli.modelling.selection import MemoryRecipe, Stop
 @dataclass(frozen=True)
 class Regressors:
     """States and output on the n training samples that have a history, (n,) each, in the order of
-    the recordings; and the uncertainty of the output where it is known, (n,), with weights of the
-    mean one.
+    the recordings, and the uncertainty of the output where it is known, (n,).
     """
 
     terms: tuple[Expression, ...]
@@ -90,11 +88,7 @@ def regressors(
             "no training sample has a history as long as the delays ask for",
             "use fewer steps of delay, or longer recordings",
         )
-    if not sigma:
-        return Regressors(tuple(terms), pooled, y)
-    uncertainty = np.concatenate(sigma)
-    relative = uncertainty * mean_weight(uncertainty) ** 0.5
-    return Regressors(tuple(terms), pooled, y, relative)
+    return Regressors(tuple(terms), pooled, y, np.concatenate(sigma) if sigma else None)
 
 
 FOLDS = 4  # blocks of samples that are left out in turn where the ridge is chosen

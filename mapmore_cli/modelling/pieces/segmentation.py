@@ -20,9 +20,8 @@ from mapmore_cli.domain.arrays import (
 )
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.fits import Segment, SegmentedCurve
-from mapmore_cli.domain.recording import DIRECTION, Curve, uncertainty_of, united
+from mapmore_cli.domain.recording import DIRECTION, Curve, united
 from mapmore_cli.modelling.frols.select import TIE_TOLERANCE
-from mapmore_cli.modelling.frols.weighing import mean_weight
 from mapmore_cli.modelling.pieces.recipe import CELLS, Cut, CutByDirection, Cuts
 from mapmore_cli.modelling.signals.rates import STEPS, running_median
 
@@ -260,19 +259,6 @@ def trained_at(curves: Sequence[Curve], level: str | float) -> tuple[Curve, ...]
     )
     return tuple(
         c if c.level == chosen else replace(c, at_rest=np.ones(c.size, dtype=bool)) for c in curves
-    )
-
-
-def with_relative_uncertainty(curves: Sequence[Curve], target: str) -> tuple[Curve, ...]:
-    """Return the curves with uncertainties of the target, where they have some, whose weights have
-    the mean one over all training samples: weighted squares are then in the unit of the target.
-    """
-    unsure = uncertainty_of(target)
-    if unsure not in curves[0].columns:
-        return tuple(curves)
-    unit = mean_weight(np.concatenate([c.columns[unsure][c.training] for c in curves])) ** -0.5
-    return tuple(
-        replace(c, columns={**c.columns, unsure: c.columns[unsure] / unit}) for c in curves
     )
 
 
