@@ -232,8 +232,9 @@ def _of_fit(result: FitResult) -> View:
         found = (
             memory_tables.identified_table(memory),
             memory_tables.sizes_table(memory),
+            memory_tables.states_table(memory.model.states),
         )
-        tables += [table for table in found if table.rows] + _memory_tables(memory.model)
+        tables += [table for table in found if table.rows]
     if page is not None:
         own, own_tables = page.show_fit(result.body)
         document |= own

@@ -21,7 +21,8 @@ def outliers(dataset: Dataset, forecasts: Sequence[Forecast], fit: Fit) -> tuple
     """Return the training samples more than `FAR` scales from what a model says of them (with
     memory, one step ahead), the farthest first, at most `MOST`.
 
-    They are counted in their uncertainty, where it is known; the scale is that of the section
+    One step after an outlier a model with memory is off as well. Residuals are counted in their
+    uncertainty, where it is known; the scale is that of the section
     `fit`, else 1.4826 times the median absolute residual of all training samples.
     """
     curves, target = dataset.curves, dataset.target
