@@ -34,14 +34,20 @@ def with_uncertainty(
         units[column] = units[name]
         curves = [
             replace(
-                curve, columns={**curve.columns, column: _checked(curve, name, rule, data, units)}
+                curve,
+                columns={
+                    **curve.columns,
+                    column: _positive_deviation(curve, name, rule, data, units),
+                },
             )
             for curve in curves
         ]
     return tuple(curves)
 
 
-def _checked(curve: Curve, name: str, rule: Rule, data: Data, units: Mapping[str, str]) -> Array:
+def _positive_deviation(
+    curve: Curve, name: str, rule: Rule, data: Data, units: Mapping[str, str]
+) -> Array:
     sigma = _deviation(curve, name, rule, data, units)
     median = float(np.median(sigma))
     faulty = np.flatnonzero(~(sigma > LEAST * median))

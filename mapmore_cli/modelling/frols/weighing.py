@@ -86,7 +86,7 @@ class Weighing:
         count = 0 if curves is None else int(curves.max()) + 1
         return replace(found, theta_error=errors, curves=count)
 
-    def divided(self, unit: float) -> Weighing:
+    def in_unit(self, unit: float) -> Weighing:
         """Return the same for a target that is divided by a unit."""
         return self if self.scale is None else replace(self, scale=self.scale / unit)
 

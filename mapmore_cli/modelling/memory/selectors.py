@@ -48,7 +48,7 @@ class Regressors:
             self.terms, {name: values[part] for name, values in self.states.items()}, self.y[part]
         )
 
-    def of(self, among: IntArray) -> Regressors:
+    def of_terms(self, among: IntArray) -> Regressors:
         """Return the same with some of the terms."""
         return replace(self, terms=tuple(self.terms[i] for i in among))
 
@@ -155,7 +155,7 @@ class _Plain:
                 tolerance,
                 stop=stop,
                 weighing=weighing,
-                only=lambda chosen: data.of(among[chosen]).blocks,
+                only=lambda chosen: data.of_terms(among[chosen]).blocks,
             )
         else:
             P = self.whole[:, among]

@@ -173,13 +173,13 @@ def fit(
     for segmented in segmentation:
         curve = fitted[segmented.curve]
         for one in segmented.segments:
-            origin = _origin(one.rows, curves, curve)
+            origin = _labels_of_curves(one.rows, curves, curve)
             fits.append(fit_segment(one, curve.columns, terms, recipe, origin))
             tick()
     return tuple(fits)
 
 
-def _origin(rows: IntArray, curves: Sequence[Curve], curve: Curve) -> IntArray | None:
+def _labels_of_curves(rows: IntArray, curves: Sequence[Curve], curve: Curve) -> IntArray | None:
     """Return which residuals go together, (n,): those of a curve where several are pooled, else
     those of a recording; None where all are of one.
     """
@@ -240,7 +240,7 @@ def fit_segment(
                 z,
                 (y - scaling.y_intercept) / scaling.y_slope,
                 recipe,
-                weighing.divided(scaling.y_slope),
+                weighing.in_unit(scaling.y_slope),
             )
         except NotFinite as error:
             remedy = (

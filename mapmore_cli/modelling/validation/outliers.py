@@ -22,8 +22,8 @@ def outliers(dataset: Dataset, forecasts: Sequence[Forecast], fit: Fit) -> tuple
     memory, one step ahead), the farthest first, at most `MOST`.
 
     One step after an outlier a model with memory is off as well. Residuals are counted in their
-    uncertainty, where it is known; the scale is that of the section
-    `fit`, else 1.4826 times the median absolute residual of all training samples.
+    uncertainty, where it is known; the scale is that of the section `fit`, else 1.4826 times the
+    median absolute residual of all training samples.
     """
     curves, target = dataset.curves, dataset.target
     said = np.concatenate(
@@ -38,12 +38,12 @@ def outliers(dataset: Dataset, forecasts: Sequence[Forecast], fit: Fit) -> tuple
     far = min(MOST, np.count_nonzero(np.abs(scales) > FAR))
     ranked = np.argsort(-np.abs(scales), kind="stable")[:far]
     return tuple(
-        Outlier(*_place(dataset, at), float(y[at] - said[at]), float(scales[at]))
+        Outlier(*_found_at(dataset, at), float(y[at] - said[at]), float(scales[at]))
         for at in ranked.tolist()
     )
 
 
-def _place(dataset: Dataset, at: int) -> tuple[str, str, str]:
+def _found_at(dataset: Dataset, at: int) -> tuple[str, str, str]:
     """Return the file of a sample, its row there, and its curve, by its number over all curves."""
     ends = np.cumsum([curve.size for curve in dataset.curves])
     number = int(np.searchsorted(ends, at, side="right"))
