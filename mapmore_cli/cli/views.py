@@ -25,8 +25,10 @@ from mapmore_cli.reporting.score_tables import (
 from mapmore_cli.reporting.table import Cell, Table
 from mapmore_cli.reporting.tables import (
     FROM_TO,
+    coefficients_table,
     levels_table,
     limits_tables,
+    outliers_table,
     pieces_table,
     recordings_table,
     rival_minima,
@@ -174,8 +176,10 @@ def _of_validation(validation: Validation) -> View:
     lines = [f"warning: {warning}" for warning in validation.warnings]
     for name, formula in validation.formulas.items():
         lines += rival_minima(name, formula)
-    more = picked(validation, "formulas", "warnings")
+    more = picked(validation, "formulas", "warnings", "outliers")
     tables = (*pooled.tables, curve_scores_table(validation.scores, validation.units))
+    if validation.outliers:
+        tables = (*tables, outliers_table(validation.outliers, *validation.units.values()))
     return View({**pooled.document, **more}, tables, tuple(lines))
 
 
@@ -236,7 +240,7 @@ def _of_fit(result: FitResult) -> View:
         **picked(result, "backbone=formula", "notes"),
     }
     if result.pieces:
-        tables.append(terms_table(result))
+        tables += [terms_table(result), coefficients_table(result, "target")]
     if memory is not None:
         document["memory"] = {
             **asdict(memory.model),
@@ -246,8 +250,9 @@ def _of_fit(result: FitResult) -> View:
         found = (
             memory_tables.identified_table(memory),
             memory_tables.sizes_table(memory),
+            memory_tables.states_table(memory.model.states),
         )
-        tables += [table for table in found if table.rows] + _memory_tables(memory.model)
+        tables += [table for table in found if table.rows]
     if page is not None:
         own, own_tables = page.show_fit(result.body)
         document |= own

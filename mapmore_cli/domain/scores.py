@@ -46,7 +46,9 @@ class Score:
     memory; `rrse_one_step` then that of predictions from the measured past, else NaN. `r_uncentred`
     is the correlation about zero, `sum y yhat / sqrt(sum y^2 sum yhat^2)`, which W prints.
     `interval_coverage` and `interval_half_width` are of the run's own model on held-out rows, where
-    the spec asks for intervals. `nrmse_range` divides by the range of the samples that the
+    the spec asks for intervals. `chi2_dof` is `sum (error / uncertainty)^2 / (n - p)`, with the p
+    free numbers of the run's own model on the rows that it is fitted to, else p = 0. `nrmse_range`
+    divides by the range of the samples that the
     normaliser is of: it tells more of a target that lies far from zero.
     """
 
@@ -76,6 +78,12 @@ class Score:
         float, "half of the width of that interval, the median over the samples", "[target]"
     ] = math.nan
     nrmse_range: Annotated[float, "rmse / range of the measured target, a fraction"] = math.nan
+    rmse_weighted: Annotated[
+        float, "rmse with samples weighted by their uncertainty; NaN without one", "[target]"
+    ] = math.nan
+    chi2_dof: Annotated[
+        float, "chi-square per degree of freedom, near 1 where only noise is left; NaN without one"
+    ] = math.nan
 
     @property
     def far(self) -> bool:

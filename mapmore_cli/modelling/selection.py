@@ -5,14 +5,17 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
-from annotated_types import Interval
+from annotated_types import Gt, Interval
 
-from mapmore_cli.domain.declared import Contradiction, Either, OfHeld, Settings, always_in
+from mapmore_cli.domain.declared import Contradiction, Either, InUnit, OfHeld, Settings, always_in
 
 AUTO = "auto"  # what left-out training data choose: a backbone
 LEAST_RIDGE = 1e-9  # a smaller ridge, but for zero, would drown in the rounding of the Gram matrix
 # terms chosen forward for each that is kept, where pruning follows and nothing else is said
 FORWARD = 3
+
+Loss = Literal["squares", "huber", "bisquare"]
+"""What a residual costs."""
 
 Stop = Literal["tolerance", "bic", "aicc", "press", "free_run"]
 """When fewer terms than `max_terms` are enough."""
@@ -38,6 +41,12 @@ class Fit(Settings):
     - `ridge`: a fraction of a candidate's variance, or `auto`: `forward` terms are selected and
       pruned to `max_terms`, as `auto`
     - `forward`: terms that are selected before pruning; three times `max_terms` by default, as `30`
+    - `loss`: what a residual costs: `huber` counts large ones by their size, `bisquare` not at all
+      beyond 4.685 `scale`; outliers are listed, and stay, as `huber`
+    - `scale`: size of an ordinary residual; `auto` is 1.4826 times the median absolute one, as
+      `auto`
+    - `weight`: `curve` counts alike, however many samples they have, all curves that are pooled, or
+      all recordings of one, as `curve`
     """
 
     scaling: Literal["unit_square", "max_abs", "none", "range"] = "unit_square"
@@ -49,6 +58,20 @@ class Fit(Settings):
     criterion: Literal["one_step", "free_run"] = "one_step"
     ridge: Annotated[Literal["auto"] | Annotated[float, Interval(ge=0)], Either()] = 0.0
     forward: Annotated[int, Interval(ge=1)] | None = None
+    loss: Loss = "squares"
+    scale: Annotated[
+        Literal["auto"]
+        | Annotated[
+            float, Gt(0), InUnit(lambda place: place.unit_of(place.target), "that of the target")
+        ],
+        Either(),
+    ] = "auto"
+    weight: Literal["sample", "curve"] = "sample"
+
+    @property
+    def known_scale(self) -> float | None:
+        """The scale where it is given."""
+        return None if isinstance(self.scale, str) else self.scale
 
     @property
     def forward_terms(self) -> int:
@@ -57,7 +80,9 @@ class Fit(Settings):
         return max(self.max_terms, forward)
 
     def __post_init__(self) -> None:
-        """Refuse a ridge that is lost in rounding."""
+        """Refuse a ridge that is lost in rounding, and a scale of nothing."""
+        if self.scale != "auto" and self.loss == "squares":
+            raise Contradiction("squares have no scale", "remove it, or add `loss: huber`", "scale")
         if isinstance(self.ridge, float) and 0 < self.ridge < LEAST_RIDGE:
             raise Contradiction(
                 f"a ridge of {self.ridge:g} is lost in rounding",

@@ -157,6 +157,7 @@ FITTING = Stage(name="fit", revision=11, outputs=(FIT,), reads=fit_choices, run=
 def fuse(part: ModelChoices, workspace: Workspace) -> None:
     """Join the fits into a model, and write it."""
     from mapmore_cli.modelling.signals.rates import needed_signals
+    from mapmore_cli.modelling.validation.residuals import explained_by_inputs
     from mapmore_cli.storage.artefacts import write_model
 
     files = workspace.files
@@ -169,7 +170,9 @@ def fuse(part: ModelChoices, workspace: Workspace) -> None:
     )
     model = kinds.build(part, given, result)
     model = replace(
-        model, signals=needed_signals(part.signals, [quantity.name for quantity in model.inputs])
+        model,
+        signals=needed_signals(part.signals, [quantity.name for quantity in model.inputs]),
+        notes=(*model.notes, *explained_by_inputs(model, dataset)),
     )
     for note in model.notes:
         workspace.warn(note)

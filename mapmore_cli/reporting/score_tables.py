@@ -112,6 +112,8 @@ def _metrics(
     shown = dict(METRICS)
     if not any(s.far for s in scores):
         del shown["by range [%] .2f"]
+    if not any(math.isfinite(s.chi2_dof) for s in scores):
+        del shown["weighted RMSE [UNIT]"], shown["chi²/dof .3g"]
     if not _run_free(scores):
         del shown["RRSE, free run .5f"], shown["RRSE, one step .5f"]
     rows: list[tuple[Cell, ...]] = [(s.model, s.split, *cells_of(s, shown)) for s in scores]
@@ -126,6 +128,8 @@ METRICS = {
     "max error [UNIT]": "max_abs_error",
     "max error [% FS] .2f": "max_abs_error_fs",
     "R² .4f": "r2",
+    "weighted RMSE [UNIT]": "rmse_weighted",
+    "chi²/dof .3g": "chi2_dof",
     "RRSE, free run .5f": "rrse",
     "RRSE, one step .5f": "rrse_one_step",
 }

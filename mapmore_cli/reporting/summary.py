@@ -50,7 +50,6 @@ def _fitted_numbers(fit: FitResult) -> Iterator[tuple[str, str, float, float, fl
         for name, value in formula.parameters.items():
             yield formula.name, name, value, formula.errors[name], math.nan, freedom
     for piece in fit.pieces:
-        chosen = piece.selection
-        columns = (chosen.theta.tolist(), chosen.theta_error.tolist(), chosen.err.tolist())
-        for term, theta, error, err in zip(piece.terms, *columns, strict=True):
-            yield piece.id, term, theta, error, err, chosen.samples - len(chosen.theta)
+        for term, row in zip(piece.terms, piece.selection.table(), strict=True):
+            numbers = row["coefficient"], row["standard_error"], row["err"]
+            yield piece.id, term, *numbers, piece.selection.freedom

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
 from mapmore_cli.domain.fits import FormulaFit, Segment, SegmentedCurve, SegmentFit
 from mapmore_cli.domain.models import CurveRange, Equation, FoldError, Model
 from mapmore_cli.domain.recording import Dataset
-from mapmore_cli.domain.results import ErrorBand, FitResult
+from mapmore_cli.domain.results import ErrorBand, FitResult, Outlier
+from mapmore_cli.modelling.frols.weighing import FEW
 from mapmore_cli.modelling.literature.linear import half_width
 from mapmore_cli.modelling.literature.own import units_of_parameters
 from mapmore_cli.modelling.validation.repeatability import floors
@@ -175,26 +177,54 @@ def _term_rows(segment: SegmentFit) -> Iterator[tuple[Cell, ...]]:
         yield segment.id, step + 1, *ours, *theirs, int(chosen.tied[step]) or None, stop
 
 
-def coefficients_table(inputs: ReportInputs) -> Table:
-    """Coefficients of every segment with 95 % confidence intervals, in scaled coordinates and in
-    the target's unit.
+def coefficient_rows(fit: FitResult) -> list[dict[str, Any]]:
+    """Return a row for each coefficient of every segment, or of the model with memory: `{"piece",
+    "term", "coefficient", "standard_error", "t", "err"}`, in scaled coordinates.
     """
-    unit = inputs.target.unit
+    return [
+        {"piece": piece.id, **row, "term": term}
+        for piece in fit.pieces
+        for term, row in zip(piece.terms, piece.selection.table(), strict=True)
+    ]
+
+
+def coefficients_table(fit: FitResult, unit: str) -> Table:
+    """Coefficients of every segment with standard errors and 95 % confidence intervals, in scaled
+    coordinates and in the target's unit; what the data do not tell is named.
+    """
     columns = (
-        *("segment", "term", "theta", "± 95 % .3g", "lower", "upper"),
-        *(f"theta × y_slope [{unit}]", f"± 95 % [{unit}] .3g"),
+        *("segment", "term", "theta", "standard error .3g", "t .3g", "± 95 % .3g"),
+        *("lower", "upper", f"theta × y_slope [{unit}]", f"± 95 % [{unit}] .3g"),
     )
     rows: list[tuple[Cell, ...]] = []
-    for segment in inputs.fit.pieces:
-        chosen, slope = segment.selection, segment.scaling.y_slope
-        for term, theta, error in zip(
-            segment.terms, chosen.theta.tolist(), chosen.theta_error.tolist(), strict=True
-        ):
-            width = half_width(error, chosen.samples - len(chosen.theta))
-            scaled = (theta, width, theta - width, theta + width)
-            rows.append((segment.id, term, *scaled, theta * slope, width * abs(slope)))
+    unknown: list[str] = []
+    for piece in fit.pieces:
+        slope, freedom = piece.scaling.y_slope, piece.selection.freedom
+        for term, row in zip(piece.terms, piece.selection.table(), strict=True):
+            theta, width = row["coefficient"], half_width(row["standard_error"], freedom)
+            ends = (width, theta - width, theta + width, theta * slope, width * abs(slope))
+            rows.append((piece.id, term, theta, row["standard_error"], row["t"], *ends))
+            unknown += [f"{term} ({piece.id})"] if freedom > 0 and not width <= abs(theta) else []
+    by_curve = all(piece.selection.curves for piece in fit.pieces)
+    notes = [BY_CURVE_NOTE if by_curve else f"{INDEPENDENCE_CAVEAT} {GUESS_NOTE}"]
+    if unknown:
+        named = ", ".join(unknown[:MOST_NAMED]) + (", ..." if len(unknown) > MOST_NAMED else "")
+        notes.append(f"Not identified (95 % interval beyond zero): {named}.")
     title = "Coefficients with 95 % confidence intervals"
-    return Table.of("coefficients", title, columns, rows, INDEPENDENCE_CAVEAT)
+    return Table.of("coefficients", title, columns, rows, *notes)
+
+
+MOST_NAMED = 12  # terms in a sentence
+BY_CURVE_NOTE = "Standard errors by curve: residuals of one curve may go together."
+GUESS_NOTE = f"With fewer than {FEW} curves, or no more than terms, this is a guess."
+
+
+def outliers_table(found: Sequence[Outlier], unit: str) -> Table:
+    """Training samples that lie far from a robust fit, the farthest first."""
+    columns = ("file", "place", "curve", f"measured − predicted [{unit}] .4g", "in scales .3g")
+    rows = ((one.file, one.place, one.curve, one.off, one.scales) for one in found)
+    note = "They count less in the fit. None is left out, of the data or of the scores."
+    return Table.of("outliers", "Samples far from the fit", columns, rows, note)
 
 
 def pieces_table(equations: Sequence[Equation], title: str) -> Table:

@@ -256,7 +256,14 @@ def kind(spec: ExperimentSpec) -> Iterator[Finding]:
         isinstance(cut, Cuts) and cut.method == "optimal" for cut in spec.segment.values()
     )
     is_own = not isinstance(spec.target, TargetColumn) or scored_as == spec.target.column
+    weighed = {"loss", "weight"} & {*spec.fit.changed}
     yield from told(
+        (
+            bool(weighed) and model.type != "mapmore",
+            f"fit.{min(weighed, default='')}",
+            f"`{model.type}` fits all samples alike, by squares",
+            "remove it, or fit terms of a `dictionary`",
+        ),
         *(
             (
                 name not in spec.data.quantities,

@@ -184,7 +184,8 @@ class TestModel:
     def test_coefficients_in_the_targets_unit(self, inputs):
         table = tables_of(inputs)["coefficients"]
         for fit, row in zip(inputs.fit.segments, table.rows, strict=True):
-            theta, half, lower, upper, physical, physical_half = row[2:]
+            theta, error, t, half, lower, upper, physical, physical_half = row[2:]
+            assert (error, t) == (fit.selection.theta_error[0], pytest.approx(theta / error))
             assert (lower, upper) == (pytest.approx(theta - half), pytest.approx(theta + half))
             assert physical == pytest.approx(fit.selection.theta[0] * fit.scaling.y_slope)
             assert physical_half == pytest.approx(half * abs(fit.scaling.y_slope))

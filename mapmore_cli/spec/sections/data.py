@@ -11,7 +11,7 @@ from typing import Annotated, Literal
 from pydantic import ConfigDict, Field
 
 from mapmore_cli.domain.declared import Contradiction, Either, OfKey, Seconds, always_in, of_sibling
-from mapmore_cli.spec.fields import PathOrName, Quantity, Section, SignedSeconds
+from mapmore_cli.spec.fields import PathOrName, Quantity, Section, SignedSeconds, Uncertainty
 from mapmore_cli.spec.sections.logs import FileEntry, Join, Keep, Logs
 
 OfLevel = Annotated[float, of_sibling("of")]
@@ -279,6 +279,9 @@ class Data(Logs):
     - `levels`: what is held constant within a curve, as `{of: pressure, at: auto}`
     - `groups`: what tells specimens or sessions apart, as `{of: specimen, offset: true}`
     - `split`: which data are held out of training, as `{validate: {pressure: [250]}}`
+    - `uncertainty`: standard deviation of each sample, by quantity: a value, a share of what was
+      measured (`2 %`), the name of a column, or values by `groups`; samples of the target weigh by
+      it, of an input it is told how much of the residual it explains, as `{force: 0.5 N}`
     """
 
     join: list[Join] = []
@@ -293,7 +296,18 @@ class Data(Logs):
     cycles: Cycles | None = None
     levels: Levels | None = None
     groups: Groups | None = None
+    uncertainty: dict[Quantity, Uncertainty] = {}
     split: Split = Split()
+
+    def _contradictions(self) -> Iterator[ValueError]:
+        yield from super()._contradictions()
+        for name, rule in self.uncertainty.items():
+            if isinstance(rule, dict) and self.groups is None:
+                yield Contradiction(
+                    f"the uncertainty of `{name}` is by group, and there are no groups",
+                    "say what tells them apart, as `groups: {of: session}`",
+                    "uncertainty",
+                )
 
     @property
     def measured(self) -> tuple[str, ...]:

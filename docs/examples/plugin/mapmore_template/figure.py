@@ -22,4 +22,4 @@ def draw(inputs: ReportInputs) -> list[Drawing]:
     data = {f"measured [{unit}]": x, f"predicted [{unit}]": y}
     panel = Panel("", on, f"Measured ({unit})", (f"Predicted ({unit})",), data)
     caption = "Predicted over measured values of all held-out samples."
-    return [Drawing("scatter", caption, caption, (panel,), Layout())]
+    return [Drawing("scatter", caption, (panel,), Layout())]
