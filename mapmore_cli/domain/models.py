@@ -310,8 +310,16 @@ class Model:
 
 @dataclass(frozen=True)
 class Equation:
-    """One piece of a model in physical units: `id` is a segment's or a formula's."""
+    """One piece of a model in physical units.
+
+    - `id`: of a segment, or the name of a formula.
+    - `text`: a line that can be copied and computed; `latex`, `mathml`: the same, typeset, the
+      second by parts between which a line may end.
+    - `weight`: where the piece counts, and where it is held; empty where it counts everywhere.
+    """
 
     id: str
     text: str
     latex: str
+    mathml: tuple[str, ...] = ()
+    weight: str = ""

@@ -9,7 +9,14 @@ from typing import Annotated
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import BoolArray, Columns, IntArray, Number, Ranges, extremes
+from mapmore_cli.domain.arrays import (
+    BoolArray,
+    Columns,
+    IntArray,
+    Number,
+    Ranges,
+    extremes,
+)
 from mapmore_cli.domain.declared import Count, Label, QuantityName, one_of
 
 STATIC_FORCE, DAMPING = "static_force", "damping"
@@ -18,6 +25,11 @@ STATIC_FORCE, DAMPING = "static_force", "damping"
 DIRECTION = "direction"
 """The quantity that tells rise (+1) from fall (-1), by the name that formulas and segments know it.
 """
+
+
+def uncertainty_of(name: str) -> str:
+    """Return the column that holds the standard deviation of each sample of a quantity."""
+    return f"{name}_uncertainty"
 
 
 @dataclass(frozen=True)
@@ -56,6 +68,9 @@ class Recording:
     log: Annotated[
         Label, "identifier of the log that this is a piece of; empty where it is the whole log"
     ] = ""
+    first_row: Annotated[
+        Count, "row of the first sample in the file, from 1; 0 where samples are not row by row"
+    ] = 0
 
     @property
     def name(self) -> str:
@@ -72,7 +87,8 @@ class Recording:
 
     def at(self, rows: IntArray) -> Recording:
         """Return the recording with these samples alone."""
-        return replace(self, columns={name: x[rows] for name, x in self.columns.items()})
+        columns = {name: x[rows] for name, x in self.columns.items()}
+        return replace(self, columns=columns, first_row=0)
 
 
 @dataclass(frozen=True)

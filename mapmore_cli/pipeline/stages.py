@@ -141,8 +141,8 @@ def fit(part: ModelChoices, workspace: Workspace) -> None:
     for piece in result.pieces:
         if piece.selection.tied.any():
             workspace.warn(
-                f"segment {piece.id}: candidates tie within 1e-9; the first of the dictionary "
-                "was taken"
+                f"segment {piece.id}: candidates tie within 1e-9, and the first was taken: "
+                "remove the others from the dictionary"
             )
     write_fit(workspace.out / FIT, result, units_of(dataset))
 
@@ -157,6 +157,7 @@ FITTING = Stage(name="fit", revision=11, outputs=(FIT,), reads=fit_choices, run=
 def fuse(part: ModelChoices, workspace: Workspace) -> None:
     """Join the fits into a model, and write it."""
     from mapmore_cli.modelling.signals.rates import needed_signals
+    from mapmore_cli.modelling.validation.residuals import explained_by_inputs
     from mapmore_cli.storage.artefacts import write_model
 
     files = workspace.files
@@ -173,7 +174,9 @@ def fuse(part: ModelChoices, workspace: Workspace) -> None:
 
         refuse_unsupported(model, dataset.curves, part.fit)
     model = replace(
-        model, signals=needed_signals(part.signals, [quantity.name for quantity in model.inputs])
+        model,
+        signals=needed_signals(part.signals, [quantity.name for quantity in model.inputs]),
+        notes=(*model.notes, *explained_by_inputs(model, dataset)),
     )
     for note in model.notes:
         workspace.warn(note)

@@ -9,12 +9,12 @@ from collections.abc import Iterator, Sequence
 from importlib.util import find_spec
 from typing import TYPE_CHECKING
 
-from mapmore_cli.domain import plugins
 from mapmore_cli.domain.errors import SpecError
 from mapmore_cli.domain.recording import DIRECTION
 from mapmore_cli.domain.scores import BASELINES, METRICS, OWN, REPEATABILITY, SIMPLE
 from mapmore_cli.modelling import literature
 from mapmore_cli.modelling.expressions import ExpressionError
+from mapmore_cli.modelling.kinds import kinds
 from mapmore_cli.modelling.literature.own import formula_of
 from mapmore_cli.modelling.pieces.recipe import CutByDirection, Cuts
 from mapmore_cli.modelling.selection import AUTO
@@ -262,7 +262,14 @@ def kind(spec: ExperimentSpec) -> Iterator[Finding]:
         isinstance(cut, Cuts) and cut.method == "optimal" for cut in spec.segment.values()
     )
     is_own = not isinstance(spec.target, TargetColumn) or scored_as == spec.target.column
+    weighed = {"loss", "weight"} & {*spec.fit.changed}
     yield from told(
+        (
+            bool(weighed) and model.type != "mapmore",
+            f"fit.{min(weighed, default='')}",
+            f"`{model.type}` fits all samples alike, by squares",
+            "remove it, or fit terms of a `dictionary`",
+        ),
         *(
             (
                 name not in spec.data.quantities,
@@ -301,7 +308,7 @@ def kind(spec: ExperimentSpec) -> Iterator[Finding]:
 
 def of_kinds(spec: ExperimentSpec) -> Iterator[Finding]:
     """Check what only the kind of a model that adds itself knows."""
-    for kind in plugins.added("kinds").values():
+    for kind in kinds():
         yield from kind.verb("findings", lambda _spec: (), of="checks")(spec)
 
 

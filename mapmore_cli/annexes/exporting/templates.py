@@ -6,7 +6,9 @@ language.
 
 from __future__ import annotations
 
+import json
 import re
+import shlex
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
@@ -132,6 +134,9 @@ def notes_of(model: Model, names: Mapping[str, str]) -> list[str]:
 
 LITERALS: Mapping[str, Callable[[str], str]] = {
     **dict.fromkeys("ch", c_string),
+    "sh": shlex.quote,
+    "m": lambda text: "'" + plain(text).replace("'", "''") + "'",
+    "mo": lambda text: json.dumps(plain(text)),
     "py": repr,
     "tex": tex_text,
     "xml": lambda text: quoteattr(xml_text(text)),

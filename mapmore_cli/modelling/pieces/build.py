@@ -7,7 +7,9 @@ calls them in one go.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import replace
 from itertools import product
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -24,7 +26,7 @@ from mapmore_cli.domain.fits import (
     Selection,
 )
 from mapmore_cli.domain.models import CurveFunction, Fusion, Model, Pieces, SegmentFunction, Side
-from mapmore_cli.domain.recording import Curve, Quantity
+from mapmore_cli.domain.recording import Curve, Quantity, uncertainty_of
 from mapmore_cli.domain.results import FitResult, PiecesFit
 from mapmore_cli.modelling import literature
 from mapmore_cli.modelling.expressions import (
@@ -36,7 +38,13 @@ from mapmore_cli.modelling.expressions import (
     parse,
 )
 from mapmore_cli.modelling.expressions.ranged import placed
-from mapmore_cli.modelling.frols import TIE_TOLERANCE, frols, frols_streamed, reads_once
+from mapmore_cli.modelling.frols import (
+    TIE_TOLERANCE,
+    Weighing,
+    frols,
+    frols_streamed,
+    reads_once,
+)
 from mapmore_cli.modelling.literature.backbone import residual_of
 from mapmore_cli.modelling.pieces.recipe import Recipe
 from mapmore_cli.modelling.pieces.segmentation import (
@@ -54,9 +62,14 @@ END_FRACTION = 0.05
 EVERY_CORNER_UP_TO = 3
 
 
-def placements(rule: str, X: Array, y: Array, variables: Sequence[str]) -> tuple[Scaling, ...]:
+Middle = Callable[[Array], Any]
+
+
+def placements(
+    rule: str, X: Array, y: Array, variables: Sequence[str], middle: Middle = np.mean
+) -> tuple[Scaling, ...]:
     """Return all scalings of the samples `X`, (n, v), and `y`, (n,), that satisfy a rule; the
-    caller keeps the one that errs least.
+    caller keeps the one that errs least. `middle` makes one anchor of several samples.
 
     - `unit_square`: x and y span one unit and the trend passes through the origin, which lies at
       the left or at the right end of each
@@ -72,7 +85,7 @@ def placements(rule: str, X: Array, y: Array, variables: Sequence[str]) -> tuple
             if count <= EVERY_CORNER_UP_TO
             else [(False,) * count, (True,) * count]
         )
-        return tuple(_anchored(X, y, names, right) for right in every)
+        return tuple(_anchored(X, y, names, right, middle) for right in every)
     slope, y_slope = np.ones(count), 1.0
     if rule == "max_abs":
         slope, y_slope = 1 / _span(np.abs(X).max(axis=0)), float(_span(np.abs(y).max()))
@@ -81,11 +94,13 @@ def placements(rule: str, X: Array, y: Array, variables: Sequence[str]) -> tuple
     return (Scaling(rule, "-", names, slope, np.zeros(count), y_slope, 0.0),)
 
 
-def _anchored(X: Array, y: Array, variables: tuple[str, ...], right: tuple[bool, ...]) -> Scaling:
+def _anchored(
+    X: Array, y: Array, variables: tuple[str, ...], right: tuple[bool, ...], middle: Middle
+) -> Scaling:
     low, high = X.min(axis=0), X.max(axis=0)
     slope, anchor = 1 / _span(high - low), np.where(right, high, low)
     y_anchor = 0.0
-    # mean over the samples nearest to the anchor; all at the same distance count, so the order of
+    # middle of the samples nearest to the anchor; all at the same distance count, so the order of
     # rows does not matter
     if variables:
         far = np.zeros(len(y))
@@ -94,7 +109,7 @@ def _anchored(X: Array, y: Array, variables: tuple[str, ...], right: tuple[bool,
             np.abs(distance, out=distance)
             np.maximum(far, np.multiply(distance, steepness, out=distance), out=far)
         nearest = max(1, int(np.ceil(END_FRACTION * len(y))))
-        y_anchor = float(y[far <= np.partition(far, nearest - 1)[nearest - 1]].mean())
+        y_anchor = float(middle(y[far <= np.partition(far, nearest - 1)[nearest - 1]]))
     place = ",".join("right" if r else "left" for r in right) or "-"
     return Scaling(
         "unit_square", place, variables, slope, -slope * anchor, float(_span(np.ptp(y))), y_anchor
@@ -120,6 +135,8 @@ def segment(
     Raises DataError where a segment holds no sample, or a curve has too few for the cut.
     """
     terms = [candidate(text) for text in recipe.dictionary]
+    # losses that leave samples out do not compare
+    recipe = replace(recipe, fit=replace(recipe.fit, loss="squares", scale="auto"))
     training = training_curves(curves, recipe.level is not None)
     fitted = {curve.id: residual_of(curve, recipe.target, backbone) for curve in training}
 
@@ -152,20 +169,36 @@ def fit(
     terms = [candidate(text) for text in recipe.dictionary]
     fits = []
     for segmented in segmentation:
+        curve = fitted[segmented.curve]
         for one in segmented.segments:
-            fits.append(fit_segment(one, fitted[segmented.curve].columns, terms, recipe))
+            origin = _labels_of_curves(one.rows, curves, curve)
+            fits.append(fit_segment(one, curve.columns, terms, recipe, origin))
             tick()
     return tuple(fits)
 
 
+def _labels_of_curves(rows: IntArray, curves: Sequence[Curve], curve: Curve) -> IntArray | None:
+    """Return which residuals go together, (n,): those of a curve where several are pooled, else
+    those of a recording; None where all are of one.
+    """
+    if all(one.id != curve.id for one in curves):
+        return np.searchsorted(np.cumsum([one.size for one in curves]), rows, side="right")
+    return None if curve.origin is None or len(curve.recordings) < 2 else curve.origin[rows]
+
+
 def fit_segment(
-    segment: Segment, columns: Columns, terms: Sequence[Expression], recipe: Recipe
+    segment: Segment,
+    columns: Columns,
+    terms: Sequence[Expression],
+    recipe: Recipe,
+    origin: IntArray | None = None,
 ) -> SegmentFit:
     """Choose and fit the terms of one segment, for every placement of its scaling; the least
     training SSE wins, the first of equals. `columns` are those of its curve.
 
     All placements share the slope of y, so their scaled SSE compare. Rows are sorted first: the
-    numbers then do not depend on the order in which a logger wrote them.
+    numbers then do not depend on the order in which a logger wrote them. `origin` says which
+    residuals go together, (n,), for the rows of the segment.
     """
     n, most = len(segment.rows), recipe.fit.max_terms
     if n <= most:
@@ -175,16 +208,26 @@ def fit_segment(
         )
         what = f"segment {segment.id}: {n} training sample(s), too few for {most} term(s)"
         raise DataError(what, f"{ways}, or set fit.max_terms below {max(2, n)}")
-    variables = quantities_in(terms)
-    samples = samples_at(columns, segment.rows, (*variables, recipe.target))
-    order = np.lexsort([samples[name] for name in (recipe.target, *variables[::-1])])
+    variables, unsure = quantities_in(terms), uncertainty_of(recipe.target)
+    given = [unsure] if unsure in columns else []
+    samples = samples_at(columns, segment.rows, (*variables, recipe.target, *given))
+    order = np.lexsort([samples[name] for name in (*given, recipe.target, *variables[::-1])])
     X, y = np.empty((n, len(variables)), order="F"), samples[recipe.target][order]
     for place, name in enumerate(variables):
         X[:, place] = samples.pop(name)[order]
+    weighing = Weighing(
+        samples[unsure][order] if given else None,
+        recipe.fit.loss,
+        recipe.fit.known_scale,
+        None if origin is None else origin[order],
+        recipe.fit.weight == "curve",
+    )
     del samples, order  # of a long record they take more than all else
     give_back(segment.rows)
     best: SegmentFit | None = None
-    for scaling in placements(recipe.fit.scaling, X, y, variables):
+    robust = recipe.fit.loss != "squares"
+    middle = np.median if robust else np.mean
+    for scaling in placements(recipe.fit.scaling, X, y, variables, middle):
         z = scaled_inputs(scaling, dict(zip(variables, X.T, strict=True)))
         written = placed(
             recipe.dictionary, tuple((name, *extremes(values)) for name, values in z.items())
@@ -195,6 +238,7 @@ def fit_segment(
                 z,
                 (y - scaling.y_intercept) / scaling.y_slope,
                 recipe,
+                weighing.in_unit(scaling.y_slope),
             )
         except NotFinite as error:
             remedy = (
@@ -202,13 +246,18 @@ def fit_segment(
                 "none, or leave the term out"
             )
             raise DataError(f"segment {segment.id}: {error}", remedy) from error
-        if best is None or selection.sse < best.selection.sse * (1 - TIE_TOLERANCE):
+        errs = "scale" if robust else "sse"  # weighted sums of squares do not compare
+        if best is None or getattr(selection, errs) < getattr(best.selection, errs) * (
+            1 - TIE_TOLERANCE
+        ):
             best = SegmentFit(segment.id, segment.curve, segment.cell, written, scaling, selection)
     assert best is not None
     return best
 
 
-def _selected_terms(terms: Sequence[Expression], z: Columns, y: Array, recipe: Recipe) -> Selection:
+def _selected_terms(
+    terms: Sequence[Expression], z: Columns, y: Array, recipe: Recipe, weighing: Weighing
+) -> Selection:
     """FROLS on the dictionary, which is never there as a whole where it need not be read more than
     once or twice.
     """
@@ -218,8 +267,15 @@ def _selected_terms(terms: Sequence[Expression], z: Columns, y: Array, recipe: R
             lambda: ((P, y[rows]) for rows, P in dictionary_blocks(terms, z, n)),
             *how,
             stop=recipe.fit.stop,
+            weighing=weighing,
+            only=lambda chosen: (
+                lambda: (
+                    (P, y[rows]) for rows, P in dictionary_blocks([terms[i] for i in chosen], z, n)
+                )
+            ),
         )
-    return frols(dictionary_matrix(terms, z, n), y, *how, stop=recipe.fit.stop)
+    P = dictionary_matrix(terms, z, n)
+    return frols(P, y, *how, stop=recipe.fit.stop, weighing=weighing)
 
 
 def fuse(
@@ -327,10 +383,10 @@ def _remarks(
     ):
         where = f"{', '.join(explosive)} on {', '.join(several)}"
         return (
-            f"segments of several terms continue beyond their data along {where}: polynomials "
-            "explode there; consider saturate",
+            f"segments of several terms continue beyond their data along {where}, where "
+            "polynomials explode: remove `continue`, or write `saturate` (fuse.extrapolation)",
         )
     return (
-        "segments have several terms, so each curve saturates at the ends of its own range "
-        "(fuse.extrapolation)",
+        "segments have several terms, so each curve is held at the ends of its own range; "
+        "`fuse: {extrapolation: continue}` goes on beyond them",
     )

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from mapmore_cli.domain.arrays import Array, BoolArray
-from mapmore_cli.domain.recording import DIRECTION, Dataset
+from mapmore_cli.domain.recording import DIRECTION, Dataset, uncertainty_of
 from mapmore_cli.domain.results import ErrorBand, Forecast
 from mapmore_cli.domain.scores import Score
 from mapmore_cli.modelling.signals.rates import FALL, RISE
@@ -53,6 +53,8 @@ def score(
     measured: Array,
     forecast: Forecast,
     scale: Normaliser,
+    uncertainty: Array | None = None,
+    free: int = 0,
 ) -> Score:
     """One row of the score table over n pooled samples, `measured` (n,) and as a model forecasts
     them.
@@ -62,7 +64,8 @@ def score(
     is the normaliser over all samples of the split, so that the rows of its curves can be compared.
 
     Samples that are not `ready` are the history that a model with memory goes on from: they count
-    in no number but the spread of the RRSE, as it is usual.
+    in no number but the spread of the RRSE, as it is usual. `uncertainty`, (n,), is that of the
+    measured samples where it is known; `free` are the numbers that were fitted to them.
     """
     known, predicted = forecast.ready, forecast.values
     y, error = measured[known], (predicted - measured)[known]
@@ -71,6 +74,8 @@ def score(
     rmse, worst = unit * float(np.sqrt(np.mean(squares))), float(np.abs(error).max())
     width = np.full(len(y), np.nan) if forecast.half is None else forecast.half[known]
     given = np.isfinite(width)
+    sigma = np.full(len(y), np.nan) if uncertainty is None else uncertainty[known]
+    chi2 = float(np.sum((error / sigma) ** 2))
     return Score(
         model=model,
         target=target,
@@ -94,6 +99,8 @@ def score(
         else math.nan,
         interval_half_width=float(np.median(width[given])) if given.any() else math.nan,
         nrmse_range=rmse / scale.extent if scale.extent > 0 else math.nan,
+        rmse_weighted=math.sqrt(chi2 / float(np.sum(sigma**-2.0))),
+        chi2_dof=chi2 / (len(y) - free) if len(y) > free else math.nan,
     )
 
 
@@ -113,6 +120,17 @@ def relative(error: Array, measured: Array) -> float:
     unit = _unit_of(error, measured)
     spread = float(np.sum(((measured - measured.mean()) / unit) ** 2))
     return float(np.sqrt(np.sum((error / unit) ** 2) / spread)) if spread > 0 else math.nan
+
+
+def information_criteria(n: int, rmse: float, parameters: int) -> tuple[float, float]:
+    """Return AIC `n ln(SSE/n) + 2k` and BIC `n ln(SSE/n) + k ln n` of a fit to n samples by k
+    parameters, with `SSE/n = rmse^2` (Akaike 1974; Schwarz 1978).
+
+    They compare models of the same samples: constants of the likelihood are left out. Minus
+    infinity for an error of zero.
+    """
+    fit = 2 * n * math.log(rmse) if rmse > 0 else -math.inf
+    return fit + 2 * parameters, fit + parameters * math.log(n)
 
 
 def _unit_of(*values: Array) -> float:
@@ -204,21 +222,23 @@ def score_rows(
     *,
     partial: bool = False,
     group: str | None = None,
+    free: int = 0,
 ) -> Iterator[Score]:
     """Rows of one model, whose `forecasts` are those of the dataset's curves; with `partial`, of
     the samples that it predicts.
 
     Of each split: all samples, those of each curve, of each direction of a curve, and of each value
     of the quantity `group`. What has no sample that could be predicted has no row. `scale` is the
-    `divisor` of the study.
+    `divisor` of the study, `free` are the numbers that were fitted to all training samples.
     """
-    curves = dataset.curves
+    curves, unsure = dataset.curves, uncertainty_of(dataset.target)
 
     def column(name: str) -> Array:
         return np.concatenate([curve.columns[name] for curve in curves])
 
     measured, whole = column(dataset.target), _concatenated(forecasts)
     held_out = np.concatenate([curve.held_out for curve in curves])
+    sigma = column(unsure) if unsure in curves[0].columns else None
     every = np.split(np.arange(len(measured)), np.cumsum([curve.size for curve in curves])[:-1])
     for split, held in SPLITS:
         wanted = (held_out == held) & (whole.ready if partial else True)
@@ -256,6 +276,8 @@ def score_rows(
                     measured[rows],
                     Forecast(whole.values[rows], whole.ready[rows], *others),
                     scale,
+                    None if sigma is None else sigma[rows],
+                    free if split == "train" and name == "all" else 0,
                 )
 
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import Field, create_model
 
-from mapmore_cli.domain.declared import Contradiction, Either, InUnit, ListToo
+from mapmore_cli.domain.declared import Contradiction, Either, ListToo, always_in
 from mapmore_cli.modelling.expressions import ExpressionError, parse, state
 from mapmore_cli.modelling.expressions.operator import Operator
 from mapmore_cli.modelling.expressions.operators import families
@@ -23,7 +23,10 @@ Count = Annotated[int, Field(ge=1, le=100)]
 
 
 class OperatorFamily(Section):
-    """States that one operator makes of the quantities `of`; training finds its numbers."""
+    """States that one operator makes of some quantities; training finds numbers that are not given.
+
+    - `of`: the quantities, or states as `play(pressure, 0.16)`, as `[pressure]`
+    """
 
     of: Of
 
@@ -41,7 +44,9 @@ def _forms() -> Iterator[tuple[str, type[OperatorFamily]]]:
         shape = (*operator.parameters, operator.spread) if len(operator.parameters) == 1 else ()
         shapes.setdefault(shape, []).append(key)
     for shape, keys in shapes.items():
-        told = "\n".join(f"- `{key}`: {families()[key][0].summary}" for key in keys)
+        told = "\n".join(
+            [*map(_about_family, keys), *(_about_numbers(families()[keys[0]][0], shape))]
+        )
         form = create_model(
             "".join(key.title() for key in keys) if shape else "Operators",
             __base__=OperatorFamily,
@@ -52,11 +57,23 @@ def _forms() -> Iterator[tuple[str, type[OperatorFamily]]]:
         yield from ((key, form) for key in keys)
 
 
+def _about_family(key: str) -> str:
+    return f"- `{key}`: {families()[key][0].summary.removesuffix('.')}, as `{{of: [pressure]}}`"
+
+
+def _about_numbers(operator: Operator, shape: tuple[Any, ...]) -> Iterator[str]:
+    """Yield what the docstring of a form says of the keys of `_number_fields`."""
+    for one in operator.parameters if shape else ():
+        yield f"- `{one.key}`: the numbers of its states, as `[{one.example}]`"
+    if shape and operator.spread is not None:
+        yield "- `count`: how many, spread over what the recordings can show, as `4`"
+
+
 def _number_fields(operator: Operator) -> dict[str, Any]:
     """Return the fields for the numbers of an operator with one parameter."""
     (one,) = operator.parameters
     bounds = Field(gt=one.above) if one.below == float("inf") else Field(gt=one.above, lt=one.below)
-    unit_of = InUnit(lambda _place: one.unit)
+    unit_of = always_in(one.unit)
     number: Any = Annotated[float, bounds, unit_of]
     fields: dict[str, Any] = {one.key: (Annotated[list[number], Field(min_length=1)] | None, None)}
     return {**fields, "count": (Count | None, None)} if operator.spread is not None else fields
@@ -85,8 +102,11 @@ Steps = Annotated[int, Field(ge=0, le=1_000_000)]
 
 
 class Polynomial(Section):
-    """Every monomial of the quantities `of` with total degree up to `order`, the constant included
-    unless `constant: false`.
+    """Every monomial of some quantities.
+
+    - `of`: the quantities, as `[strain, pressure]`
+    - `order`: largest total degree, as `4`
+    - `constant`: whether the constant is among them, as `false`
     """
 
     of: Of
@@ -95,8 +115,12 @@ class Polynomial(Section):
 
 
 class Lags(Section):
-    """The quantities `of` as they were some `steps` ago (0 is now), as `force[k-1]`, and their
-    monomials up to `order`.
+    """Quantities as they were some steps ago, as `force[k-1]`, and their monomials.
+
+    - `of`: the quantities, as `[pressure, force]`
+    - `steps`: how many samples ago; 0 is now, as `[0, 1, 2]`
+    - `order`: largest total degree of the monomials, as `2`
+    - `constant`: whether the constant is among them, as `false`
     """
 
     of: Of
@@ -105,13 +129,17 @@ class Lags(Section):
     constant: bool = True
 
 
-Widths = Annotated[list[Annotated[float, Field(gt=0), InUnit(lambda _: "1")]], Field(min_length=1)]
+Widths = Annotated[list[Annotated[float, Field(gt=0), always_in("1")]], Field(min_length=1)]
 """Parts of the training range."""
 Window = Annotated[int, Field(ge=1, le=1_000_000)]
 
 
 class AlongRange(Section):
-    """Functions of one input along its training range, each times 1 and each factor in `with`."""
+    """Functions of one input along its training range, each times 1 and each factor.
+
+    - `of`: the input, as `strain`
+    - `with`: the factors, as `[pressure]`
+    """
 
     of: str
     partners: list[str] = Field(default=[], alias="with")
@@ -123,9 +151,9 @@ class AlongRange(Section):
 
 
 class Spline(AlongRange):
-    """A cubic spline of the quantity `of`, times 1 and each factor in `with`.
+    """A cubic spline of one input, times 1 and each factor in `with`.
 
-    So many `knots` lie evenly inside the training range.
+    - `knots`: knots, evenly inside the training range, as `9`
     """
 
     knots: Annotated[int, Field(ge=2, le=100)]
@@ -146,10 +174,10 @@ class Spline(AlongRange):
 
 
 class Ends(AlongRange):
-    """Exponentials that decay from both ends of the training range of `of`, times 1 and each factor
-    in `with`.
+    """Exponentials that decay from both ends of the training range of an input, times 1 and each
+    factor in `with`.
 
-    `widths` are parts of that range.
+    - `widths`: their widths, as fractions of the range, as `[0.03, 0.1, 0.3]`
     """
 
     widths: Widths
@@ -165,11 +193,13 @@ class Ends(AlongRange):
 
 
 class SmoothSteps(AlongRange):
-    """Smooth steps (tanh) at a `count` of even places of the training range of `of`, times 1 and
-    each factor in `with`.
+    """Smooth steps (tanh) at even places of the training range of an input, times 1 and each factor
+    in `with`.
 
-    `widths` are parts of that range. `change` in `with` is the change of `of` over each `window` of
-    samples, and its square.
+    - `count`: places, as `21`
+    - `widths`: widths of the steps, as fractions of the range, as `[0.03, 0.1]`
+    - `window`: samples over which `change` in `with` is taken: the change of the input, and its
+      square, as `16`
     """
 
     count: Annotated[int, Field(ge=2, le=100)]
@@ -197,10 +227,13 @@ class SmoothSteps(AlongRange):
 
 
 class Products(Section):
-    """Every product of the terms `of` families (or of states by name) with total degree up to
-    `order`, as `polynomial`.
+    """Every product of terms of other families.
 
-    Given `with`, names among `of`, a product holds powers of at most one term besides those.
+    - `of`: families, or states by name, as `[{slow: {of: [pressure]}}, strain]`
+    - `order`: largest total degree, as `2`
+    - `with`: names among `of`: a product then holds powers of at most one term besides those, as
+      `[strain]`
+    - `constant`: whether the constant is among them, as `false`
     """
 
     of: Annotated[list[Annotated[str | DictionaryEntry, Either()]], Field(min_length=1)]
@@ -218,7 +251,20 @@ LIMITS = ("sign", "bounds")
 
 
 class Families(Section):
-    """The families that are no operator's."""
+    """The families that are no operator's.
+
+    - `polynomial`: monomials, as `{of: [strain], order: 4}`
+    - `terms`: expressions, as `[strain^2, "exp(-strain/0.02)"]`
+    - `lags`: quantities some steps ago, as `{of: [force], steps: [1, 2]}`
+    - `products`: products of other families, as `{of: [{slow: {of: [pressure]}}, strain], order:
+      2}`
+    - `spline`: a cubic spline along the training range, as `{of: strain, knots: 9}`
+    - `ends`: exponentials from both ends of the training range, as `{of: strain, widths: [0.03,
+      0.1]}`
+    - `steps`: smooth steps along the training range, as `{of: voltage, count: 21, widths: [0.1]}`
+    - `sign`: of the coefficient of each term of the entry, whose inputs are scaled, as `negative`
+    - `bounds`: least and greatest coefficient of each term of the entry, as `[0, 5]`
+    """
 
     polynomial: Polynomial | None = None
     terms: Annotated[list[str], Field(min_length=1)] | None = None
@@ -280,9 +326,7 @@ else:
         __base__=Families,
         __doc__=(
             "One family of candidate terms: monomials, states with memory, products of both, "
-            "or `terms` written out as expressions.\n\n"
-            "`sign` or `bounds` hold for the coefficient of each of its terms, in the target's "
-            "unit; inputs are scaled as `fit.scaling` says."
+            "or `terms` written out as expressions.\n\n" + "\n".join(map(_about_family, FORMS))
         ),
         __module__=__name__,
         **{key: (form | None, None) for key, form in FORMS.items()},
