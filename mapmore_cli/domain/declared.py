@@ -305,6 +305,9 @@ Transition = Literal["linear", "quadratic", "cubic"]
 Hold = Literal["samples", "none"]
 """Whether a segment function is held where a transition zone reaches far beyond its samples."""
 
+Word = Literal["increasing", "decreasing", "convex", "concave", "positive"]
+"""What is known of the output along an input; `positive` of the output itself."""
+
 Beyond = Literal["continue", "continue_linear", "saturate", "zero"]
 """What happens beyond a limit (M2 eq 12)."""
 

@@ -2,12 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
-from annotated_types import Gt, Interval
+from annotated_types import Gt, Interval, Len
 
-from mapmore_cli.domain.declared import Contradiction, Either, InUnit, OfHeld, Settings, always_in
+from mapmore_cli.domain.declared import (
+    Contradiction,
+    Either,
+    InUnit,
+    OfHeld,
+    Settings,
+    Word,
+    always_in,
+)
 
 AUTO = "auto"  # what left-out training data choose: a backbone
 LEAST_RIDGE = 1e-9  # a smaller ridge, but for zero, would drown in the rounding of the Gram matrix
@@ -47,6 +56,12 @@ class Fit(Settings):
       `auto`
     - `weight`: `curve` counts alike, however many samples they have, all curves that are pooled, or
       all recordings of one, as `curve`
+    - `shape`: what is known of the output along its inputs, where the training output stands clear
+      of its least; coefficients follow it, the choice of terms does not, as `{pressure: increasing,
+      strain: [decreasing, convex]}`
+    - `slack`: the share of the range of the training output above its least, below which no shape
+      is asked for, as `0.05`
+    - `beyond`: how far beyond the training range the shape holds, as a share of it, as `0.1`
     """
 
     scaling: Literal["unit_square", "max_abs", "none", "range"] = "unit_square"
@@ -67,6 +82,12 @@ class Fit(Settings):
         Either(),
     ] = "auto"
     weight: Literal["sample", "curve"] = "sample"
+    shape: (
+        Annotated[dict[str, Annotated[Word | Annotated[Sequence[Word], Len(1)], Either()]], Len(1)]
+        | None
+    ) = None
+    slack: Annotated[float, Interval(ge=0, lt=1), always_in("1")] = 0.05
+    beyond: Annotated[float, Interval(ge=0, le=10), always_in("1")] = 0.0
 
     @property
     def known_scale(self) -> float | None:
@@ -89,6 +110,9 @@ class Fit(Settings):
                 f"write {LEAST_RIDGE:g} or more, 0 or `auto`",
                 "ridge",
             )
+        for key in ("slack", "beyond"):
+            if self.shape is None and key in self.changed:
+                raise Contradiction(f"`{key}` is about a `shape`", f"remove `{key}`", key)
 
 
 @dataclass(frozen=True, kw_only=True)

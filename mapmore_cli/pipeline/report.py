@@ -69,6 +69,7 @@ def collected(part: ReportSlice, run_dir: Path, spec_text: str = "") -> ReportIn
     """Return the results of the stages before, with what the spec says of the report."""
     from mapmore_cli.checking.findings import sentences
     from mapmore_cli.modelling.kinds import equations as model_equations
+    from mapmore_cli.modelling.shape.violations import known_shape
     from mapmore_cli.reporting.inputs import FigureStyle, ReportInputs
     from mapmore_cli.storage.run_record import tool_versions
 
@@ -102,6 +103,7 @@ def collected(part: ReportSlice, run_dir: Path, spec_text: str = "") -> ReportIn
         doubts=sentences(run_dir),
         notes=tuple(notes),
         as_recorded=part.report.over == "time" and "time" in dataset.quantities,
+        violations=known_shape(part.muscle.kind, model, dataset.curves),
         style=FigureStyle(
             style.width / METRES_PER_INCH,
             style.font,
@@ -213,4 +215,4 @@ def _in_units(model: Model, units: Mapping[str, str]) -> dict[str, tuple[Equatio
     return {", ".join(words): model_equations(model, factors)} if factors else {}
 
 
-STAGE = Stage(name="report", revision=8, outputs=("report",), reads=report_slice, run=write_pages)
+STAGE = Stage(name="report", revision=9, outputs=("report",), reads=report_slice, run=write_pages)

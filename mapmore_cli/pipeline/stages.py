@@ -169,6 +169,10 @@ def fuse(part: ModelChoices, workspace: Workspace) -> None:
         workspace.progress,
     )
     model = kinds.build(part, given, result)
+    if part.fit.shape is not None:
+        from mapmore_cli.modelling.shape.region import refuse_unsupported
+
+        refuse_unsupported(model, dataset.curves, part.fit)
     model = replace(
         model,
         signals=needed_signals(part.signals, [quantity.name for quantity in model.inputs]),

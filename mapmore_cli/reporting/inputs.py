@@ -16,6 +16,7 @@ from mapmore_cli.domain.recording import Curve, Dataset, Quantity
 from mapmore_cli.domain.results import FitResult, Search, Validation
 from mapmore_cli.domain.scores import REPEATABILITY, SIMPLE, Published, deciding
 from mapmore_cli.modelling.kinds import outside_range, page_of, rules, runs_over_time
+from mapmore_cli.modelling.shape.violations import Violation
 from mapmore_cli.modelling.validation.intervals import INTERVAL, ends, half_widths_of
 from mapmore_cli.modelling.validation.shown import in_time, is_turned
 
@@ -83,6 +84,7 @@ class ReportInputs:
       stand for all.
     - `search`: the structures that were tried, where the spec left the structure to a search.
     - `as_recorded`: whether recordings are drawn over time, whatever the model.
+    - `violations`: of the shape that the spec asks for, or the kind of muscle implies.
     """
 
     name: str
@@ -104,6 +106,7 @@ class ReportInputs:
     asked: frozenset[str] = frozenset()
     search: Search | None = None
     as_recorded: bool = False
+    violations: Sequence[Violation] = ()
 
     @property
     def dataset(self) -> Dataset:

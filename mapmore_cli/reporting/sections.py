@@ -58,7 +58,7 @@ def _of_data(inputs: ReportInputs) -> Iterable[Table]:
 
 def _of_terms(inputs: ReportInputs) -> Iterable[Table]:
     yield tables.terms_table(inputs.fit)
-    yield tables.coefficients_table(inputs.fit, inputs.target.unit)
+    yield tables.coefficients_table(inputs.fit, inputs.target.unit, inputs.model)
     yield tables.outliers_table(inputs.validation.outliers, inputs.target.unit)
     if inputs.search is not None:
         yield search_table(inputs.search)
@@ -77,7 +77,10 @@ def _of_formulas(inputs: ReportInputs) -> Iterable[Table]:
 SECTIONS = (
     Section(
         *("fit", "Curves, fit and error"),
-        lambda own: [curve_scores_table(own.validation.scores, own.validation.units)],
+        lambda own: [
+            curve_scores_table(own.validation.scores, own.validation.units),
+            tables.shape_table(own),
+        ],
         folded=False,
     ),
     Section("nrmse", "Scores of all models", _of_models, folded=False),

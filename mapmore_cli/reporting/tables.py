@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -188,9 +189,10 @@ def coefficient_rows(fit: FitResult) -> list[dict[str, Any]]:
     ]
 
 
-def coefficients_table(fit: FitResult, unit: str) -> Table:
+def coefficients_table(fit: FitResult, unit: str, model: Model | None = None) -> Table:
     """Coefficients of every segment with standard errors and 95 % confidence intervals, in scaled
-    coordinates and in the target's unit; what the data do not tell is named.
+    coordinates and in the target's unit; what the data do not tell is named. Those of a `model`
+    that keeps a shape stand for those of the fit.
     """
     columns = (
         *("segment", "term", "theta", "standard error .3g", "t .3g", "± 95 % .3g"),
@@ -198,9 +200,14 @@ def coefficients_table(fit: FitResult, unit: str) -> Table:
     )
     rows: list[tuple[Cell, ...]] = []
     unknown: list[str] = []
+    shaped = model.pieces if model is not None and model.shape is not None else None
+    kept = {one.id: one for one in (shaped.segments if shaped else ())}
     for piece in fit.pieces:
         slope, freedom = piece.scaling.y_slope, piece.selection.freedom
-        for term, row in zip(piece.terms, piece.selection.table(), strict=True):
+        chosen = piece.selection
+        if own := kept.get(piece.id):
+            chosen = replace(chosen, theta=own.theta, theta_error=own.theta_error)
+        for term, row in zip(piece.terms, chosen.table(), strict=True):
             theta, width = row["coefficient"], half_width(row["standard_error"], freedom)
             ends = (width, theta - width, theta + width, theta * slope, width * abs(slope))
             rows.append((piece.id, term, theta, row["standard_error"], row["t"], *ends))
@@ -260,6 +267,39 @@ def limits_tables(model: Model) -> Iterator[Table]:
             yield Table.of(
                 "limits" + f"_{number}" * (number > 0), title, ("curve", *level, *ends), rows
             )
+
+
+def shape_table(inputs: ReportInputs) -> Table:
+    """Return by how much the model violates what is known of its output along inputs, and where
+    that decided about its coefficients.
+    """
+    unit, shape = inputs.model.output.unit, inputs.model.shape
+    known = {(one.quantity, one.word): one for one in (shape.kept if shape else ())}
+    rows: list[tuple[Cell, ...]] = []
+    for one in inputs.violations:
+        row = (one.asked.quantity, one.asked.word, one.amount, 100 * one.share, one.place or None)
+        kept = known.get(row[:2])
+        places = kept.binds.items() if kept else ()
+        binds = ", ".join(f"{name} {low:.4g} to {high:.4g}" for name, (low, high) in places)
+        rows.append((*row, kept.violated if kept else None, binds or None))
+    columns = (
+        *("along", "the output is", f"violated by [{unit}] .3g", "% of its range .3g", "most for"),
+        *(f"without fit.shape [{unit}] .3g", "it binds at"),
+    )
+    notes = [VIOLATED.format("the kind of muscle" if shape is None else "the spec")]
+    if shape:
+        notes.append(
+            f"RMSE with the shape | without: training {shape.training:.4g} | "
+            f"{shape.training_without:.4g} {unit}, held out {shape.held_out:.4g} | "
+            f"{shape.held_out_without:.4g} {unit}."
+        )
+    return Table.of("shape", "Shape of the surface", columns, rows, *notes)
+
+
+VIOLATED = (
+    "Known from {}. Violated by: how far the output falls (or rises) against it along one line, "
+    "within the training range, where the training output stands clear of its least."
+)
 
 
 def equations_table(

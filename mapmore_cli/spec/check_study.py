@@ -22,7 +22,13 @@ from mapmore_cli.spec.check_names import DERIVED, OF_NOTHING, unknown_quantity
 from mapmore_cli.spec.diagnostics import Finding, did_you_mean, refused, told
 from mapmore_cli.spec.experiment import Competitor, ExperimentSpec, TargetColumn
 from mapmore_cli.spec.sections.data import STEP_OF
-from mapmore_cli.spec.sections.dictionary import entries_of, texts_in
+from mapmore_cli.spec.sections.dictionary import (
+    AlongRange,
+    DictionaryEntry,
+    Products,
+    entries_of,
+    texts_in,
+)
 from mapmore_cli.spec.sections.logs import Logs
 from mapmore_cli.spec.sections.model import OwnFormula
 from mapmore_cli.spec.tree import Loc
@@ -526,6 +532,49 @@ def own_formulas(spec: ExperimentSpec) -> Iterator[Finding]:
                     f"`{state}` is a state with memory",
                     "a formula is of quantities; put states into the `dictionary`",
                 )
+
+
+def shapes(spec: ExperimentSpec) -> Iterator[Finding]:
+    """Require shapes of quantities of the study, of models that can keep them, and bounds of terms
+    that the fit can find again.
+    """
+    target, no_terms = spec.target_quantity, spec.model.type not in ("mapmore", "literature")
+    for name, words in (spec.fit.shape or {}).items():
+        loc: Loc = ("fit", "shape", name)
+        yield from unknown_quantity(name, (*spec.quantities, target), loc, on_key=True)
+        positive = {words} if isinstance(words, str) else {*words}
+        yield from told(
+            (
+                (name == target) != (positive == {"positive"}),
+                loc,
+                "`positive` is about the target, and all other words are about an input",
+                f"write `{target}: positive`, or another word of an input",
+            ),
+            (
+                no_terms or spec.has_memory,
+                loc,
+                "a shape is kept by pieces and formulas, and this model is neither",
+                "remove it",
+            ),
+        )
+    for i, entry in enumerate(spec.dictionary):
+        inner = entry.family[1].of if isinstance(entry.family[1], Products) else []
+        nested = [one for one in inner if isinstance(one, DictionaryEntry)]
+        yield from told(
+            (
+                entry.bounded and (spec.has_memory or isinstance(entry.family[1], AlongRange)),
+                ("dictionary", i),
+                "`sign` and `bounds` are of coefficients of pieces, and of terms that do not "
+                "change with the training range",
+                "remove them",
+            ),
+            (
+                any(one.bounded for one in nested),
+                ("dictionary", i),
+                "`sign` and `bounds` inside of products say nothing",
+                "write them beside `products`",
+            ),
+        )
 
 
 # Metrics and units

@@ -64,6 +64,7 @@ CHECKS = (
     check_study.formulas,
     check_study.competitors,
     check_study.own_formulas,
+    check_study.shapes,
     check_study.metrics,
     check_study.units,
 )

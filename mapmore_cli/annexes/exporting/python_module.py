@@ -20,7 +20,7 @@ from mapmore_cli.annexes.exporting.templates import (
     identifier,
     lines_of_code,
     names_of_inputs,
-    renaming_notes,
+    notes_of,
     rendered_template,
     word,
 )
@@ -84,7 +84,7 @@ def words_of(
     return {
         "model": model,
         "names": names,
-        "renamed": renaming_notes(names),
+        "notes": notes_of(model, names),
         "tolerance": OUTSIDE_TOLERANCE,
         "output": word(identifiers([model.output.name], taken)[0]),
         "kept": program.kept,

@@ -47,7 +47,13 @@ from mapmore_cli.modelling.frols import (
 )
 from mapmore_cli.modelling.literature.backbone import residual_of
 from mapmore_cli.modelling.pieces.recipe import Recipe
-from mapmore_cli.modelling.pieces.segmentation import samples_at, segment_curve, training_curves
+from mapmore_cli.modelling.pieces.segmentation import (
+    samples_at,
+    scaled_inputs,
+    segment_curve,
+    training_curves,
+)
+from mapmore_cli.modelling.pieces.shaped import shaped
 
 # share of the segment whose mean stands for an end of the trend, so that the anchor does not hang
 # on one noisy sample
@@ -113,14 +119,6 @@ def _anchored(
 def _span(width: ArrayLike) -> Array:
     """Return widths to divide by; a constant variable stays as it is."""
     return np.where(np.asarray(width) > 0, width, 1.0)
-
-
-def scaled_inputs(scaling: Scaling, columns: Columns) -> dict[str, Array]:
-    """Return independent variables in scaled coordinates, `z = slope x + intercept` (M2 eq 8)."""
-    return {
-        name: columns[name] * m + c
-        for name, m, c in zip(scaling.variables, scaling.slope, scaling.intercept, strict=True)
-    }
 
 
 def quantities_in(terms: Iterable[Expression]) -> tuple[str, ...]:
@@ -338,14 +336,9 @@ def build(
 ) -> Model:
     """Return a model from curves in one go."""
     segmentation = segment(curves, recipe, backbone)
-    return fuse(
-        name,
-        curves,
-        segmentation,
-        FitResult(PiecesFit(fit(curves, segmentation, recipe, backbone)), backbone),
-        recipe,
-        quantities,
-    )
+    result = FitResult(PiecesFit(fit(curves, segmentation, recipe, backbone)), backbone)
+    model = fuse(name, curves, segmentation, result, recipe, quantities)
+    return shaped(model, curves, segmentation, recipe)
 
 
 def _segment_function(fit: SegmentFit, samples: Columns) -> SegmentFunction:

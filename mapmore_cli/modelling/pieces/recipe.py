@@ -162,6 +162,7 @@ class Recipe:
     - `level`: quantity whose curves are interpolated; None pools all curves into one. It is
       constant within a curve, or the pressure of
       step responses, whose curves stand at the pressure of their plateau (M2 figure 3h).
+    - `bounds`: least and greatest coefficient of terms, in the target's unit, by their text.
     - `pooled`: quantity whose levels the curves have, where they are pooled into one surface all
       the same.
     """
@@ -173,3 +174,4 @@ class Recipe:
     pooled: str | None = None
     fit: Fit = field(default_factory=Fit)
     fuse: Fuse = field(default_factory=Fuse)
+    bounds: Mapping[str, tuple[float, float]] = field(default_factory=dict)

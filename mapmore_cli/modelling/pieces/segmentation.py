@@ -19,7 +19,7 @@ from mapmore_cli.domain.arrays import (
     in_blocks,
 )
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.domain.fits import Segment, SegmentedCurve
+from mapmore_cli.domain.fits import Scaling, Segment, SegmentedCurve
 from mapmore_cli.domain.recording import DIRECTION, Curve, united
 from mapmore_cli.modelling.frols.select import TIE_TOLERANCE
 from mapmore_cli.modelling.pieces.recipe import CELLS, Cut, CutByDirection, Cuts
@@ -131,6 +131,14 @@ def samples_at(columns: Columns, rows: IntArray, names: Iterable[str]) -> dict[s
         samples[name] = columns[name][rows]
         give_back(columns[name])
     return samples
+
+
+def scaled_inputs(scaling: Scaling, columns: Columns) -> dict[str, Array]:
+    """Return independent variables in scaled coordinates, `z = slope x + intercept` (M2 eq 8)."""
+    return {
+        name: columns[name] * m + c
+        for name, m, c in zip(scaling.variables, scaling.slope, scaling.intercept, strict=True)
+    }
 
 
 IntervalCost = Callable[[Curve, IntArray], float]

@@ -5,15 +5,16 @@ memory.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, Annotated, Any
+from math import inf
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import Field, create_model
 
-from mapmore_cli.domain.declared import Contradiction, Either, always_in
+from mapmore_cli.domain.declared import Contradiction, Either, ListToo, always_in
 from mapmore_cli.modelling.expressions import ExpressionError, parse, state
 from mapmore_cli.modelling.expressions.operator import Operator
 from mapmore_cli.modelling.expressions.operators import families
-from mapmore_cli.spec.fields import Section
+from mapmore_cli.spec.fields import OfTarget, Section
 from mapmore_cli.spec.tree import Loc
 
 Of = Annotated[list[str], Field(min_length=1)]
@@ -245,6 +246,10 @@ Family = Polynomial | Lags | OperatorFamily | AlongRange | Products | list[str]
 """One family of terms; a list holds expressions."""
 
 
+LIMITS = ("sign", "bounds")
+"""Keys of an entry that are about the coefficients of its terms."""
+
+
 class Families(Section):
     """The families that are no operator's.
 
@@ -257,6 +262,10 @@ class Families(Section):
     - `ends`: exponentials from both ends of the training range, as `{of: strain, widths: [0.03,
       0.1]}`
     - `steps`: smooth steps along the training range, as `{of: voltage, count: 21, widths: [0.1]}`
+    - `sign`: sign of the coefficient of each of its terms, inputs scaled as `fit.scaling` says, as
+      `negative`
+    - `bounds`: least and greatest coefficient of each of its terms, in the target's unit, as `[0, 5
+      N]`
     """
 
     polynomial: Polynomial | None = None
@@ -266,13 +275,27 @@ class Families(Section):
     spline: Spline | None = None
     ends: Ends | None = None
     steps: SmoothSteps | None = None
+    sign: Literal["positive", "negative"] | None = None
+    bounds: Annotated[tuple[OfTarget, OfTarget], ListToo()] | None = None
 
     def _given(self) -> dict[str, Family]:
         return {
             name: family
             for name in type(self).model_fields
-            if (family := getattr(self, name)) is not None
+            if name not in LIMITS and (family := getattr(self, name)) is not None
         }
+
+    @property
+    def bounded(self) -> bool:
+        """Whether something is said of the coefficients of its terms."""
+        return self.sign is not None or self.bounds is not None
+
+    @property
+    def limits(self) -> tuple[float, float]:
+        """The least and the greatest coefficient of the family's terms, in the target's unit."""
+        if self.bounds is not None:
+            return self.bounds
+        return {"positive": (0.0, inf), "negative": (-inf, 0.0)}.get(self.sign or "", (-inf, inf))
 
     @property
     def family(self) -> tuple[str, Family]:
@@ -280,10 +303,15 @@ class Families(Section):
         return next(iter(self._given().items()))
 
     def _contradictions(self) -> Iterator[ValueError]:
+        if self.sign is not None and self.bounds is not None:
+            yield Contradiction("a sign is a bound", "give either `sign` or `bounds`", "sign")
+        if self.bounds is not None and not self.bounds[0] <= self.bounds[1]:
+            yield Contradiction("the bounds do not ascend", "put the lower one first", "bounds")
         if len(self._given()) != 1:
             found = "two families" if self._given() else "no family"
+            names = [name for name in type(self).model_fields if name not in LIMITS]
             remedy = (
-                f"give one of {', '.join(f'`{name}`' for name in type(self).model_fields)}; "
+                f"give one of {', '.join(f'`{name}`' for name in names)}; "
                 "further families are entries of their own"
             )
             yield Contradiction(f"this entry has {found} of terms", remedy)
