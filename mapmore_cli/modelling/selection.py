@@ -56,12 +56,12 @@ class Fit(Settings):
       `auto`
     - `weight`: `curve` counts alike, however many samples they have, all curves that are pooled, or
       all recordings of one, as `curve`
-    - `shape`: what is known of the output along its inputs, and of the output itself (`positive`);
-      coefficients follow it, the choice of terms does not, as `{pressure: increasing, strain:
-      decreasing}`
-    - `slack`: a shape holds where the training output stands more than this share of its range
-      above its least, as `0.05`
-    - `beyond`: how far beyond the training range it holds, as a share of it, as `0.1`
+    - `shape`: what is known of the output along its inputs, where the training output stands clear
+      of its least; coefficients follow it, the choice of terms does not, as `{pressure: increasing,
+      strain: [decreasing, convex]}`
+    - `slack`: the share of the range of the training output above its least, below which no shape
+      is asked for, as `0.05`
+    - `beyond`: how far beyond the training range the shape holds, as a share of it, as `0.1`
     """
 
     scaling: Literal["unit_square", "max_abs", "none", "range"] = "unit_square"
@@ -73,12 +73,6 @@ class Fit(Settings):
     criterion: Literal["one_step", "free_run"] = "one_step"
     ridge: Annotated[Literal["auto"] | Annotated[float, Interval(ge=0)], Either()] = 0.0
     forward: Annotated[int, Interval(ge=1)] | None = None
-    shape: (
-        Annotated[dict[str, Annotated[Word | Annotated[Sequence[Word], Len(1)], Either()]], Len(1)]
-        | None
-    ) = None
-    slack: Annotated[float, Interval(ge=0, lt=1), always_in("1")] = 0.05
-    beyond: Annotated[float, Interval(ge=0, le=10), always_in("1")] = 0.0
     loss: Loss = "squares"
     scale: Annotated[
         Literal["auto"]
@@ -88,6 +82,12 @@ class Fit(Settings):
         Either(),
     ] = "auto"
     weight: Literal["sample", "curve"] = "sample"
+    shape: (
+        Annotated[dict[str, Annotated[Word | Annotated[Sequence[Word], Len(1)], Either()]], Len(1)]
+        | None
+    ) = None
+    slack: Annotated[float, Interval(ge=0, lt=1), always_in("1")] = 0.05
+    beyond: Annotated[float, Interval(ge=0, le=10), always_in("1")] = 0.0
 
     @property
     def known_scale(self) -> float | None:

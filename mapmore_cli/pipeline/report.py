@@ -102,8 +102,8 @@ def collected(part: ReportSlice, run_dir: Path, spec_text: str = "") -> ReportIn
         unconfirmed=part.unconfirmed,
         doubts=sentences(run_dir),
         notes=tuple(notes),
-        violations=known_shape(part.muscle.kind, model, dataset.curves),
         as_recorded=part.report.over == "time" and "time" in dataset.quantities,
+        violations=known_shape(part.muscle.kind, model, dataset.curves),
         style=FigureStyle(
             style.width / METRES_PER_INCH,
             style.font,

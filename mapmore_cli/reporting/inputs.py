@@ -83,8 +83,8 @@ class ReportInputs:
     - `asked`: ids of the curves and recordings that alone are to be drawn; empty for some that
       stand for all.
     - `search`: the structures that were tried, where the spec left the structure to a search.
-    - `violations`: of the shape that the spec asks for, or the kind of muscle implies.
     - `as_recorded`: whether recordings are drawn over time, whatever the model.
+    - `violations`: of the shape that the spec asks for, or the kind of muscle implies.
     """
 
     name: str
@@ -105,8 +105,8 @@ class ReportInputs:
     doubts: tuple[str, ...] = ()
     asked: frozenset[str] = frozenset()
     search: Search | None = None
-    violations: Sequence[Violation] = ()
     as_recorded: bool = False
+    violations: Sequence[Violation] = ()
 
     @property
     def dataset(self) -> Dataset:

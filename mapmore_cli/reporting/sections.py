@@ -58,7 +58,7 @@ def _of_data(inputs: ReportInputs) -> Iterable[Table]:
 
 def _of_terms(inputs: ReportInputs) -> Iterable[Table]:
     yield tables.terms_table(inputs.fit)
-    yield tables.coefficients_table(inputs.fit, inputs.target.unit)
+    yield tables.coefficients_table(inputs.fit, inputs.target.unit, inputs.model)
     yield tables.outliers_table(inputs.validation.outliers, inputs.target.unit)
     if inputs.search is not None:
         yield search_table(inputs.search)

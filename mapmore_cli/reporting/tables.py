@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -188,9 +189,10 @@ def coefficient_rows(fit: FitResult) -> list[dict[str, Any]]:
     ]
 
 
-def coefficients_table(fit: FitResult, unit: str) -> Table:
+def coefficients_table(fit: FitResult, unit: str, model: Model | None = None) -> Table:
     """Coefficients of every segment with standard errors and 95 % confidence intervals, in scaled
-    coordinates and in the target's unit; what the data do not tell is named.
+    coordinates and in the target's unit; what the data do not tell is named. Those of a `model`
+    that keeps a shape stand for those of the fit.
     """
     columns = (
         *("segment", "term", "theta", "standard error .3g", "t .3g", "± 95 % .3g"),
@@ -198,9 +200,14 @@ def coefficients_table(fit: FitResult, unit: str) -> Table:
     )
     rows: list[tuple[Cell, ...]] = []
     unknown: list[str] = []
+    shaped = model.pieces if model is not None and model.shape is not None else None
+    kept = {one.id: one for one in (shaped.segments if shaped else ())}
     for piece in fit.pieces:
         slope, freedom = piece.scaling.y_slope, piece.selection.freedom
-        for term, row in zip(piece.terms, piece.selection.table(), strict=True):
+        chosen = piece.selection
+        if own := kept.get(piece.id):
+            chosen = replace(chosen, theta=own.theta, theta_error=own.theta_error)
+        for term, row in zip(piece.terms, chosen.table(), strict=True):
             theta, width = row["coefficient"], half_width(row["standard_error"], freedom)
             ends = (width, theta - width, theta + width, theta * slope, width * abs(slope))
             rows.append((piece.id, term, theta, row["standard_error"], row["t"], *ends))
@@ -286,7 +293,6 @@ def shape_table(inputs: ReportInputs) -> Table:
             f"{shape.training_without:.4g} {unit}, held out {shape.held_out:.4g} | "
             f"{shape.held_out_without:.4g} {unit}."
         )
-        notes.append("The equations keep it; the table of coefficients has those before.")
     return Table.of("shape", "Shape of the surface", columns, rows, *notes)
 
 

@@ -262,8 +262,10 @@ class Families(Section):
     - `ends`: exponentials from both ends of the training range, as `{of: strain, widths: [0.03,
       0.1]}`
     - `steps`: smooth steps along the training range, as `{of: voltage, count: 21, widths: [0.1]}`
-    - `sign`: of the coefficient of each term of the entry, whose inputs are scaled, as `negative`
-    - `bounds`: least and greatest coefficient of each term of the entry, as `[0, 5]`
+    - `sign`: sign of the coefficient of each of its terms, inputs scaled as `fit.scaling` says, as
+      `negative`
+    - `bounds`: least and greatest coefficient of each of its terms, in the target's unit, as `[0, 5
+      N]`
     """
 
     polynomial: Polynomial | None = None
