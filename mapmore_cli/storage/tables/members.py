@@ -220,7 +220,7 @@ def _table_of_member(
             "ends all with the shortest.",
         )
     columns = {column: values[:n] for column, values in columns.items()}
-    return RawTable(columns, np.arange(n), label, "index", element, noted=noted)
+    return RawTable(columns, range(n), label, "index", element, noted=noted)
 
 
 def refuse_other_clocks(noted: Mapping[SourceColumn, Noted], label: str) -> None:
