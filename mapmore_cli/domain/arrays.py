@@ -132,6 +132,20 @@ def by_blocks(function: Callable[..., Any], *columns: Any) -> Any:
     return stacked([function(*block)] for block in in_blocks(*columns))[0]
 
 
+def row_by_row(function: Callable[[dict[str, Any]], Any], columns: Mapping[str, Any]) -> Any:
+    """`function(columns)`, (n,), where each row depends on this row of the columns alone."""
+    return by_blocks(
+        lambda *block: function(dict(zip(columns, block, strict=True))), *columns.values()
+    )
+
+
+def taken(values: Any, rows: Any) -> Any:
+    """Return the values at some rows; what is mapped of the others is given back."""
+    found = values[rows]
+    give_back(values)
+    return found
+
+
 def chosen(values: Any, mask: BoolArray) -> Any:
     """Return the values where `mask`."""
     return values[mask]

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 
+from mapmore_cli.domain.arrays import row_by_row
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.recording import Curve
@@ -21,9 +24,11 @@ def forecast(model: Model, curve: Curve, target: str | None = None) -> Forecast:
     for it (`inverse.solve_for_input`).
     """
     if target is not None and target != model.output.name:
-        return Forecast.of(solve_for_input(model, curve.columns, target).values)
+        return Forecast.of(
+            row_by_row(lambda block: solve_for_input(model, block, target).values, curve.columns)
+        )
     if not runs_over_time(model):
-        return Forecast.of(predict(model, curve.columns))
+        return Forecast.of(row_by_row(partial(predict, model), curve.columns))
     values, one_step = np.empty(curve.size), np.empty(curve.size)
     for log, rows in enumerate(curve.logs):
         columns = {name: column[rows] for name, column in curve.columns.items()}

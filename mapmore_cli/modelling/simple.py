@@ -12,7 +12,7 @@ from math import comb
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import Array
+from mapmore_cli.domain.arrays import Array, by_blocks, in_blocks
 from mapmore_cli.domain.recording import Curve, Dataset
 
 # total degree of each polynomial, every monomial up to it included
@@ -35,9 +35,8 @@ def polynomial_fit(degree: int, dataset: Dataset, names: Sequence[str]) -> list[
     """
     if not names:
         return None
-    training = [_input_columns(curve, names)[curve.training] for curve in dataset.curves]
-    x = np.concatenate(training)
-    y = np.concatenate([curve.columns[dataset.target][curve.training] for curve in dataset.curves])
+    *inputs, y = _training_samples(dataset, [*names, dataset.target])
+    x = np.column_stack(inputs)
     known = np.isfinite(x).all(axis=1) & np.isfinite(y)
     x, y = x[known], y[known]
     order = np.lexsort([y, *x.T])  # the order of the rows must not change a digit
@@ -47,10 +46,12 @@ def polynomial_fit(degree: int, dataset: Dataset, names: Sequence[str]) -> list[
     low, high = x.min(axis=0), x.max(axis=0)
     middle, half = (low + high) / 2, np.where(high > low, (high - low) / 2, 1.0)
     theta = np.linalg.lstsq(_monomial_columns((x - middle) / half, degree), y, rcond=None)[0]
-    return [
-        _monomial_columns((_input_columns(curve, names) - middle) / half, degree) @ theta
-        for curve in dataset.curves
-    ]
+
+    def polynomial(*at: Array) -> Array:
+        scaled = (np.column_stack(at) - middle) / half
+        return np.asarray(_monomial_columns(scaled, degree) @ theta)
+
+    return [by_blocks(polynomial, *(one.columns[name] for name in names)) for one in dataset.curves]
 
 
 def arx(dataset: Dataset, names: Sequence[str]) -> list[Array] | None:
@@ -74,8 +75,17 @@ def arx(dataset: Dataset, names: Sequence[str]) -> list[Array] | None:
     return best
 
 
-def _input_columns(curve: Curve, names: Sequence[str]) -> Array:
-    return np.column_stack([curve.columns[name] for name in names])
+def _training_samples(dataset: Dataset, names: Sequence[str]) -> list[Array]:
+    """Return some columns of the training samples of all curves, (n,) each; of far more than a fit
+    takes, an even share.
+    """
+    every = max(1, sum(curve.size for curve in dataset.curves) // (20 * MOST_ROWS))
+    parts = [
+        [column[training][::every] for column in columns]
+        for curve in dataset.curves
+        for training, *columns in in_blocks(curve.training, *map(curve.columns.get, names))
+    ]
+    return [np.concatenate(columns) for columns in zip(*parts, strict=True)]
 
 
 def _even_rows(rows: Array) -> Array:

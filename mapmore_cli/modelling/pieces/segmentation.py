@@ -15,8 +15,8 @@ from mapmore_cli.domain.arrays import (
     IntArray,
     blocks_where,
     extremes,
-    give_back,
     in_blocks,
+    taken,
 )
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.fits import Segment, SegmentedCurve
@@ -126,11 +126,7 @@ def optimal_partition(
 
 def samples_at(columns: Columns, rows: IntArray, names: Iterable[str]) -> dict[str, Array]:
     """Return some columns of a curve at the given rows."""
-    samples = {}
-    for name in names:
-        samples[name] = columns[name][rows]
-        give_back(columns[name])
-    return samples
+    return {name: taken(columns[name], rows) for name in names}
 
 
 IntervalCost = Callable[[Curve, IntArray], float]

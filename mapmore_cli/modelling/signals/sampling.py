@@ -240,10 +240,13 @@ def envelope(y: Array, limit: int) -> IntArray:
     if len(y) <= limit:
         return np.arange(len(y))
     rows = []
-    for run in np.array_split(np.arange(len(y)), limit // 2):
-        known = run[~np.isnan(y[run])]
+    edges = np.linspace(0, len(y), limit // 2 + 1).astype(int)
+    for start, end in pairwise(edges.tolist()):
+        run = y[start:end]
+        known = np.flatnonzero(~np.isnan(run))
         if len(known):
-            rows += [known[np.argmin(y[known])], known[np.argmax(y[known])]]
+            rows += [start + known[np.argmin(run[known])], start + known[np.argmax(run[known])]]
         else:
-            rows.append(run[0])  # a gap stays one
+            rows.append(start)  # a gap stays one
+        give_back(y)
     return np.unique(rows)
