@@ -139,16 +139,25 @@ def row_by_row(function: Callable[[dict[str, Any]], Any], columns: Mapping[str, 
     )
 
 
-def taken(values: Any, rows: Any) -> Any:
-    """Return the values at some rows; what is mapped of the others is given back."""
-    found = values[rows]
-    give_back(values)
-    return found
-
-
 def chosen(values: Any, mask: BoolArray) -> Any:
-    """Return the values where `mask`."""
+    """Return the values where `mask`, of one block."""
     return values[mask]
+
+
+def picked(values: Any, rows: IntArray | BoolArray) -> Any:
+    """Return the values at some rows, by their numbers or by a mask, (n,), in parts that touch
+    little of a long column each.
+    """
+    if rows.dtype == np.bool_:
+        return by_blocks(chosen, values, rows)
+
+    def parts() -> Iterator[list[Any]]:
+        for part in np.array_split(rows, -(-len(values) // ROWS) or 1):
+            yield [values[part]]
+            give_back(values)
+            give_back(rows)
+
+    return stacked(parts())[0]
 
 
 def joined(columns: Sequence[Any]) -> Any:

@@ -9,7 +9,7 @@ from typing import Annotated
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import BoolArray, Columns, IntArray, Number, Ranges, extremes, taken
+from mapmore_cli.domain.arrays import BoolArray, Columns, IntArray, Number, Ranges, extremes, picked
 from mapmore_cli.domain.declared import Count, Label, QuantityName, one_of
 
 STATIC_FORCE, DAMPING = "static_force", "damping"
@@ -72,7 +72,7 @@ class Recording:
 
     def at(self, rows: IntArray) -> Recording:
         """Return the recording with these samples alone."""
-        return replace(self, columns={name: taken(x, rows) for name, x in self.columns.items()})
+        return replace(self, columns={name: picked(x, rows) for name, x in self.columns.items()})
 
 
 @dataclass(frozen=True)
@@ -123,7 +123,7 @@ class Curve:
             recordings = tuple(self.recordings[number] for number in left)
         return replace(
             self,
-            columns={name: taken(x, rows) for name, x in self.columns.items()},
+            columns={name: picked(x, rows) for name, x in self.columns.items()},
             held_out=self.held_out[rows],
             recordings=recordings,
             at_rest=None if self.at_rest is None else self.at_rest[rows],
@@ -135,6 +135,11 @@ class Curve:
         least, largest = extremes(self.columns[name], self.training)
         low, high = self.measured.get(name, (least, largest))
         return min(least, low), max(largest, high)
+
+    @property
+    def stretches(self) -> tuple[slice | IntArray, ...]:
+        """Where the samples of each recording are: a slice where there is a single one."""
+        return (slice(None),) if self.origin is None else self.logs
 
     @property
     def logs(self) -> tuple[IntArray, ...]:

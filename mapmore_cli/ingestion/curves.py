@@ -18,9 +18,9 @@ from mapmore_cli.domain.arrays import (
     Columns,
     IntArray,
     by_blocks,
-    chosen,
     extremes,
     joined,
+    picked,
     row_numbers,
 )
 from mapmore_cli.domain.errors import DataError, SpecError
@@ -232,8 +232,7 @@ def cut_by_level(
                 mask = by_blocks(partial(np.equal, value), level)
                 if mask.any():
                     columns = {
-                        name: by_blocks(chosen, values, mask)
-                        for name, values in recording.columns.items()
+                        name: picked(values, mask) for name, values in recording.columns.items()
                     }
                     there = by_blocks(lambda part, on: row_numbers(part)[on], places, mask)
                     parts.append(LevelPart(kept, value, columns, there, whole, number))
@@ -258,9 +257,7 @@ def _at_levels_only(recording: Recording, levels: LevelSet) -> tuple[Recording, 
     lost = int(np.count_nonzero(~at_one))
     reason = f"no level within {levels.within:g} of {levels.of}"
     dropped = {**recording.dropped, reason: lost} if lost else recording.dropped
-    columns = {
-        name: by_blocks(chosen, values, at_one) for name, values in recording.columns.items()
-    }
+    columns = {name: picked(values, at_one) for name, values in recording.columns.items()}
     return replace(recording, columns=columns, dropped=dropped), level
 
 

@@ -11,7 +11,7 @@ from math import isclose
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import Array, BoolArray, IntArray, by_blocks, chosen, row_numbers
+from mapmore_cli.domain.arrays import Array, BoolArray, IntArray, by_blocks, picked, row_numbers
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.fitting.kinds.dictionary import signal_of
 from mapmore_cli.ingestion.files import Log, Meter
@@ -54,7 +54,7 @@ class Samples(RawTable):
         before = self.left_out.get(reason, np.zeros(0, dtype=np.int64))
         return replace(
             self,
-            columns={name: by_blocks(chosen, x, mask) for name, x in self.columns.items()},
+            columns={name: picked(x, mask) for name, x in self.columns.items()},
             rows=by_blocks(lambda numbers, kept: row_numbers(numbers)[kept], self.rows, mask),
             left_out={**self.left_out, reason: np.concatenate([before, rows])},
         )

@@ -6,7 +6,7 @@ from functools import partial
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import row_by_row
+from mapmore_cli.domain.arrays import Array, by_blocks, row_by_row
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.recording import Curve
@@ -29,14 +29,19 @@ def forecast(model: Model, curve: Curve, target: str | None = None) -> Forecast:
         )
     if not runs_over_time(model):
         return Forecast.of(row_by_row(partial(predict, model), curve.columns))
-    values, one_step = np.empty(curve.size), np.empty(curve.size)
-    for log, rows in enumerate(curve.logs):
+    said: list[tuple[Array, Array]] = []
+    for log, rows in enumerate(curve.stretches):
         columns = {name: column[rows] for name, column in curve.columns.items()}
         try:
-            one_step[rows] = one_step_ahead(model, columns)
-            values[rows] = simulate(model, columns).values
+            said.append((one_step_ahead(model, columns), simulate(model, columns).values))
         except AtSample as error:
             raise DataError(
                 f"{model.name} on {curve.recordings[log]}: {error.message}", error.remedy
             ) from error
-    return Forecast(values, np.isfinite(one_step), one_step)
+    if curve.origin is None:
+        ((one_step, values),) = said
+    else:
+        one_step, values = np.empty(curve.size), np.empty(curve.size)
+        for rows, (ahead, free) in zip(curve.stretches, said, strict=True):
+            one_step[rows], values[rows] = ahead, free
+    return Forecast(values, by_blocks(np.isfinite, one_step), one_step)

@@ -79,7 +79,7 @@ def _training_samples(dataset: Dataset, names: Sequence[str]) -> list[Array]:
     """Return some columns of the training samples of all curves, (n,) each; of far more than a fit
     takes, an even share.
     """
-    every = max(1, sum(curve.size for curve in dataset.curves) // (20 * MOST_ROWS))
+    every = max(1, sum(curve.size for curve in dataset.curves) // (4 * MOST_ROWS))
     parts = [
         [column[training][::every] for column in columns]
         for curve in dataset.curves

@@ -6,13 +6,22 @@ calls them in one go.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from itertools import product
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mapmore_cli.domain.arrays import Array, Columns, IntArray, extremes, give_back
+from mapmore_cli.domain.arrays import (
+    LONG,
+    Array,
+    Columns,
+    IntArray,
+    by_blocks,
+    extremes,
+    give_back,
+    joined,
+)
 from mapmore_cli.domain.declared import taken
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.fits import (
@@ -40,6 +49,7 @@ from mapmore_cli.modelling.frols import TIE_TOLERANCE, frols, frols_streamed, re
 from mapmore_cli.modelling.literature.backbone import residual_of
 from mapmore_cli.modelling.pieces.recipe import Recipe
 from mapmore_cli.modelling.pieces.segmentation import samples_at, segment_curve, training_curves
+from mapmore_cli.modelling.signals.sampling import even_share
 
 # share of the segment whose mean stands for an end of the trend, so that the anchor does not hang
 # on one noisy sample
@@ -76,22 +86,31 @@ def placements(rule: str, X: Array, y: Array, variables: Sequence[str]) -> tuple
 
 
 def _anchored(X: Array, y: Array, variables: tuple[str, ...], right: tuple[bool, ...]) -> Scaling:
-    low, high = X.min(axis=0), X.max(axis=0)
+    low, high = np.array([extremes(x) for x in X.T]).reshape(-1, 2).T
     slope, anchor = 1 / _span(high - low), np.where(right, high, low)
     y_anchor = 0.0
     # mean over the samples nearest to the anchor; all at the same distance count, so the order of
     # rows does not matter
     if variables:
-        far = np.zeros(len(y))
-        for x, at, steepness in zip(X.T, anchor, slope, strict=True):
-            distance = x - at
-            np.abs(distance, out=distance)
-            np.maximum(far, np.multiply(distance, steepness, out=distance), out=far)
-        nearest = max(1, int(np.ceil(END_FRACTION * len(y))))
-        y_anchor = float(y[far <= np.partition(far, nearest - 1)[nearest - 1]].mean())
+
+        def farthest(*inputs: Array) -> Array:
+            return np.asarray(np.max(np.abs(inputs - anchor[:, None]) * slope[:, None], axis=0))
+
+        far = by_blocks(farthest, *X.T)
+        some = even_share(far) if far.nbytes > LONG else far
+        nearest = max(1, int(np.ceil(END_FRACTION * len(some))))
+        limit = np.partition(some, nearest - 1)[nearest - 1]
+        y_anchor = float(by_blocks(lambda values, x: values[x <= limit], y, far).mean())
     place = ",".join("right" if r else "left" for r in right) or "-"
+    y_span = float(_span(np.ptp(extremes(y))))
     return Scaling(
-        "unit_square", place, variables, slope, -slope * anchor, float(_span(np.ptp(y))), y_anchor
+        "unit_square",
+        place,
+        variables,
+        slope,
+        -slope * anchor,
+        y_span,
+        y_anchor,
     )
 
 
@@ -103,7 +122,7 @@ def _span(width: ArrayLike) -> Array:
 def scaled_inputs(scaling: Scaling, columns: Columns) -> dict[str, Array]:
     """Return independent variables in scaled coordinates, `z = slope x + intercept` (M2 eq 8)."""
     return {
-        name: columns[name] * m + c
+        name: by_blocks(lambda x, m=m, c=c: x * m + c, columns[name])
         for name, m, c in zip(scaling.variables, scaling.slope, scaling.intercept, strict=True)
     }
 
@@ -167,7 +186,8 @@ def fit_segment(
     training SSE wins, the first of equals. `columns` are those of its curve.
 
     All placements share the slope of y, so their scaled SSE compare. Rows are sorted first: the
-    numbers then do not depend on the order in which a logger wrote them.
+    numbers then do not depend on the order in which a logger wrote them; more than a million are
+    not.
     """
     n, most = len(segment.rows), recipe.fit.max_terms
     if n <= most:
@@ -179,12 +199,11 @@ def fit_segment(
         raise DataError(what, f"{ways}, or set fit.max_terms below {max(2, n)}")
     variables = quantities_in(terms)
     samples = samples_at(columns, segment.rows, (*variables, recipe.target))
-    order = np.lexsort([samples[name] for name in (recipe.target, *variables[::-1])])
-    X, y = np.empty((n, len(variables)), order="F"), samples[recipe.target][order]
-    for place, name in enumerate(variables):
-        X[:, place] = samples.pop(name)[order]
-    del samples, order  # of a long record they take more than all else
-    give_back(segment.rows)
+    if segment.rows.nbytes <= LONG:
+        order = np.lexsort([samples[name] for name in (recipe.target, *variables[::-1])])
+        samples = {name: values[order] for name, values in samples.items()}
+    y, inputs = samples[recipe.target], [samples[name] for name in variables]
+    X = joined(inputs).reshape(-1, n).T if inputs else np.empty((n, 0))
     best: SegmentFit | None = None
     for scaling in placements(recipe.fit.scaling, X, y, variables):
         z = scaled_inputs(scaling, dict(zip(variables, X.T, strict=True)))
@@ -195,7 +214,7 @@ def fit_segment(
             selection = _selected_terms(
                 terms if written == recipe.dictionary else list(map(parse, written)),
                 z,
-                (y - scaling.y_intercept) / scaling.y_slope,
+                by_blocks(lambda x, by=scaling: (x - by.y_intercept) / by.y_slope, y),
                 recipe,
             )
         except NotFinite as error:
@@ -216,11 +235,14 @@ def _selected_terms(terms: Sequence[Expression], z: Columns, y: Array, recipe: R
     """
     n, how = len(y), (recipe.fit.max_terms, recipe.fit.tolerance)
     if reads_once(n, len(terms), recipe.fit.max_terms):
-        return frols_streamed(
-            lambda: ((P, y[rows]) for rows, P in dictionary_blocks(terms, z, n)),
-            *how,
-            stop=recipe.fit.stop,
-        )
+
+        def blocks() -> Iterator[tuple[Array, Array]]:
+            for rows, P in dictionary_blocks(terms, z, n):
+                yield P, y[rows]
+                for column in (y, *z.values()):
+                    give_back(column)
+
+        return frols_streamed(blocks, *how, stop=recipe.fit.stop)
     return frols(dictionary_matrix(terms, z, n), y, *how, stop=recipe.fit.stop)
 
 

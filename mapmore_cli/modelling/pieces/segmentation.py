@@ -16,7 +16,8 @@ from mapmore_cli.domain.arrays import (
     blocks_where,
     extremes,
     in_blocks,
-    taken,
+    picked,
+    stacked,
 )
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.fits import Segment, SegmentedCurve
@@ -25,7 +26,7 @@ from mapmore_cli.modelling.frols.select import TIE_TOLERANCE
 from mapmore_cli.modelling.pieces.recipe import CELLS, Cut, CutByDirection, Cuts
 from mapmore_cli.modelling.signals.rates import STEPS, running_median
 
-WINDOW = 0.1  # of the curve's range: over which slopes are taken, and how far apart bends lie
+WINDOW = 0.1  # of the curve's range: over which slopes are picked, and how far apart bends lie
 ROUNDING = 1e-9  # of the window: two grid points exactly so far apart are far enough
 # in a segment: where a curve has a gap its course is made up, and a bend there must not become a
 # segment of its own
@@ -126,7 +127,7 @@ def optimal_partition(
 
 def samples_at(columns: Columns, rows: IntArray, names: Iterable[str]) -> dict[str, Array]:
     """Return some columns of a curve at the given rows."""
-    return {name: taken(columns[name], rows) for name in names}
+    return {name: picked(columns[name], rows) for name in names}
 
 
 IntervalCost = Callable[[Curve, IntArray], float]
@@ -135,7 +136,7 @@ the unit of the target squared.
 """
 
 # of a curve on which costs of intervals are computed; of more, an even share in the order of the
-# variable is taken
+# variable is picked
 MOST_SAMPLES = 500
 
 
@@ -282,7 +283,7 @@ def segment_curve(
         start += len(trains)
     segments = [
         Segment(segment_id(curve.id, tuple(cuts), cell), curve.id, cell, rows)
-        for cell, rows in ((cell, np.concatenate(cells.pop(cell))) for cell in [*cells])
+        for cell, (rows,) in ((cell, stacked([x] for x in cells.pop(cell))) for cell in [*cells])
     ]
     if empty := [segment.id for segment in segments if not len(segment.rows)]:
         remedy = "use fewer segments, move the breakpoints, or keep more samples of this curve"

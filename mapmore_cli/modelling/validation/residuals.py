@@ -18,13 +18,12 @@ from mapmore_cli.domain.arrays import (
     BoolArray,
     IntArray,
     by_blocks,
-    chosen,
     extremes,
     give_back,
     in_blocks,
+    picked,
     row_blocks,
     row_by_row,
-    taken,
 )
 from mapmore_cli.domain.models import Model, Pieces
 from mapmore_cli.domain.recording import Curve, Dataset
@@ -59,11 +58,11 @@ def residual_tests(
     for curve, values, wanted in zip(dataset.curves, predicted, judged(dataset), strict=True):
         errors = by_blocks(np.subtract, values, curve.columns[dataset.target])
         for rows in _pieces(curve, wanted, order_by):
-            piece = _at(errors, rows)
+            piece = picked(errors, rows)
             if len(piece) and _range([piece]):
                 residuals.append(piece)
                 for name in columns.keys() & curve.columns.keys():
-                    columns[name].append(_at(curve.columns[name], rows))
+                    columns[name].append(picked(curve.columns[name], rows))
     ends, samples = _range(residuals), sum(map(len, residuals))
     if not ends or ends.n < FEWEST or max(map(len, residuals)) < FEWEST or ends.low == ends.high:
         return ()
@@ -90,16 +89,11 @@ def _pieces(
         every = 1 if curve.size <= PART else -(-curve.size // MANY)
         rows = np.arange(0, curve.size, every)
         rows = rows[wanted[rows]]
-        yield rows[np.argsort(taken(curve.columns[order_by], rows), kind="stable")]
+        yield rows[np.argsort(picked(curve.columns[order_by], rows), kind="stable")]
     elif curve.origin is None:
         yield wanted
     else:
         yield from (wanted & (curve.origin == number) for number in np.unique(curve.origin))
-
-
-def _at(values: Array, rows: IntArray | BoolArray) -> Array:
-    part: Array = by_blocks(chosen, values, rows) if rows.dtype == bool else taken(values, rows)
-    return part
 
 
 class _Range(NamedTuple):

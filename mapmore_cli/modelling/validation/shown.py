@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import Array, IntArray, Ranges, by_blocks, extremes, taken
+from mapmore_cli.domain.arrays import Array, IntArray, Ranges, by_blocks, extremes, picked
 from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.recording import Dataset
 from mapmore_cli.domain.results import Validation
@@ -45,7 +45,7 @@ def for_report(validation: Validation, model: Model, dataset: Dataset) -> Valida
         curves=tuple(curve.at(rows) for curve, rows in zip(curves, of_curves, strict=True)),
     )
     kept = {
-        name: tuple(taken(values, rows) for values, rows in zip(every, of_curves, strict=True))
+        name: tuple(picked(values, rows) for values, rows in zip(every, of_curves, strict=True))
         for name, every in predictions.items()
     }
     return replace(made, predictions=kept, shown=shown)

@@ -16,7 +16,7 @@ from hypothesis.extra.numpy import arrays
 from mapmore_cli.annexes.rig.muscle import stop as rig_stop
 from mapmore_cli.domain import plugins
 from mapmore_cli.modelling.expressions import Name, operators
-from mapmore_cli.modelling.expressions.operator import FLOATS, Setting, along, run_recursion
+from mapmore_cli.modelling.expressions.operator import FLOATS, Setting, along, from_rest
 from mapmore_cli.modelling.expressions.operators import OPERATORS, families
 from mapmore_cli.modelling.program.model import with_slopes_by
 from mapmore_cli.modelling.program.values import ready_for_columns
@@ -115,8 +115,8 @@ def test_every_way_along_a_recording_is_the_recursion(name, x, empty):
     assert np.isnan(late[:empty]).all()
     for found in (
         along(operator, x, setting),
-        run_recursion(rule, x),
-        run_recursion(replace(rule, weights=None), x),
+        from_rest(rule, x),
+        from_rest(replace(rule, weights=None), x),
         late[empty:],
     ):
         np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-9)
