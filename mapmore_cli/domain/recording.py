@@ -3,13 +3,22 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Annotated
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import BoolArray, Columns, IntArray, Number, Ranges, extremes, picked
+from mapmore_cli.domain.arrays import (
+    Array,
+    BoolArray,
+    Columns,
+    IntArray,
+    Number,
+    Ranges,
+    extremes,
+    picked,
+)
 from mapmore_cli.domain.declared import Count, Label, QuantityName, one_of
 
 STATIC_FORCE, DAMPING = "static_force", "damping"
@@ -140,6 +149,15 @@ class Curve:
     def stretches(self) -> tuple[slice | IntArray, ...]:
         """Where the samples of each recording are: a slice where there is a single one."""
         return (slice(None),) if self.origin is None else self.logs
+
+    def together(self, parts: Sequence[Array]) -> Array:
+        """Return one column, (n,), of those of its stretches."""
+        if self.origin is None:
+            return parts[0]
+        whole = np.empty(self.size)
+        for rows, part in zip(self.stretches, parts, strict=True):
+            whole[rows] = part
+        return whole
 
     @property
     def logs(self) -> tuple[IntArray, ...]:

@@ -38,10 +38,5 @@ def forecast(model: Model, curve: Curve, target: str | None = None) -> Forecast:
             raise DataError(
                 f"{model.name} on {curve.recordings[log]}: {error.message}", error.remedy
             ) from error
-    if curve.origin is None:
-        ((one_step, values),) = said
-    else:
-        one_step, values = np.empty(curve.size), np.empty(curve.size)
-        for rows, (ahead, free) in zip(curve.stretches, said, strict=True):
-            one_step[rows], values[rows] = ahead, free
+    one_step, values = map(curve.together, zip(*said, strict=True))
     return Forecast(values, by_blocks(np.isfinite, one_step), one_step)
