@@ -106,12 +106,11 @@ def _even_rows(rows: Array) -> Array:
 
 def _monomial_columns(x: Array, degree: int) -> Array:
     """Every monomial of the columns of `x`, (n, m), of total degree up to `degree`."""
-    places = (
-        of
-        for total in range(degree + 1)
-        for of in combinations_with_replacement(range(x.shape[1]), total)
-    )
-    return np.column_stack([np.prod(x[:, list(of)], axis=1) for of in places])
+    columns: dict[tuple[int, ...], Array] = {(): np.ones(len(x))}
+    for total in range(1, degree + 1):
+        for of in combinations_with_replacement(range(x.shape[1]), total):
+            columns[of] = columns[of[:-1]] * x[:, of[-1]]
+    return np.column_stack([*columns.values()])
 
 
 def _past(values: Array, order: int, first: int) -> Array:

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from functools import partial
-from typing import NamedTuple
 
 import numpy as np
 
@@ -59,18 +58,19 @@ def residual_tests(
         errors = by_blocks(np.subtract, values, curve.columns[dataset.target])
         for rows in _pieces(curve, wanted, order_by):
             piece = picked(errors, rows)
-            if len(piece) and _range([piece]):
+            if len(piece) and _finite([piece])[0]:
                 residuals.append(piece)
                 for name in columns.keys() & curve.columns.keys():
                     columns[name].append(picked(curve.columns[name], rows))
-    ends, samples = _range(residuals), sum(map(len, residuals))
-    if not ends or ends.n < FEWEST or max(map(len, residuals)) < FEWEST or ends.low == ends.high:
+    known, low, high = _finite(residuals)
+    if max(map(len, residuals), default=0) < FEWEST or known < FEWEST or low == high:
         return ()
     tests = [autocorrelation(residuals)]
     for name, parts in columns.items():
-        of_x = _range(parts)
-        if not of_x or sum(map(len, parts)) < samples or of_x.stands_still:
-            continue  # it was not measured everywhere, or does not vary
+        _, low, high = _finite(parts)
+        varies = high - low > 1e-9 * max(abs(low), abs(high))
+        if sum(map(len, parts)) < sum(map(len, residuals)) or not varies:
+            continue  # it was not measured everywhere
         tests.append(
             cross_correlation(name, residuals, parts)
             if order_by is None
@@ -96,25 +96,12 @@ def _pieces(
         yield from (wanted & (curve.origin == number) for number in np.unique(curve.origin))
 
 
-class _Range(NamedTuple):
-    """How many values are finite, with the least and the largest of them."""
-
-    n: int
-    low: float
-    high: float
-
-    @property
-    def stands_still(self) -> bool:
-        """Whether values differ by no more than rounding."""
-        return not self.high - self.low > 1e-9 * max(abs(self.low), abs(self.high))
-
-
-def _range(parts: Sequence[Array]) -> _Range | None:
-    """Return the range of the finite values of some columns; None where there are none."""
+def _finite(parts: Sequence[Array]) -> tuple[int, float, float]:
+    """Return how many values of some columns are finite, the least and the largest of them."""
     blocks = (x[np.isfinite(x)] for part in parts for (x,) in in_blocks(part))
-    ends = [(len(x), x.min(), x.max()) for x in blocks if len(x)]
-    n, low, high = zip(*ends, strict=True) if ends else ((), (), ())
-    return _Range(sum(n), float(min(low)), float(max(high))) if ends else None
+    ends = [(len(x), float(x.min()), float(x.max())) for x in blocks if len(x)]
+    n, low, high = zip(*ends, strict=True) if ends else ((0,), (0.0,), (0.0,))
+    return sum(n), min(low), max(high)
 
 
 def autocorrelation(residuals: Sequence[Array]) -> ResidualTest:
