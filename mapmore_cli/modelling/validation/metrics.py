@@ -85,6 +85,12 @@ class Squares(NamedTuple):
         return Squares(n, mean, sum(of_each) + between, unit)
 
     @property
+    def about_zero(self) -> Squares:
+        """The sum of squares about zero."""
+        shift = self.n * (self.mean / (self.unit or 1.0)) ** 2
+        return Squares(self.n, 0.0, self.total + shift, self.unit)
+
+    @property
     def root_mean(self) -> float:
         """Root of the mean square."""
         return self.unit * math.sqrt(self.total / self.n)
@@ -103,13 +109,11 @@ class Sums(NamedTuple):
     no sum but the spread of `all_measured`, which is that of the RRSE, as it is usual.
     """
 
-    all_measured: Squares
-    about_mean: Squares
+    all_measured: Squares  # about their mean, as the next
     measured: Squares
     predicted: Squares
     errors: Squares
     one_step: Squares
-    product: float  # of measured and predicted, in their units
     worst: float
     given: int  # samples with an interval
     inside: int  # those within it
@@ -126,15 +130,12 @@ class Sums(NamedTuple):
         half = np.full(len(y), np.nan) if forecast.half is None else forecast.half[known]
         ahead = np.empty(0) if forecast.one_step is None else forecast.one_step[known] - y
         given = np.isfinite(half)
-        of_y, of_predicted = Squares.of(y), Squares.of(predicted)
         return cls(
             Squares.of(measured, True),
             Squares.of(y, True),
-            of_y,
-            of_predicted,
+            Squares.of(predicted),
             Squares.of(error),
             Squares.of(ahead),
-            float((y / (of_y.unit or 1.0)) @ (predicted / (of_predicted.unit or 1.0))),
             float(np.abs(error).max(initial=0.0)),
             int(np.count_nonzero(given)),
             int(np.count_nonzero(np.abs(error[given]) <= half[given])),
@@ -143,23 +144,26 @@ class Sums(NamedTuple):
 
     def with_more(self, other: Sums) -> Sums:
         """Return the sums over both."""
-        squares = [mine.with_more(its) for mine, its in zip(self[:6], other[:6], strict=True)]
-        y, predicted = squares[2].unit or 1.0, squares[3].unit or 1.0
-        product = sum(
-            one.product * (one.measured.unit / y) * (one.predicted.unit / predicted)
-            for one in (self, other)
+        return Sums(
+            self.all_measured.with_more(other.all_measured),
+            self.measured.with_more(other.measured),
+            self.predicted.with_more(other.predicted),
+            self.errors.with_more(other.errors),
+            self.one_step.with_more(other.one_step),
+            float(np.maximum(self.worst, other.worst)),
+            self.given + other.given,
+            self.inside + other.inside,
+            np.concatenate([self.widths, other.widths]),
         )
-        worst, widths = max(self.worst, other.worst), np.concatenate([self.widths, other.widths])
-        counts = (self.given + other.given, self.inside + other.inside)
-        return Sums(*squares, product, worst, *counts, widths)  # type: ignore[arg-type, call-arg]
 
     @property
     def correlation(self) -> float:
         """`sum y yhat / sqrt(sum y^2 sum yhat^2)`: W's correlation index, not Pearson's; NaN where
-        either is zero throughout.
+        either is zero throughout. By the law of cosines, as `yhat - y` is the error.
         """
-        size = math.sqrt(self.measured.total * self.predicted.total)
-        return self.product / size if size > 0 else math.nan
+        size = math.sqrt(self.predicted.over(self.measured.about_zero))
+        error = self.errors.over(self.measured.about_zero)
+        return (1 + size**2 - error) / (2 * size) if size > 0 else math.nan
 
 
 def score(model: str, target: str, split: str, curve: str, sums: Sums, scale: Normaliser) -> Score:
@@ -184,7 +188,7 @@ def score(model: str, target: str, split: str, curve: str, sums: Sums, scale: No
         normaliser_name=scale.name,
         max_abs_error=sums.worst,
         max_abs_error_fs=scale.fraction(sums.worst),
-        r2=1 - errors.over(sums.about_mean),
+        r2=1 - errors.over(sums.measured),
         rrse=math.sqrt(errors.over(spread)),
         rrse_one_step=math.sqrt(sums.one_step.over(spread)) if sums.one_step.n else math.nan,
         r_uncentred=sums.correlation,
