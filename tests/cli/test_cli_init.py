@@ -124,7 +124,7 @@ def test_a_measured_study_is_clean_of_errors_and_warnings(mapmore, measured_data
 def test_one_that_exists_stops_no_other_and_each_has_a_page(tmp_path, mapmore, rig, monkeypatch):
     monkeypatch.chdir(tmp_path)
     Path("peano.yaml").write_text("mine")
-    started = mapmore("init", rig, code=7)
+    started = mapmore("init", rig, "--budget", "1s", code=7)
     assert Path("peano.yaml").read_text() == "mine"
     assert started.stdout.split()[0] == "mckibben.yaml"
     page = Path("mckibben.html").read_text()
@@ -150,7 +150,18 @@ def test_several_outputs_are_a_fragment_a_spec_each_and_a_campaign(tmp_path, map
     assert "Tip_z" not in Path("arm-Tip_x.yaml").read_text()
     done = json.loads(mapmore("batch", "arm.yaml", "--json", code=0).stdout)
     assert [run["name"] for run in done["runs"]] == ["arm-Tip_x", "arm-Tip_z"]
-    mapmore("init", "rig", "--target", "Tip x,Tip z", "-o", "-", code=2, says="no one text")
+    mapmore(
+        "init",
+        "rig",
+        "--target",
+        "Tip x,Tip z",
+        "--budget",
+        "1s",
+        "-o",
+        "-",
+        code=2,
+        says="no one text",
+    )
 
 
 @pytest.mark.parametrize(("paper", "terms"), [("m1", 2), ("m2", 1)])

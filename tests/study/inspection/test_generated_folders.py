@@ -300,7 +300,8 @@ PHASES = (Phase.generate,) if MORE else tuple(Phase)
 
 @pytest.mark.timeout(0 if MORE else 300)
 @pytest.mark.parametrize(
-    ("kind", "examples"), [(kind, 5 if kind == "text" else 1) for kind in KINDS]
+    ("kind", "examples"),
+    [*((kind, 1) for kind in KINDS), pytest.param("text", 20, marks=pytest.mark.long)],
 )
 def test_no_proposal_fails_its_own_check_or_run(tmp_path_factory, kind, examples):
     @settings(
