@@ -83,7 +83,7 @@ def _training_samples(dataset: Dataset, names: Sequence[str]) -> list[Array]:
     """
     every = _thinning(dataset)
     parts = [
-        [column[training][::every] for column in columns]
+        [column[np.flatnonzero(training)[::every]] for column in columns]
         for curve in dataset.curves
         for training, *columns in in_blocks(curve.training, *map(curve.columns.get, names))
     ]

@@ -21,6 +21,7 @@ from mapmore_cli.domain.arrays import (
     extremes,
     give_back,
     joined,
+    row_blocks,
 )
 from mapmore_cli.domain.declared import taken
 from mapmore_cli.domain.errors import DataError
@@ -96,11 +97,10 @@ def _anchored(X: Array, y: Array, variables: tuple[str, ...], right: tuple[bool,
         def farthest(*inputs: Array) -> Array:
             return np.asarray(np.max(np.abs(inputs - anchor[:, None]) * slope[:, None], axis=0))
 
-        far = by_blocks(farthest, *X.T)
-        some = even_share(far) if far.nbytes > LONG else far
-        nearest = max(1, int(np.ceil(END_FRACTION * len(some))))
-        limit = np.partition(some, nearest - 1)[nearest - 1]
-        y_anchor = float(by_blocks(lambda values, x: values[x <= limit], y, far).mean())
+        far = farthest(*(X.T if y.nbytes <= LONG else map(even_share, X.T)))
+        nearest = max(1, int(np.ceil(END_FRACTION * len(far))))
+        limit = np.partition(far, nearest - 1)[nearest - 1]
+        y_anchor = float(by_blocks(lambda y, *x: y[farthest(*x) <= limit], y, *X.T).mean())
     place = ",".join("right" if r else "left" for r in right) or "-"
     y_span = float(_span(np.ptp(extremes(y))))
     return Scaling(
@@ -122,7 +122,7 @@ def _span(width: ArrayLike) -> Array:
 def scaled_inputs(scaling: Scaling, columns: Columns) -> dict[str, Array]:
     """Return independent variables in scaled coordinates, `z = slope x + intercept` (M2 eq 8)."""
     return {
-        name: by_blocks(lambda x, m=m, c=c: x * m + c, columns[name])
+        name: columns[name] * m + c
         for name, m, c in zip(scaling.variables, scaling.slope, scaling.intercept, strict=True)
     }
 
@@ -202,19 +202,22 @@ def fit_segment(
     if segment.rows.nbytes <= LONG:
         order = np.lexsort([samples[name] for name in (recipe.target, *variables[::-1])])
         samples = {name: values[order] for name, values in samples.items()}
-    y, inputs = samples[recipe.target], [samples[name] for name in variables]
-    X = joined(inputs).reshape(-1, n).T if inputs else np.empty((n, 0))
+    y, parts = samples[recipe.target], [samples[name] for name in variables]
+    X = joined(parts).reshape(-1, n).T if parts else np.empty((n, 0))
     best: SegmentFit | None = None
     for scaling in placements(recipe.fit.scaling, X, y, variables):
-        z = scaled_inputs(scaling, dict(zip(variables, X.T, strict=True)))
+        inputs = dict(zip(variables, X.T, strict=True))
+        ends = {name: np.array(extremes(x)) for name, x in inputs.items()}
         written = placed(
-            recipe.dictionary, tuple((name, *extremes(values)) for name, values in z.items())
+            recipe.dictionary,
+            tuple((name, *z.tolist()) for name, z in scaled_inputs(scaling, ends).items()),
         )
         try:
             selection = _selected_terms(
                 terms if written == recipe.dictionary else list(map(parse, written)),
-                z,
-                by_blocks(lambda x, by=scaling: (x - by.y_intercept) / by.y_slope, y),
+                scaling,
+                inputs,
+                y,
                 recipe,
             )
         except NotFinite as error:
@@ -229,21 +232,30 @@ def fit_segment(
     return best
 
 
-def _selected_terms(terms: Sequence[Expression], z: Columns, y: Array, recipe: Recipe) -> Selection:
+def _selected_terms(
+    terms: Sequence[Expression], scaling: Scaling, inputs: Columns, y: Array, recipe: Recipe
+) -> Selection:
     """FROLS on the dictionary, which is never there as a whole where it need not be read more than
     once or twice.
     """
     n, how = len(y), (recipe.fit.max_terms, recipe.fit.tolerance)
+
+    def scaled(rows: slice) -> tuple[dict[str, Array], Array]:
+        z = scaled_inputs(scaling, {name: x[rows] for name, x in inputs.items()})
+        return z, (y[rows] - scaling.y_intercept) / scaling.y_slope
+
+    def blocks() -> Iterator[tuple[Array, Array]]:
+        for rows in row_blocks(n):
+            z, target = scaled(rows)
+            for part, P in dictionary_blocks(terms, z, len(target)):
+                yield P, target[part]
+            for column in (y, *inputs.values()):
+                give_back(column)
+
     if reads_once(n, len(terms), recipe.fit.max_terms):
-
-        def blocks() -> Iterator[tuple[Array, Array]]:
-            for rows, P in dictionary_blocks(terms, z, n):
-                yield P, y[rows]
-                for column in (y, *z.values()):
-                    give_back(column)
-
         return frols_streamed(blocks, *how, stop=recipe.fit.stop)
-    return frols(dictionary_matrix(terms, z, n), y, *how, stop=recipe.fit.stop)
+    z, target = scaled(slice(0, n))
+    return frols(dictionary_matrix(terms, z, n), target, *how, stop=recipe.fit.stop)
 
 
 def fuse(

@@ -252,12 +252,13 @@ def envelope(y: Array, limit: int) -> IntArray:
         return np.arange(len(y))
     rows = []
     edges = np.linspace(0, len(y), limit // 2 + 1).astype(int)
-    for start, end in pairwise(edges.tolist()):
+    for number, (start, end) in enumerate(pairwise(edges.tolist())):
         run = y[start:end]
         known = np.flatnonzero(~np.isnan(run))
         if len(known):
             rows += [start + known[np.argmin(run[known])], start + known[np.argmax(run[known])]]
         else:
             rows.append(start)  # a gap stays one
-        give_back(y)
+        if number % 100 == 0:
+            give_back(y)
     return np.unique(rows)

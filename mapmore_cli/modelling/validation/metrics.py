@@ -139,7 +139,7 @@ class Sums(NamedTuple):
             float(np.abs(error).max(initial=0.0)),
             int(np.count_nonzero(given)),
             int(np.count_nonzero(np.abs(error[given]) <= half[given])),
-            half[given][::every],
+            half[np.flatnonzero(given)[::every]],
         )
 
     def with_more(self, other: Sums) -> Sums:
