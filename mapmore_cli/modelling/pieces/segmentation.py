@@ -14,10 +14,10 @@ from mapmore_cli.domain.arrays import (
     Columns,
     IntArray,
     blocks_where,
+    by_blocks,
     extremes,
-    in_blocks,
     picked,
-    stacked,
+    row_numbers,
 )
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.fits import Segment, SegmentedCurve
@@ -26,7 +26,7 @@ from mapmore_cli.modelling.frols.select import TIE_TOLERANCE
 from mapmore_cli.modelling.pieces.recipe import CELLS, Cut, CutByDirection, Cuts
 from mapmore_cli.modelling.signals.rates import STEPS, running_median
 
-WINDOW = 0.1  # of the curve's range: over which slopes are picked, and how far apart bends lie
+WINDOW = 0.1  # of the curve's range: over which slopes are taken, and how far apart bends lie
 ROUNDING = 1e-9  # of the window: two grid points exactly so far apart are far enough
 # in a segment: where a curve has a gap its course is made up, and a bend there must not become a
 # segment of its own
@@ -136,7 +136,7 @@ the unit of the target squared.
 """
 
 # of a curve on which costs of intervals are computed; of more, an even share in the order of the
-# variable is picked
+# variable is taken
 MOST_SAMPLES = 500
 
 
@@ -272,19 +272,23 @@ def segment_curve(
     boundaries = {
         name: cut_points(curve, training, name, target, cut, cost) for name, cut in cuts.items()
     }
-    cells: dict[tuple[int, ...], list[IntArray]] = {}
-    start, inputs = 0, [curve.columns[name] for name in cuts]
-    for trains, *values in in_blocks(training, *inputs):
-        both = zip(values, boundaries.values(), strict=True)
-        inside = [enumerate(_members(x, ends), 1) for x, ends in both]
-        for places in product(*inside):
-            mask = np.logical_and.reduce([trains, *(own for _, own in places)])
-            cells.setdefault(tuple(i for i, _ in places), []).append(start + np.flatnonzero(mask))
-        start += len(trains)
-    segments = [
-        Segment(segment_id(curve.id, tuple(cuts), cell), curve.id, cell, rows)
-        for cell, (rows,) in ((cell, stacked([x] for x in cells.pop(cell))) for cell in [*cells])
-    ]
+    inputs, segments = [curve.columns[name] for name in cuts], []
+    for cell in product(*(enumerate(pairwise(ends), 1) for ends in boundaries.values())):
+        place, sides = tuple(i for i, _ in cell), [ends for _, ends in cell]
+
+        def inside(
+            rows: range,
+            trains: BoolArray,
+            *values: Array,
+            limits: Sequence[tuple[float, float]] = sides,
+        ) -> IntArray:
+            within = [
+                (x >= low) & (x <= high) for x, (low, high) in zip(values, limits, strict=True)
+            ]
+            return row_numbers(rows)[np.logical_and.reduce([trains, *within])]
+
+        rows = by_blocks(inside, range(curve.size), training, *inputs)
+        segments.append(Segment(segment_id(curve.id, tuple(cuts), place), curve.id, place, rows))
     if empty := [segment.id for segment in segments if not len(segment.rows)]:
         remedy = "use fewer segments, move the breakpoints, or keep more samples of this curve"
         raise DataError(f"segment {empty[0]}: no training sample lies in it", remedy)
