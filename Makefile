@@ -5,12 +5,12 @@ export OPENBLAS_NUM_THREADS := 1
 export OMP_NUM_THREADS := 1
 unexport PYTHONDONTWRITEBYTECODE  # a set one has each of some hundred processes compile the program anew
 
-STUDIES := configs/m2/dmsp-20-88-static.yaml configs/m2/peano-static.yaml
+STUDIES := configs/m2/dmsp-20-88-found.yaml configs/m2/peano-found.yaml
 
 # The tests of one file follow each other in one process, so that what they share is made once; the folders with the long ones come first.
 TESTS := $(BIN)/pytest -q -n 2 --dist loadfile --no-loadscope-reorder
 
-.PHONY: demo test test-all lint schema docs datasets measured motion paper peers bench fuzz torture test-lowest test-newest audit clean bench-id
+.PHONY: release-check demo test test-all lint schema docs datasets measured motion paper peers bench fuzz torture test-lowest test-newest audit clean bench-id
 
 demo: .venv/program
 	$(BIN)/mapmore batch $(STUDIES)
@@ -36,12 +36,13 @@ datasets: .venv/program
 docs: .venv/development  # the site, into build/site; needs no network
 	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict --quiet --config-file docs/site/mkdocs.yml
 
-measured: .venv/formats  # the tables of docs/measured-static.md, memory.md, campaigns.md, wrist.md and muscle-like.md; needs the measured recordings (docs/data.md)
+measured: .venv/formats  # the tables of docs/measured-static.md, memory.md, campaigns.md, damping.md, wrist.md and muscle-like.md; needs the measured recordings (docs/data.md)
 	$(BIN)/mapmore batch configs/campaigns/measured_static.yaml configs/campaigns/m1.yaml configs/campaigns/m1_terms.yaml
 	$(BIN)/python docs/measured_tables.py runs
 	$(BIN)/mapmore batch configs/campaigns/coiled.yaml configs/campaigns/coiled_loads.yaml
 	$(BIN)/python docs/memory_tables.py runs
 	$(BIN)/python docs/campaign_tables.py runs
+	$(BIN)/python docs/damping_tables.py runs
 	$(BIN)/python docs/muscle_tables.py runs
 	$(BIN)/python docs/muscle_figures.py runs
 
@@ -92,6 +93,9 @@ audit: .venv-audit/program  # known weaknesses of the tested versions; asks an a
 	.venv-audit/bin/pip-audit --strict --no-deps --disable-pip -r constraints.txt
 	mkdir -p build
 	.venv-audit/bin/pip-audit --strict --no-deps --disable-pip -r constraints.txt --format cyclonedx-json --output build/mapmore.cdx.json
+
+release-check: .venv/development  # archive and wheel without a network, then five visitors on 3.11, 3.12 and 3.13 where these are
+	.ci/release.sh $(PYTHONS)
 
 clean:
 	rm -rf .venv .venv-lowest .venv-newest .venv-audit runs build *.egg-info

@@ -224,6 +224,47 @@ def terms(runs: Path) -> Table:
     return Table.of("terms", "NRMSE of mapmore by number of terms", columns, rows)
 
 
+FESTO = ("10cm", "20cm", "30cm")
+GROUPS = {
+    "Festo 10 mm, a strain of four": [f"festo_10mm_{one}_strain" for one in FESTO],
+    "Festo 10 mm, bands of pressure": [f"festo_10mm_{one}_pressure" for one in FESTO],
+    "Festo 10 mm, third repeat": [f"festo_10mm_{one}_repeat" for one in FESTO],
+    "four bellows, three strains of ten": ["bellows_strain"],
+    "Festo 20 mm, every third pressure": ["festo_datasheet"],
+}
+"""The measured cases by what is held out."""
+
+
+def backbone(runs: Path) -> Table:
+    """Return what the pieces add to the backbone, case by case: NRMSE of `mapmore`, of its backbone
+    alone, of `sarosi_hinged` alone, and of pieces without a backbone.
+    """
+    found = campaign("measured_static", runs).pooled
+    rows: list[tuple[Cell, ...]] = []
+    for group, names in GROUPS.items():
+        used = {name: _backbone_of(runs, name) for name in names}
+        with_pieces, alone, hinged, bare = (
+            100 * geometric_mean(found[name][of[name]].nrmse for name in names)
+            for of in (
+                dict.fromkeys(names, OWN),
+                used,
+                dict.fromkeys(names, "sarosi_hinged"),
+                dict.fromkeys(names, "bare"),
+            )
+        )
+        words = ", ".join(dict.fromkeys(used.values()))
+        rows.append((group, words, with_pieces, alone, with_pieces / alone, hinged, bare))
+    heads = ("held out", "backbone", "with pieces [%] .3g", "backbone alone [%] .3g")
+    more = ("ratio .2f", "sarosi_hinged alone [%] .3g", "pieces alone [%] .3g")
+    return Table.of("backbone", "What pieces add to their backbone", (*heads, *more), rows)
+
+
+def _backbone_of(runs: Path, name: str) -> str:
+    fit = RunFiles(runs / name).fit().backbone
+    assert fit is not None
+    return fit.name
+
+
 def held_out(config: str, runs: Path) -> Table:
     """Return the scores of a shipped study on held-out data."""
     found = run(config, runs).validation()
@@ -234,7 +275,14 @@ def held_out(config: str, runs: Path) -> Table:
 
 
 if __name__ == "__main__":
-    tables = {"auto": auto, "pgm": pgm, "maps": maps, "hold": hold, "m1-terms": terms}
+    tables = {
+        "backbone": backbone,
+        "auto": auto,
+        "pgm": pgm,
+        "maps": maps,
+        "hold": hold,
+        "m1-terms": terms,
+    }
     campaigns = {"measured": of_campaign("measured_static"), "m1": of_campaign("m1")}
     studies = {
         "family": partial(held_out, "festo/festo_10mm_family"),

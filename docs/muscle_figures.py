@@ -6,7 +6,6 @@ SVG with the numbers as CSV go to docs/figures, PDF to FOLDER where one is named
 
 from __future__ import annotations
 
-import math
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
@@ -17,6 +16,7 @@ from muscle_tables import joint_forces
 from pages import DOCS, printed, run
 
 from mapmore_cli.domain.arrays import Array
+from mapmore_cli.modelling import literature
 
 FIGURES = DOCS / "figures"
 EVERY = 10
@@ -52,22 +52,17 @@ Line = tuple[str, str, Array, Array]
 # Biological muscle
 # --------------------------------------------------------------------------------------------------
 
-WIDTH, STIFFNESS, ECCENTRIC, CURVATURE, FASTEST = 0.56, math.log(0.05), 1.5, 5.0, -12.0
-"""w, c, N, kappa, v_max (optimal lengths per second) of Geyer, Seyfarth and Blickhan 2003, table 1;
-H does not print its own.
+BIOLOGICAL = {"F_max": 1.0, "l_opt": 1.0, "w": 0.56, "v_max": 12.0, "kappa": 5.0, "N": 1.5}
+"""Of H's eq 1-3 at full activation, lengths as shares of the optimal one: Geyer, Seyfarth and
+Blickhan 2003, table 1; H does not print its own.
 """
 
 
-def biological_length(share: Array) -> Array:
-    """H eq 2, `exp(c |(l - l_opt)/(l_opt w)|^3)`, at lengths as shares of the optimal one."""
-    return np.asarray(np.exp(STIFFNESS * np.abs((share - 1.0) / WIDTH) ** 3))
-
-
-def biological_velocity(v: Array) -> Array:
-    """H eq 3 at velocities in optimal lengths per second, shortening negative."""
-    shortening = (FASTEST - v) / (FASTEST + CURVATURE * v)
-    lengthening = ECCENTRIC + (ECCENTRIC - 1.0) * (FASTEST + v) / (7.56 * CURVATURE * v - FASTEST)
-    return np.where(v < 0.0, shortening, lengthening)
+def biological(share: Array | float, v: Array | float) -> Array:
+    """H eq 1-3 over lengths and velocities in optimal lengths (per second), shortening positive."""
+    share, v = np.broadcast_arrays(share, v)
+    columns = {"pressure": np.ones_like(v), "length": share, "velocity": v}
+    return literature.get("hill").predict(BIOLOGICAL, columns)
 
 
 def curves(runs: Path) -> Iterator[Line]:
@@ -80,13 +75,13 @@ def curves(runs: Path) -> Iterator[Line]:
     }
     share = np.linspace(0.0, 1.0, 101)
     longest, fastest = 0.03, 0.2
-    yield "length", "biological", share, biological_length(share)
+    yield "length", "biological", share, biological(share, 0.0)
     for label, p in (("H, 16 cm", said), ("simulated, 16 cm", dict(fit))):
         x = longest * share
         active = 1 + p["a0"] * x + p["a1"] * x**2 + p["a2"] * x**3
         yield "length", label, share, active / active.max()
     v = np.linspace(-1.0, 1.0, 201)
-    force = biological_velocity(v * -FASTEST)
+    force = biological(1.0, -v * BIOLOGICAL["v_max"])
     yield "velocity", "biological", v, force / force.max()
     for label, p in (("H, 16 cm", said), ("simulated, 16 cm", dict(fit))):
         force = 1 - p["b0"] * fastest * v  # H's velocity is positive in shortening

@@ -12,6 +12,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from functools import cache, partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from actuator_joint import chained, turned
@@ -29,6 +30,7 @@ from mapmore_cli.annexes.rig.static_muscles import McKibben
 from mapmore_cli.domain.arrays import Array, Columns
 from mapmore_cli.modelling import literature
 from mapmore_cli.modelling.kinds import predict
+from mapmore_cli.modelling.tendon.model import muscle_columns, solve
 from mapmore_cli.reporting.table import Cell, Table
 from mapmore_cli.spec.loader import load_as
 
@@ -38,40 +40,13 @@ DATASETS = DOCS.parent / "datasets"
 # H
 # --------------------------------------------------------------------------------------------------
 
-TENDON = 10_000.0
-"""N/m, of datasets/muscle-like/tendon.yaml; the tendon carries 10 N where the length is zero."""
+TENDON, AT_ZERO = 10_000.0, 10.0
+"""Of datasets/muscle-like/tendon.yaml: N/m, and the N that the tendon carries where the length is
+zero.
+"""
 
 Predict = Callable[[Columns], Array]
 """Force of a muscle, N, `(n,)`."""
-
-
-def of_the_muscle(columns: Columns, force: Array, stiffness: float) -> Columns:
-    """Return the columns with length and velocity of the muscle in the place of those of both: `l -
-    (F - 10)/k`, `v + F'/k`.
-    """
-    length = columns["length"] - (force - 10.0) / stiffness
-    return {
-        **columns,
-        "length": length,
-        "velocity": columns["velocity"] + np.gradient(force, columns["time"]) / stiffness,
-    }
-
-
-def behind_tendon(columns: Columns, predicted: Predict, stiffness: float) -> Array:
-    """Return a muscle's force behind a tendon, N, `(n,)`, which makes its length: `F = f(P, l - (F
-    - 10)/k, v + F'/k)`.
-
-    Half Newton steps by the slope along the length; the rate of the force is that of the step
-    before.
-    """
-    force, further = np.full(len(columns["length"]), 10.0), 1e-6
-    for _ in range(30):
-        own = of_the_muscle(columns, force, stiffness)
-        here, there = (
-            predicted({**own, "length": own["length"] + more}) for more in (0.0, further)
-        )
-        force = force + 0.5 * (here - force) / (1.0 + (there - here) / further / stiffness)
-    return force
 
 
 def tendon_found(study: str, runs: Path, identified: Callable[[float], Predict]) -> float:
@@ -83,7 +58,7 @@ def tendon_found(study: str, runs: Path, identified: Callable[[float], Predict])
     def error(power: float) -> float:
         muscle = identified(10.0**power)
         found = [
-            (behind_tendon(one.columns, muscle, 10.0**power) - one.columns["force"])[one.training]
+            (solve(muscle, one.columns, 10.0**power, AT_ZERO) - one.columns["force"])[one.training]
             for one in curves
         ]
         return float(np.sum(np.concatenate(found) ** 2))
@@ -99,7 +74,7 @@ def muscle_behind(study: str, runs: Path, stiffness: float) -> Predict:
     measured force and a tendon's stiffness.
     """
     curves = run(f"muscle-like/{study}", runs).dataset().curves
-    own = [of_the_muscle(one.columns, one.columns["force"], stiffness) for one in curves]
+    own = [muscle_columns(one.columns, one.columns["force"], stiffness, AT_ZERO) for one in curves]
     columns = {
         name: np.concatenate([x[name][one.training] for x, one in zip(own, curves, strict=True)])
         for name in own[0]
@@ -139,7 +114,7 @@ def outlook(runs: Path) -> Table:
         for one in (lambda _stiffness: before, partial(muscle_behind, tendon, runs))
     )
     known, found, together = (
-        partial(behind_tendon, predicted=muscle, stiffness=stiffness)
+        partial(solve, muscle, stiffness=stiffness, at_zero=AT_ZERO)
         for muscle, stiffness in (
             (before, TENDON),
             (before, alone),
@@ -269,7 +244,7 @@ def regulators(_runs: Path) -> Table:
         / "regulator_only"
     )
     known = {"time": {"unit": "s"}, "command": {"unit": "kPa"}, "pressure": {"unit": "kPa"}}
-    settings = {
+    settings: dict[str, Any] = {
         "dictionary": [{"slow": {"of": ["command"]}}],
         "resample": "10 ms",
         "split": {"validate": {"last": 0.5}},

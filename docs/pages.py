@@ -19,6 +19,7 @@ from pathlib import Path
 import numpy as np
 
 from mapmore_cli.annexes.campaigns.page import scores_of
+from mapmore_cli.annexes.paper.paper import PUBLISHED
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.scores import OWN, Score
 from mapmore_cli.pipeline.jobs import Finished, Job, run_one
@@ -31,7 +32,6 @@ from mapmore_cli.storage.run_folder import RunFiles
 
 DOCS = Path(__file__).parent
 CONFIGS = DOCS.parent / "configs"
-PUBLISHED = DOCS.parent / "datasets" / "published"
 
 
 def finished(entry: Entry, runs: Path) -> Finished:
@@ -169,7 +169,7 @@ def in_full(text: str, page: str) -> str:
         headings, *rows = read_rows(Path(page), match[2])
         table = Table(match[2], "", tuple(map(Column, headings)), tuple(map(tuple, rows)))
         shown = to_markdown(table, str).replace("****\n\n", "")
-        head, tail = '<details markdown="1"><summary>', f"</summary>\n\n{shown}\n[CSV]"
+        head, tail = '<details markdown="1" open><summary>', f"</summary>\n\n{shown}\n[CSV]"
         return re.sub(
             r"\[(All \d+ rows)\](\(.*?\))",
             lambda link: f"{head}{link[1]}{tail}{link[2]}\n\n</details>\n",

@@ -13,9 +13,19 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from mapmore_cli.api import FROLS, fit, load_model, run
+    from mapmore_cli.api import FROLS, Fitted, Run, Scores, example, fit, load_model, run
 
-__all__ = ["FROLS", "__version__", "fit", "load_model", "run"]
+__all__ = [
+    "FROLS",
+    "Fitted",
+    "Run",
+    "Scores",
+    "__version__",
+    "example",
+    "fit",
+    "load_model",
+    "run",
+]
 
 __version__ = "1.0.0"
 
@@ -27,3 +37,8 @@ def __getattr__(name: str) -> Any:
     if name not in __all__:
         raise AttributeError(f"module 'mapmore_cli' has no attribute '{name}'")
     return getattr(import_module("mapmore_cli.api"), name)
+
+
+def __dir__() -> list[str]:
+    """Return what the interface offers, loaded or not."""
+    return __all__

@@ -57,6 +57,19 @@ def rows_of(text, last=str):
     return [(*cells, last(cell)) for *cells, cell in rows]
 
 
+NO_NETWORK = """
+import sys
+
+def refuse(event, arguments):
+    if event in ("socket.connect", "socket.bind", "socket.getaddrinfo", "socket.gethostbyname",
+        "socket.sendto"):
+        raise RuntimeError(f"{event} {arguments}")
+
+sys.addaudithook(refuse)
+"""
+"""What a process runs first that may open no connection (`sitecustomize.py`)."""
+
+
 def process(*command, env=None, **options):
     """What a process of its own did and told; `env` is added to the variables."""
     return subprocess.run(

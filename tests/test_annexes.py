@@ -30,6 +30,9 @@ KEYS = {
 def example(tmp_path_factory):
     folder = tmp_path_factory.mktemp("example") / "example"
     write_example(folder, lambda *_: None)
+    first, _, _ = (folder / "study.yaml").read_text().partition("\n")
+    assert first == "# yaml-language-server: $schema=mapmore.schema.json"
+    assert (folder / "mapmore.schema.json").is_file()
     return folder
 
 
@@ -66,32 +69,3 @@ def test_an_annex_can_be_removed(annex, example, tmp_path):
         missing = run("run", "other.yaml", "-q")
         assert missing.returncode in (2, 3)
         assert f"`{name}` is not installed" in missing.stderr
-
-
-PLUG_IN = """
-import typer
-
-def hello() -> None:
-    "Greet."
-    typer.echo("hello from elsewhere")
-"""
-
-
-def test_somebody_elses_package_adds_a_command(tmp_path):
-    """One that cannot be imported is listed, says why when it is asked for, and harms nothing."""
-    (tmp_path / "elsewhere.py").write_text(PLUG_IN)
-    about = tmp_path / "elsewhere-1.0.dist-info"
-    about.mkdir()
-    (about / "METADATA").write_text("Metadata-Version: 2.1\nName: elsewhere\nVersion: 1.0\n")
-    (tmp_path / "faulty.py").write_text("1/0\n")
-    points = ("hello = elsewhere:hello", "broken = elsewhere:absent")
-    kinds = ("[mapmore.kinds]", "faulty = faulty:KIND")
-    lines = ["[mapmore.commands]", *points, *kinds]
-    (about / "entry_points.txt").write_text("\n".join(lines) + "\n")
-    run = partial(mapmore, env={"PYTHONPATH": str(tmp_path)}, timeout=60)
-    assert run("hello").stdout == "hello from elsewhere\n"
-    assert "hello" in run("--help").stdout
-    broken = run("broken")
-    assert broken.returncode == 2
-    assert "elsewhere:absent" in broken.stderr
-    assert run("schema").returncode == 0

@@ -16,6 +16,8 @@ import numpy as np
 import pytest
 from common import process
 
+from mapmore_cli.api import Fitted
+
 ROOT = Path(__file__).resolve().parents[1]
 GALLERY = ROOT / "docs" / "gallery"
 QUICK = ("first_model", "terms_by_ratio", "delays")
@@ -30,9 +32,38 @@ SCRIPTS = [path.stem for path in sorted(GALLERY.glob("*.py")) if path.stem != "m
 def test_an_example_makes_its_picture(name, tmp_path, monkeypatch):
     monkeypatch.syspath_prepend(str(GALLERY))
     monkeypatch.setattr(sys, "argv", [name, str(tmp_path / "picture.svg")])
-    runpy.run_path(str(GALLERY / f"{name}.py"))
+    made = runpy.run_path(str(GALLERY / f"{name}.py"))
     plt.close("all")
     assert "<svg" in (tmp_path / "picture.svg").read_text()
+    for model in made.values():
+        if isinstance(model, Fitted):
+            errors = held_out(model.scores)
+            assert not errors or errors["mapmore"] == min(errors.values())
+
+
+def held_out(scores):
+    """Errors on the held-out data by model, pooled."""
+    return {
+        row["model"]: row["nrmse"]
+        for row in scores
+        if (row["split"], row["curve"]) == ("validate", "all")
+    }
+
+
+def test_zones_close_the_jump_between_pieces_and_words_say_how_they_go_on(tmp_path, monkeypatch):
+    """What the figure of README shows."""
+    monkeypatch.syspath_prepend(str(GALLERY))
+    monkeypatch.setattr(sys, "argv", ["joined", str(tmp_path / "picture.svg")])
+    made = runpy.run_path(str(GALLERY / "how_pieces_join.py"))
+    plt.close("all")
+    jumps = [np.abs(np.diff(force, 2)).max() for force in made["zones"].values()]
+    assert jumps[0] > 5 * jumps[1] > 5 * jumps[2]
+    beyond = {word: force[[0, -1]] for word, force in made["beyond"].items()}
+    inside = [made["beyond"]["saturate"][k] for k in (60, 460)]
+    np.testing.assert_allclose(beyond["saturate"], inside)
+    np.testing.assert_array_equal(beyond["zero"], 0)
+    assert beyond["continue"][0] > inside[0] > inside[1] > beyond["continue"][1]
+    assert (ROOT / "docs" / "figures" / "joining.svg").is_file()
 
 
 def test_the_notebook_goes_from_a_frame_to_an_exported_table(
@@ -53,9 +84,7 @@ def test_the_notebook_goes_from_a_frame_to_an_exported_table(
     assert sum(bool(cell.get("outputs")) for cell in cells) >= 6
     assert names["within"].mean() > 0.5
     assert 0 < names["difference"] < 0.005 * np.ptp(names["predicted"])
-    by_model = {
-        row["model"]: row["nrmse"] for row in names["model"].scores if row["split"] == "validate"
-    }
+    by_model = held_out(names["model"].scores)
     assert by_model["mapmore"] == min(by_model.values()) < 0.015
 
 

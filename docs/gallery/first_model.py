@@ -1,4 +1,6 @@
-"""A model of arrays: fit, scores, picture."""
+"""A model of arrays: fit, scores, picture. Two terms in each of four segments err half as much as a
+cubic of both inputs.
+"""
 
 from muscle import STUDY, recording, save
 

@@ -5,6 +5,7 @@ a fixed seed.
 from __future__ import annotations
 
 import sys
+from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure, SubFigure
@@ -32,11 +33,12 @@ def recording(
     return {"pressure": pressure, "strain": strain, "force": measured}
 
 
-STUDY = {
+STUDY: dict[str, Any] = {
     "target": "static",
     "levels": {"of": "pressure", "at": "auto"},
     "segment": {"strain": {"method": "even", "count": 4}},
     "dictionary": [{"polynomial": {"of": ["strain"], "order": 4}}],
+    "fit": {"max_terms": 2},
 }
 
 

@@ -61,6 +61,14 @@ def commands() -> str:
     return text
 
 
+def on_config(config: Any) -> Any:
+    """Show the version in the head of every page."""
+    from mapmore_cli import __version__
+
+    config.site_name = f"mapmore {__version__}"
+    return config
+
+
 def on_files(files: Any, config: Any) -> Any:
     """Add a page and a picture for every example, and the page that shows all of them."""
     from mkdocs.structure.files import File

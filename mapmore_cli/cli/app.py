@@ -9,6 +9,7 @@ from __future__ import annotations
 import io
 import os
 import sys
+import warnings
 from collections.abc import Iterator, Mapping
 from importlib import import_module
 from typing import Annotated, Any, cast
@@ -25,6 +26,7 @@ MODULES = {
     **dict.fromkeys(("freeze", "compare"), "compare"),
     **dict.fromkeys(("figure", "show", "schema"), "files"),
     "check": "check",
+    "clean": "clean",
 }
 """The module of `cli/` that has the function of each command, which bears its name. Others add
 themselves (`domain.plugins`).
@@ -33,7 +35,7 @@ themselves (`domain.plugins`).
 ORDER = (
     *("ingest", "segment", "fit", "fuse", "validate", "report", "run", "batch", "tune", "plan"),
     *("predict", "adapt", "invert", "freeze", "compare", "export", "figure", "paper", "simulate"),
-    *("show", "init", "example", "check", "schema"),
+    *("show", "clean", "init", "example", "check", "schema"),
 )
 """The order of the work, in which `--help` lists what there is."""
 
@@ -178,8 +180,19 @@ def _common(
     """
 
 
+def _show_warning(message: Warning | str, category: type[Warning], *place: Any) -> None:
+    """Say which plug-in is left out as other warnings are said; others, which are for us, as Python
+    says them.
+    """
+    if not issubclass(category, plugins.PluginLeftOut):
+        sys.stderr.write(warnings.formatwarning(message, category, *place[:2]))
+    elif not {"-q", "--quiet"} & {*sys.argv}:
+        print(f"warning: {message}", file=sys.stderr)
+
+
 def main() -> None:
     """Run the installed command and of `python -m mapmore_cli`."""
+    warnings.showwarning = _show_warning  # type: ignore[assignment]
     # a terminal without ² and – still shows the table
     cast(io.TextIOWrapper, sys.stdout).reconfigure(errors="replace")
     try:

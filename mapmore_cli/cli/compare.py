@@ -2,20 +2,23 @@
 
 from __future__ import annotations
 
-from pathlib import Path
+from collections.abc import Sequence
+from pathlib import Path, PurePosixPath
 from typing import Annotated
 
 import typer
 
 from mapmore_cli.cli import console
-from mapmore_cli.domain.errors import DataError, LimitMissed, UsageError
+from mapmore_cli.cli.progress import Reporter
+from mapmore_cli.domain.errors import LimitMissed, UsageError
 
 
 def compare(
     models: Annotated[
         list[str],
         typer.Argument(
-            metavar="BEFORE AFTER...", help="Runs, tags (2026-spring, NAME@TAG) or model files."
+            metavar="BEFORE AFTER...",
+            help="Runs, campaigns, tags (2026-spring, NAME@TAG) or model files.",
         ),
     ],
     margin: Annotated[
@@ -24,6 +27,12 @@ def compare(
             "--margin", metavar="SHARE", min=0.0, help="Relative change that is of no interest."
         ),
     ] = 0.01,
+    other_settings: Annotated[
+        bool,
+        typer.Option(
+            "--allow-other-settings", help="Compare although the models were made otherwise."
+        ),
+    ] = False,
     fail_on: Annotated[
         str | None,
         typer.Option(
@@ -44,12 +53,12 @@ def compare(
 ) -> None:
     """Say whether a muscle has changed.
 
-    The first model is compared with each of the others, which come in the order of time.
+    The first model is compared with each of the others, which come in the order of time. Two
+    campaigns are compared run by run. Models that were made by other settings are refused; of the
+    same recordings, a difference is that of the settings.
     """
-    from mapmore_cli.cli.compared import of_comparisons
-    from mapmore_cli.modelling.validation import comparison
-    from mapmore_cli.pipeline.archive import find_model
-    from mapmore_cli.storage.artefacts import read_model
+    from mapmore_cli.cli.compared import of_campaigns, of_comparisons
+    from mapmore_cli.pipeline.archive import compared, find_campaign, find_model
 
     if len(models) < 2:
         raise UsageError(
@@ -60,29 +69,43 @@ def compare(
     console.refuse_endings(
         [figure] if figure else [], console.FIGURE_FILES, "no figure of the drift ends so"
     )
-    found = [read_model(find_model(text, runs, archive)) for text in models]
-    try:
-        results = [comparison.compare(found[0], later, margin) for later in found[1:]]
-    except ValueError as fault:
-        remedy = "compare models of the same quantities that have curves in common"
-        raise DataError(f"{models[0]}, {models[-1]}: {fault}", remedy) from fault
-    if figure is not None:
-        from mapmore_cli.reporting.figures.commands import drift_drawing
+    campaigns = [find_campaign(text, runs, archive) for text in models]
+    if any(campaigns):
+        if len(models) != 2 or not all(campaigns) or figure is not None:
+            raise UsageError(
+                f"{', '.join(models)}: campaigns are compared two at a time, without a figure",
+                "name two campaigns, as `mapmore compare muscles@spring muscles`",
+            )
+        before, after = (one or {} for one in campaigns)
+        results = {
+            name: compared(before[name], after[name], margin, other_settings)
+            for name in before
+            if name in after
+        }
+        view = of_campaigns(models, results)
+    else:
+        found = [find_model(text, runs, archive) for text in models]
+        later = [compared(found[0], one, margin, other_settings) for one in found[1:]]
+        results, view = {models[-1]: later[-1]}, of_comparisons(models, later)
+        if figure is not None:
+            _draw(models, found, figure)
+    console.print_view(view, as_json)
+    for name, one in results.items():
+        if one.changed if limit is None and fail_on else one.moved(limit):
+            raise LimitMissed(
+                f"{name}: force is {one.ratio:.4g} times that of {models[0]}",
+                "see the tables; --fail-on sets the limit",
+            )
 
-        console.write_figure(
-            figure, drift_drawing(models, comparison.reference_points(found), found[0].output)
-        )
-    console.print_view(of_comparisons(models, results), as_json)
-    last = results[-1]
-    if (
-        last.changed
-        if limit is None and fail_on
-        else limit is not None and abs(last.ratio - 1) > limit
-    ):
-        raise LimitMissed(
-            f"{models[-1]}: force is {last.ratio:.4g} times that of {models[0]}",
-            "see the tables; --fail-on sets the limit",
-        )
+
+def _draw(names: Sequence[str], models: Sequence[Path], figure: Path) -> None:
+    """Draw the drift over all models."""
+    from mapmore_cli.modelling.validation.comparison import reference_points
+    from mapmore_cli.reporting.figures.commands import drift_drawing
+    from mapmore_cli.storage.artefacts import read_model
+
+    read = [read_model(model) for model in models]
+    console.write_figure(figure, drift_drawing(names, reference_points(read), read[0].output))
 
 
 def _limit(fail_on: str | None) -> float | None:
@@ -104,18 +127,32 @@ def _limit(fail_on: str | None) -> float | None:
 
 
 def freeze(
-    run: console.RunOrName,
+    run: Annotated[
+        Path, typer.Argument(metavar="RUN", help="A run or a campaign: its folder, or its name.")
+    ],
     tag: Annotated[
         str,
         typer.Option("--tag", metavar="TAG", help="What this campaign is called, as 2026-spring."),
     ],
     archive: console.Archive = console.ARCHIVE,
     runs: console.Runs = console.RUNS,
+    quiet: console.Quiet = False,
 ) -> None:
-    """Keep the model of a run under a tag.
+    """Keep the model of a run, or those of a campaign, under a tag.
 
     Its scores, spec and hashes go with it, to ARCHIVE/NAME@TAG, where no later run writes.
     """
     from mapmore_cli.pipeline import archive as frozen
 
-    print(frozen.freeze(run if run.is_dir() else runs / run, tag, archive))
+    folder = run if run.is_dir() else runs / run
+    with Reporter(quiet) as reporter:
+        for name in frozen.runs_of(folder) or [folder.name]:
+            place = frozen.freeze(folder.parent / name, tag, archive)
+            print(place)
+            spec, settings = frozen.made_from(place)
+            reporter.say(f"{place.name}: made from {PurePosixPath(spec).name or 'no known spec'}")
+            if settings:
+                reporter.warn(
+                    f"{place.name}: the spec alone makes another model: this one was made with "
+                    f"{' '.join(f'--set {one}' for one in settings)}"
+                )

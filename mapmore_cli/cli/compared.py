@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Mapping, Sequence
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
@@ -47,8 +48,19 @@ def of_comparisons(names: Sequence[str], results: Sequence[Comparison]) -> View:
 
 ANSWER = (
     *("answer", "changed", "ratio", "interval", "interval_90=narrow"),
-    *("resolution", "p", "p_permutation"),
+    *("resolution", "p", "p_permutation", "settings", "same_recordings"),
 )
+
+
+def of_campaigns(names: Sequence[str], results: Mapping[str, Comparison]) -> View:
+    """Return every run of two campaigns against its earlier self."""
+    runs = [{"run": run, **picked(one, *ANSWER)} for run, one in results.items()]
+    counts = Counter(one.answer for one in results.values())
+    told = ", ".join(f"{count} {answer}" for answer, count in sorted(counts.items()))
+    lines = [f"{run}: {line}" for run, one in results.items() for line in _of_settings(one)]
+    table = drift_table([names[0], *results], [*results.values()])
+    document = {"before": names[0], "after": names[1], "runs": runs}
+    return View(document, (table,), (f"{len(results)} runs: {told}.", *lines))
 
 
 def _verdict(before: str, after: str, comparison: Comparison) -> str:
@@ -59,6 +71,11 @@ def _verdict(before: str, after: str, comparison: Comparison) -> str:
         f"force is {comparison.ratio:.4f} times that of {before} (95 % interval {low:.4f} to "
         f"{high:.4f}, {len(comparison.curves)} curves)"
     )
+    if comparison.same_recordings:
+        return (
+            f"{after} is made of the same recordings as {before}: what differs is the settings', "
+            f"and not the muscle's: {size}."
+        )
     if comparison.answer == "changed":
         largest = comparison.by_effect[0]
         place = ", ".join(f"{name} {value:.4g}" for name, value in largest.place.items())
@@ -82,7 +99,7 @@ def _verdict(before: str, after: str, comparison: Comparison) -> str:
 def _cautions(comparison: Comparison) -> list[str]:
     """Return what the reader has to know of the interval."""
     heaviest = max(comparison.curves, key=lambda curve: curve.weight)
-    notes = []
+    notes = list(_of_settings(comparison))
     if heaviest.weight > ONE_CURVE:
         share = f"{100 * heaviest.weight:.0f} % of the weight"
         notes.append(
@@ -93,6 +110,12 @@ def _cautions(comparison: Comparison) -> list[str]:
             "The levels of the two differ: one of them is interpolated between its curves."
         )
     return notes
+
+
+def _of_settings(comparison: Comparison) -> Iterator[str]:
+    """Yield what differs in how the two models were made."""
+    if comparison.settings:
+        yield f"The settings differ: {'; '.join(comparison.settings)}."
 
 
 def of_tuning(tuning: Tuning) -> View:

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from mapmore_cli.domain import plugins
 from mapmore_cli.domain.errors import (
     LimitMissed,
     MapmoreError,
@@ -295,7 +296,13 @@ def message(error: BaseException) -> str:
     error = explained(error)
     if isinstance(error, KeyboardInterrupt):
         return str(error) or "interrupted"
-    return f"error: {told(error)}" if isinstance(error, MapmoreError) else told(error)
+    if isinstance(error, MapmoreError):
+        return f"error: {told(error)}"
+    package = plugins.blamed(error)
+    if package is not None:
+        fault = f"{type(error).__name__}: {error}"
+        return f"error: the plug-in {package} failed: {fault}\n  ask its authors, or uninstall it"
+    return told(error)
 
 
 def _silence_stdout() -> None:

@@ -57,11 +57,21 @@ def figure(
     run: console.RunOrName,
     name: Annotated[str, typer.Argument(metavar="FIGURE", help=f"One of {', '.join(FIGURES)}.")],
     out: Annotated[
-        Path,
+        Path | None,
         typer.Option(
-            "--out", "-o", metavar="FILE", help=f"Where to: .{', .'.join(console.FIGURE_FILES)}."
+            "--out",
+            "-o",
+            metavar="FILE",
+            help=f"Where to: .{', .'.join(console.FIGURE_FILES)}. Default: FIGURE.FORMAT.",
         ),
-    ],
+    ] = None,
+    form: Annotated[
+        Literal["svg", "pdf", "png", "pgf"],
+        typer.Option("--format", help="What to write where --out does not say it."),
+    ] = "svg",
+    width: Annotated[
+        str | None, typer.Option(metavar="WIDTH", help="Of all of it, or of the panel, as 85mm.")
+    ] = None,
     curve: Annotated[
         str | None,
         typer.Option(
@@ -97,7 +107,9 @@ def figure(
     """
     from mapmore_cli.pipeline.report import drawn_figure
 
+    out = out or Path(f"{name}.{form}")
     suffix = out.suffix.removeprefix(".")
+    looks = [*looks, *([f"report.style.width={width}"] if width else [])]
     if name not in FIGURES:
         raise UsageError(f"there is no figure {name!r}", f"choose one of {', '.join(FIGURES)}")
     console.refuse_endings(

@@ -161,7 +161,7 @@ def _bring_up_to_date(
     missed.
     """
     from mapmore_cli.cli.compared import search_document
-    from mapmore_cli.cli.views import of_scores, of_stage, page_lines
+    from mapmore_cli.cli.views import of_scores, of_stage, page_lines, verdict_lines
     from mapmore_cli.pipeline.jobs import Finished
     from mapmore_cli.pipeline.runner import bring_up_to_date
     from mapmore_cli.storage.run_folder import RunFiles
@@ -208,7 +208,8 @@ def _bring_up_to_date(
         return
     scores = of_scores(finished.table, finished.published)
     told = {"missed": finished.missed, "warnings": finished.warnings, "unconfirmed": questions}
-    lines = page_lines(outcome.run_dir) if command == "run" else ()
+    done = outcome.run_dir
+    lines = (*verdict_lines(done), *page_lines(done)) if command == "run" else ()
     console.print_view(
         console.View({**head, **scores.document, **told}, scores.tables, lines), as_json
     )

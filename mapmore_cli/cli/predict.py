@@ -209,8 +209,8 @@ def invert(
 ) -> None:
     """Find the input for a wanted output.
 
-    <input>_found, <input>_solutions (all of them) and <input>_status (none, one, several or flat)
-    are added, row for row.
+    <input>_found, <input>_solutions (all of them) and <input>_status (none, one, several or flat;
+    unique of a model with `fit.shape` along the input) are added, row for row.
 
     Solutions are looked for within the training range. A flat one fills a range, as where a muscle
     is slack: its low end counts.

@@ -13,21 +13,30 @@ from typing import TYPE_CHECKING, Any
 from mapmore_cli.cli.console import View, picked
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.models import Formula, Memory, Pieces
-from mapmore_cli.domain.scores import RUN_PAGE
+from mapmore_cli.domain.scores import OWN, RUN_PAGE
 from mapmore_cli.modelling.kinds import page_of
 from mapmore_cli.reporting import memory_tables
-from mapmore_cli.reporting.score_tables import curve_scores_table, score_table
+from mapmore_cli.reporting.score_tables import (
+    curve_scores_table,
+    pieces_sentence,
+    score_table,
+    verdict_sentence,
+)
 from mapmore_cli.reporting.table import Cell, Table
 from mapmore_cli.reporting.tables import (
     FROM_TO,
+    coefficients_table,
     levels_table,
+    limits_tables,
+    outliers_table,
+    pieces_table,
     recordings_table,
     rival_minima,
     segment_ends,
     terms_table,
 )
 from mapmore_cli.storage import artefacts
-from mapmore_cli.storage.run_folder import RESULTS
+from mapmore_cli.storage.run_folder import RESULTS, RunFiles
 from mapmore_cli.storage.run_record import load_records, score_row, scores_in, stale_stages
 
 if TYPE_CHECKING:
@@ -93,6 +102,17 @@ def _stale(run_dir: Path) -> dict[str, str]:
     }
 
 
+def verdict_lines(run_dir: Path) -> tuple[str, ...]:
+    """Compare the model of a run with its competitors, and its pieces with their backbone."""
+    files = RunFiles(run_dir)
+    table, data, body = files.scores(), files.dataset(), files.model().body
+    target = data.quantities[data.target]
+    verdict = verdict_sentence(table.scores, OWN, target, table.failed)
+    formula = body.backbone if isinstance(body, Pieces) else None
+    pieces = "" if formula is None else pieces_sentence(table.scores, OWN, formula.name)
+    return tuple(filter(None, (verdict, pieces)))
+
+
 def page_lines(run_dir: Path) -> tuple[str, ...]:
     """Where the page is, for people; nothing where the spec asks for none."""
     page = run_dir / RUN_PAGE
@@ -156,8 +176,10 @@ def _of_validation(validation: Validation) -> View:
     lines = [f"warning: {warning}" for warning in validation.warnings]
     for name, formula in validation.formulas.items():
         lines += rival_minima(name, formula)
-    more = picked(validation, "formulas", "warnings")
+    more = picked(validation, "formulas", "warnings", "outliers")
     tables = (*pooled.tables, curve_scores_table(validation.scores, validation.units))
+    if validation.outliers:
+        tables = (*tables, outliers_table(validation.outliers, *validation.units.values()))
     return View({**pooled.document, **more}, tables, tuple(lines))
 
 
@@ -218,7 +240,7 @@ def _of_fit(result: FitResult) -> View:
         **picked(result, "backbone=formula", "notes"),
     }
     if result.pieces:
-        tables.append(terms_table(result))
+        tables += [terms_table(result), coefficients_table(result, "target")]
     if memory is not None:
         document["memory"] = {
             **asdict(memory.model),
@@ -228,8 +250,9 @@ def _of_fit(result: FitResult) -> View:
         found = (
             memory_tables.identified_table(memory),
             memory_tables.sizes_table(memory),
+            memory_tables.states_table(memory.model.states),
         )
-        tables += [table for table in found if table.rows] + _memory_tables(memory.model)
+        tables += [table for table in found if table.rows]
     if page is not None:
         own, own_tables = page.show_fit(result.body)
         document |= own
@@ -273,16 +296,6 @@ def _memory_tables(memory: MemoryModel) -> list[Table]:
     return [coefficients, states] if states.rows else [coefficients]
 
 
-def _memory_line(memory: MemoryModel) -> str:
-    """How the model is run."""
-    from mapmore_cli.modelling.memory.feedback import fed_back_states
-
-    most = max(fed_back_states(memory.states, memory.output).values(), default=0)
-    first = f"the first {most} measured samples" if most > 1 else "the first measured sample"
-    start = f"from {first} of {memory.output}" if most else f"without measured {memory.output}"
-    return f"Runs free {start}, at steps of {memory.states.step:.6g} s."
-
-
 # Models
 # --------------------------------------------------------------------------------------------------
 
@@ -291,17 +304,16 @@ def _of_model(model: Model) -> View:
     """Return the inputs, what the kind has to show, and the equations; weights, limits and
     equations are in physical units.
     """
-    from mapmore_cli.modelling.kinds import equations
+    from mapmore_cli.modelling.kinds import equations, rules
 
     lines = equations(model)
     names = [f"{quantity.name} [{quantity.unit}]" for quantity in model.inputs]
     inputs = ", ".join(names) or "its own past"
     title = f"{model.name}: {model.output.name} [{model.output.unit}] from {inputs}"
-    rows = [(one.id, one.text) for one in lines]
-    table = Table.of("equations", title, ("piece", "equation"), rows)
     view = _view_of(model)
-    document = {**view.document, "equations": lines}
-    return View(document, (table, *view.tables), (*view.lines, *model.notes))
+    document = {**view.document, "equations": lines, "rules": rules(model)}
+    tables = (pieces_table(lines, title), *limits_tables(model), *view.tables)
+    return View(document, tables, (*rules(model), *view.lines, *model.notes))
 
 
 def _view_of(model: Model) -> View:
@@ -321,12 +333,11 @@ def _view_of(model: Model) -> View:
                 "segments": [_segment(segment, segment) for segment in body.segments],
                 "weights": _weights_document(body),
             }
-            lines = (_fusion_line(body),)
         case Formula():
             document, lines = picked(body, "level", "formula=fit"), _formula_lines(body.fit)
         case Memory():
             document = picked(body, "memory=model", "backbone")
-            tables, lines = _memory_tables(body.model), (_memory_line(body.model),)
+            tables = _memory_tables(body.model)
         case _ if kind.page is not None:
             document, tables, lines = kind.page.show(model, _view_of)
         case _:
@@ -359,19 +370,6 @@ def _weights_document(pieces: Pieces) -> dict[str, Any]:
         "levels": [curve.level for curve in pieces.curves if curve.level is not None],
         "curves": curves,
     }
-
-
-def _fusion_line(pieces: Pieces) -> str:
-    fusion = pieces.fusion
-    sides = "; ".join(
-        f"{name}: {below} below, {above} above"
-        for name, (below, above) in fusion.extrapolation.items()
-    )
-    carried = f", {fusion.shrink:.0%} of the residual midway" if fusion.shrink < 1 else ""
-    return (
-        f"Transition: {fusion.transition}, z_s = {fusion.z_s:g}. Between levels: {fusion.levels}"
-        f"{carried}. Extrapolation: {sides}."
-    )
 
 
 VIEWS: dict[str, Callable[[Any], View]] = {

@@ -256,10 +256,11 @@ Label = Annotated[
 @dataclass(frozen=True)
 class InUnit:
     """Marks a number that may be written with a unit; `unit` says which one it is converted to,
-    given the place of the number (`spec.fields.Place`).
+    given the place of the number (`spec.fields.Place`), and `words` say it to a reader.
     """
 
     unit: Callable[[Any], str | None]
+    words: str
 
     def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
         """Return the number's schema, and the conversion before it."""
@@ -270,20 +271,28 @@ class InUnit:
 
     def __get_pydantic_json_schema__(self, schema: Any, handler: Any) -> Any:
         """Return the schema of a number, or of text that starts with one (or with a variable)."""
-        return {"anyOf": [handler(schema), {"type": "string", "pattern": r"^\s*[-+]?[0-9.]|\$\{"}]}
+        written = {"type": "string", "pattern": r"^\s*[-+]?[0-9.]|\$\{"}
+        return {"anyOf": [handler(schema), written], "unit": self.words}
+
+
+def always_in(unit: str) -> InUnit:
+    """Mark a number in a unit that is always the same."""
+    return InUnit(lambda _: unit, unit)
 
 
 def of_sibling(name: str) -> InUnit:
     """Mark a number in the unit of the quantity that another key of the section names."""
-    return InUnit(lambda place: place.unit_of(place.siblings.get(name)))
+    return InUnit(lambda place: place.unit_of(place.siblings.get(name)), f"that of `{name}`")
 
 
 Positive = Annotated[float, Gt(0)]
 NonNegative = Annotated[float, Ge(0)]
-Seconds = Annotated[float, Gt(0), InUnit(lambda _: "s")]
-OfKey = Annotated[float, InUnit(lambda place: place.unit_of(place.quantity))]
+Seconds = Annotated[float, Gt(0), always_in("s")]
+OfKey = Annotated[
+    float, InUnit(lambda place: place.unit_of(place.quantity), "that of the quantity")
+]
 """In the unit of the quantity that the key above names."""
-OfHeld = Annotated[float, InUnit(lambda place: place.unit_of(place.level))]
+OfHeld = Annotated[float, InUnit(lambda place: place.unit_of(place.level), "that of `levels.of`")]
 """In the unit of the quantity that is constant within a curve."""
 
 
@@ -296,13 +305,25 @@ Transition = Literal["linear", "quadratic", "cubic"]
 Hold = Literal["samples", "none"]
 """Whether a segment function is held where a transition zone reaches far beyond its samples."""
 
+Word = Literal["increasing", "decreasing", "convex", "concave", "positive"]
+"""What is known of the output along an input; `positive` of the output itself."""
+
 Beyond = Literal["continue", "continue_linear", "saturate", "zero"]
 """What happens beyond a limit (M2 eq 12)."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Joining(Settings):
-    """How segment functions are joined, as the spec says it and the model keeps it (M2 eq 9-11)."""
+    """How segment functions are joined, as the spec says it and the model keeps it (M2 eq 9-11).
+
+    - `transition`: course of a weight over a transition zone (M2 figure 5), as `cubic`
+    - `z_s`: how far a transition zone reaches to each side of a boundary, as a fraction of the
+      segment, as `0.25`
+    - `levels`: interpolation between curves: by triangles (`linear`), or keeping their shape
+      (`pchip`), as `pchip`
+    - `hold`: whether a segment function is held beyond its `samples` by more than `z_s` of their
+      width; `none` is M2 eq 9-11, as `none`
+    """
 
     transition: Annotated[Transition, "`linear`, `quadratic` or `cubic`"] = "linear"
     z_s: Annotated[

@@ -82,6 +82,14 @@ class Selection:
     yy: Annotated[float, "total sum of squares, uncentred"]
     samples: Annotated[Count, "samples fitted to"]
     stop: Annotated[Label, "why selection stopped"]
+    curves: Annotated[
+        Count,
+        "curves whose residuals were summed for theta_error; 0 where residuals count as "
+        "independent",
+    ] = 0
+    scale: Annotated[
+        float, "scale of the residuals by which a robust loss weighs them; NaN for squares"
+    ] = float("nan")
     candidates: tuple[str, ...] = field(default=(), compare=False, metadata={"stored": False})
 
     @property
@@ -100,15 +108,22 @@ class Selection:
         predicted: Array = np.asarray(P, dtype=np.float64)[:, self.chosen] @ self.theta
         return predicted
 
+    @property
+    def freedom(self) -> int:
+        """Degrees of freedom of the standard errors: curves where these are summed, else
+        samples.
+        """
+        return self.curves - 1 if self.curves else self.samples - len(self.theta)
+
     def table(self) -> list[dict[str, Any]]:
         """Return a row for each term, in the order of selection: `{"term", "coefficient",
-        "standard_error", "err"}`.
+        "standard_error", "t", "err"}`; t is the coefficient in standard errors.
         """
-        columns = (self.names, self.theta.tolist(), self.theta_error.tolist(), self.err.tolist())
-        return [
-            dict(zip(("term", "coefficient", "standard_error", "err"), row, strict=True))
-            for row in zip(*columns, strict=True)
-        ]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            t = self.theta / self.theta_error
+        columns = (self.names, *map(np.ndarray.tolist, (self.theta, self.theta_error, t, self.err)))
+        keys = ("term", "coefficient", "standard_error", "t", "err")
+        return [dict(zip(keys, row, strict=True)) for row in zip(*columns, strict=True)]
 
     def __repr__(self) -> str:
         """Return the model as one reads it, with the share of `y'y` that each term explains."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Annotated, Literal
@@ -14,6 +15,7 @@ from mapmore_cli.domain.declared import (
     Label,
     QuantityName,
     TermName,
+    Word,
 )
 from mapmore_cli.domain.fits import Boundaries, FormulaFit, MemoryModel, Scaling
 from mapmore_cli.domain.recording import Quantity, Signal
@@ -218,6 +220,50 @@ class LeftOut:
 
 
 @dataclass(frozen=True)
+class KeptShape:
+    """What the output does along one input, by the word of the spec: where it decides about the
+    coefficients, and what they would do without it.
+    """
+
+    quantity: Annotated[QuantityName, "the input; of `positive` the output itself"]
+    word: Annotated[Word, "`increasing`, `decreasing`, `convex`, `concave` or `positive`"]
+    violated: Annotated[Number, "largest fall without it, or missed chord", "[target]"]
+    binds: Annotated[Ranges, "inputs where it binds, from and to; empty where it does not", "[*]"]
+
+
+@dataclass(frozen=True)
+class Shape:
+    """The shape that a model keeps over its training range, and `beyond` as a share of it, where
+    the training output stands more than the share `slack` of its range above its minimum.
+
+    Errors are root mean squares, with the shape and without.
+    """
+
+    kept: Annotated[tuple[KeptShape, ...], "what was asked"]
+    slack: Annotated[Number, "share of the range of the training output"]
+    beyond: Annotated[Number, "share of the training range of each input"]
+    training: Annotated[Number, "error on the training samples", "[target]"] = 0.0
+    held_out: Annotated[float, "error on the held-out samples; NaN without", "[target]"] = math.nan
+    training_without: Annotated[Number, "training error without it", "[target]"] = 0.0
+    held_out_without: Annotated[float, "error on them without the shape", "[target]"] = math.nan
+
+    @property
+    def monotone(self) -> frozenset[str]:
+        """Inputs along which the output rises, or falls, everywhere."""
+        return frozenset(k.quantity for k in self.kept if k.word in ("increasing", "decreasing"))
+
+    @property
+    def promise(self) -> str:
+        """What the model keeps, in one line, as headers of exports say it."""
+        words = ", ".join(
+            one.word if one.word == "positive" else f"{one.word} in {one.quantity}"
+            for one in self.kept
+        )
+        where = f"where the training output stands {self.slack:.3g} of its range above its least"
+        return f"{words} over the training range, {where}"
+
+
+@dataclass(frozen=True)
 class Model:
     """A model that predicts without any other file: what all kinds have in common, and the body of
     one kind.
@@ -234,6 +280,7 @@ class Model:
     left_out: Annotated[
         LeftOut | None, "what intervals are made of, where the spec asked for them"
     ] = None
+    shape: Annotated[Shape | None, "the shape that it keeps, where the spec asked for one"] = None
 
     @property
     def pieces(self) -> Pieces | None:
@@ -263,8 +310,16 @@ class Model:
 
 @dataclass(frozen=True)
 class Equation:
-    """One piece of a model in physical units: `id` is a segment's or a formula's."""
+    """One piece of a model in physical units.
+
+    - `id`: of a segment, or the name of a formula.
+    - `text`: a line that can be copied and computed; `latex`, `mathml`: the same, typeset, the
+      second by parts between which a line may end.
+    - `weight`: where the piece counts, and where it is held; empty where it counts everywhere.
+    """
 
     id: str
     text: str
     latex: str
+    mathml: tuple[str, ...] = ()
+    weight: str = ""

@@ -10,6 +10,7 @@ from __future__ import annotations
 import os
 import signal
 import sys
+import warnings
 from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from concurrent.futures import CancelledError, Future, ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
@@ -20,6 +21,7 @@ from typing import TYPE_CHECKING, Any, NoReturn, TypeVar
 
 from mapmore_cli.domain import THREADS
 from mapmore_cli.domain.errors import MapmoreError, WriteError
+from mapmore_cli.domain.plugins import PluginLeftOut
 
 if TYPE_CHECKING:
     from threadpoolctl import ThreadpoolController
@@ -106,6 +108,7 @@ def _begin(parent: int, work: Any) -> None:
     _shared = work
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    warnings.simplefilter("ignore", PluginLeftOut)  # the process that waits has told them
     if sys.platform == "linux":
         import ctypes
 

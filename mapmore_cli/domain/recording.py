@@ -29,6 +29,11 @@ DIRECTION = "direction"
 """
 
 
+def uncertainty_of(name: str) -> str:
+    """Return the column that holds the standard deviation of each sample of a quantity."""
+    return f"{name}_uncertainty"
+
+
 @dataclass(frozen=True)
 class Quantity:
     """A measured or modelled quantity."""
@@ -65,6 +70,9 @@ class Recording:
     log: Annotated[
         Label, "identifier of the log that this is a piece of; empty where it is the whole log"
     ] = ""
+    first_row: Annotated[
+        Count, "row of the first sample in the file, from 1; 0 where samples are not row by row"
+    ] = 0
 
     @property
     def name(self) -> str:
@@ -81,7 +89,8 @@ class Recording:
 
     def at(self, rows: IntArray) -> Recording:
         """Return the recording with these samples alone."""
-        return replace(self, columns={name: picked(x, rows) for name, x in self.columns.items()})
+        columns = {name: picked(x, rows) for name, x in self.columns.items()}
+        return replace(self, columns=columns, first_row=0)
 
 
 @dataclass(frozen=True)

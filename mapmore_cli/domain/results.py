@@ -24,6 +24,19 @@ class PiecesFit:
 
 
 @dataclass(frozen=True)
+class Outlier:
+    """A training sample that lies far from the fit: it counts less, and stays in the data."""
+
+    file: Annotated[str, "file that it comes from"]
+    place: Annotated[
+        Label, "`row 17` of the file; where that is not known, `sample 17` of its curve"
+    ]
+    curve: Annotated[Label, "identifier of its curve"]
+    off: Annotated[float, "measured less predicted", "[target]"]
+    scales: Annotated[float, "the same, in scales of the residuals"]
+
+
+@dataclass(frozen=True)
 class FitResult:
     """What was fitted, with every intermediate result of the selection of terms.
 
@@ -137,6 +150,9 @@ class Validation:
     along: Annotated[QuantityName, "the quantity that varies within a curve"] = ""
     bands: Annotated[tuple[ErrorBand, ...], "errors by the size of what was measured"] = ()
     residual_tests: Annotated[tuple[ResidualTest, ...], "tests of the own model's residuals"] = ()
+    outliers: Annotated[
+        tuple[Outlier, ...], "training samples far from a robust fit, the farthest first"
+    ] = ()
     shown: Annotated[
         Dataset | None, "samples that figures show; absent where they show the whole dataset"
     ] = None

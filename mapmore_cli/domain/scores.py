@@ -9,6 +9,7 @@ from types import MappingProxyType
 from typing import Annotated, Any, get_type_hints
 
 from mapmore_cli.domain.declared import Label
+from mapmore_cli.domain.plugins import points
 
 OWN = "mapmore"
 """Name of the run's own model in its scores, and of the needed static model in a composite."""
@@ -45,7 +46,9 @@ class Score:
     memory; `rrse_one_step` then that of predictions from the measured past, else NaN. `r_uncentred`
     is the correlation about zero, `sum y yhat / sqrt(sum y^2 sum yhat^2)`, which W prints.
     `interval_coverage` and `interval_half_width` are of the run's own model on held-out rows, where
-    the spec asks for intervals. `nrmse_range` divides by the range of the samples that the
+    the spec asks for intervals. `chi2_dof` is `sum (error / uncertainty)^2 / (n - p)`, with the p
+    free numbers of the run's own model on the rows that it is fitted to, else p = 0. `nrmse_range`
+    divides by the range of the samples that the
     normaliser is of: it tells more of a target that lies far from zero.
     """
 
@@ -75,6 +78,12 @@ class Score:
         float, "half of the width of that interval, the median over the samples", "[target]"
     ] = math.nan
     nrmse_range: Annotated[float, "rmse / range of the measured target, a fraction"] = math.nan
+    rmse_weighted: Annotated[
+        float, "rmse with samples weighted by their uncertainty; NaN without one", "[target]"
+    ] = math.nan
+    chi2_dof: Annotated[
+        float, "chi-square per degree of freedom, near 1 where only noise is left; NaN without one"
+    ] = math.nan
 
     @property
     def far(self) -> bool:
@@ -200,8 +209,8 @@ FIGURES = {
     "data": "data",
     "fit": "fit",
     "error": "fit",
-    "residual_map": "fit",
     "surface": "fit",
+    "residual_map": "fit",
     "residuals": "fit",
     "nrmse": "nrmse",
     "bands": "nrmse",
@@ -209,6 +218,7 @@ FIGURES = {
     "terms": "terms",
     "convergence": "nrmse",
 }
-"""The figures in their order, with the section of the page that each stands in. A figure `NAME` is
-drawn by `reporting/figures/NAME.py`.
+"""The figures in their order, with the section of the page that each stands in; those of plug-ins
+come last. A figure `NAME` is drawn by `reporting/figures/NAME.py`, or an entry point.
 """
+FIGURES |= {name: "nrmse" for name in sorted(points("figures")) if name not in FIGURES}

@@ -258,7 +258,8 @@ def _at_levels_only(recording: Recording, levels: LevelSet) -> tuple[Recording, 
     reason = f"no level within {levels.within:g} of {levels.of}"
     dropped = {**recording.dropped, reason: lost} if lost else recording.dropped
     columns = {name: picked(values, at_one) for name, values in recording.columns.items()}
-    return replace(recording, columns=columns, dropped=dropped), level
+    first = 0 if lost else recording.first_row
+    return replace(recording, columns=columns, dropped=dropped, first_row=first), level
 
 
 def join_branches(part: LevelPart, cycles: Cycles, target: str) -> LevelPart:

@@ -12,7 +12,13 @@ import numpy as np
 
 from mapmore_cli.domain.arrays import BoolArray, by_blocks, extremes, row_numbers
 from mapmore_cli.domain.errors import DataError, SpecError
-from mapmore_cli.domain.recording import DAMPING, STATIC_FORCE, Dataset, Quantity, Recording
+from mapmore_cli.domain.recording import (
+    DAMPING,
+    STATIC_FORCE,
+    Dataset,
+    Quantity,
+    Recording,
+)
 from mapmore_cli.fitting.stage import Progress
 from mapmore_cli.ingestion.clock import clocked, with_joined
 from mapmore_cli.ingestion.curves import (
@@ -37,6 +43,7 @@ from mapmore_cli.ingestion.samples import (
     read_tables,
     without_missing,
 )
+from mapmore_cli.ingestion.uncertainty import with_uncertainty
 from mapmore_cli.modelling.signals.cycles import last_cycles
 from mapmore_cli.spec.sections.data import Between, Data, Holdout
 from mapmore_cli.spec.sections.logs import FileEntry
@@ -103,6 +110,7 @@ def build_dataset(
         effects = group_effects(curves, data.groups, target)
         curves = tuple(effects.taken_off(curve, target) for curve in curves)
         notes += effects.describe(target, units[target])
+    curves = with_uncertainty(curves, data, units, slice_.measured, target)
     return Dataset(
         target=target,
         level=levels.of if levels else None,
@@ -184,9 +192,17 @@ def _mended(
             rows_read=piece.size + piece.merged + sum(map(len, piece.left_out.values())),
             dropped={reason: len(rows) for reason, rows in piece.left_out.items()},
             log="" if len(whole) == 1 else id_,
+            first_row=_first_row(piece),
         )
         for name, piece in zip(names, left, strict=True)
     ]
+
+
+def _first_row(piece: Samples) -> int:
+    """Return the row of the first sample where each has the next one; 0 where they do not."""
+    first, last = int(piece.rows[0]), int(piece.rows[-1])
+    by_row = piece.place == "row" and not piece.merged and last - first + 1 == piece.size
+    return first if by_row else 0
 
 
 def _losses(recording: Recording) -> Iterator[str]:

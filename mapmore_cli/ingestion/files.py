@@ -46,7 +46,9 @@ def slice_of(spec: ExperimentSpec) -> IngestSlice:
     split = spec.data.split.model_copy(
         update={"leave_one_level_out": False, "leave_one_group_out": False}
     )
-    groups = spec.data.groups if spec.data.groups and spec.data.groups.has_effects else None
+    by_group = any(isinstance(rule, dict) for rule in spec.data.uncertainty.values())
+    groups = spec.data.groups
+    groups = groups if groups and (groups.has_effects or by_group) else None
     component: Component = (
         "hysteresis"
         if spec.target == "hysteresis"

@@ -7,6 +7,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 
 import numpy as np
 
@@ -21,11 +22,13 @@ from mapmore_cli.modelling.expressions import (
     affine,
     evaluate,
     exponents,
+    folded,
     multiply,
     parse,
     state,
     substitute,
     to_latex,
+    to_mathml,
     to_text,
 )
 from mapmore_cli.modelling.expressions.operator import FUNCTIONS
@@ -48,6 +51,7 @@ def equation(
     scaling: Scaling,
     limits: Ranges,
     units: Mapping[str, float],
+    weight: str = "",
 ) -> Equation:
     """Return `y_slope sum_k theta_k D_k + y_intercept` (M2 eq 8) as text and as LaTeX.
 
@@ -55,6 +59,7 @@ def equation(
     the `limits` of quantities or states.
     """
     whole, where = summed(terms, theta, scaling, units)
+    whole = folded(whole)
     u = np.random.default_rng(0).uniform(size=(200, len(scaling.variables)))
     at = {}
     for one, part in zip(scaling.variables, u.T, strict=True):
@@ -80,11 +85,25 @@ def equation(
         exact = value(17)
         error = TOLERANCE * (np.ptp(exact) or np.abs(exact).max())
         digits = next((one for one in range(3, 17) if np.abs(value(one) - exact).max() <= error), 6)
-    text, latex = to_text(whole, digits), to_latex(whole, digits)
-    for short, line in where.items():
-        text += f"{',' if ', where ' in text else ', where'} {short} = {to_text(line, digits)}"
+    return written(name, whole, digits, where, weight)
+
+
+def written(
+    name: str,
+    whole: Expression,
+    digits: int,
+    where: Mapping[str, Expression] = MappingProxyType({}),
+    weight: str = "",
+) -> Equation:
+    """Return an equation with numbers of so many digits; `where` says what short names mean."""
+    text, latex, mathml = to_text(whole, digits), to_latex(whole, digits), to_mathml(whole, digits)
+    for number, (short, line) in enumerate(where.items()):
+        text += f"{',' if number else ', where'} {short} = {to_text(line, digits)}"
         latex += rf", \quad {to_latex(Name(short))} = {to_latex(line, digits)}"
-    return Equation(name, text, latex)
+        opening = f"<mtext>{'and' if number else 'where'}&#160;</mtext>"
+        sides = (*to_mathml(Name(short)), "<mo>=</mo>", *to_mathml(line, digits))
+        mathml += (opening + "".join(sides),)
+    return Equation(name, text, latex, mathml, weight)
 
 
 def _balanced(term: Expression, at: Columns, n: int) -> Expression:

@@ -29,6 +29,9 @@ row before.
 NONE, ONE, SEVERAL, FLAT = "none", "one", "several", "flat"
 """How many solutions there are; `flat` where they fill a range, of which the low end counts."""
 
+UNIQUE = "unique"
+"""One solution of a model whose shape lets there be no other (`fit.shape`)."""
+
 SCAN, PARTS = 2, 96
 """The slope is looked at in so many parts of every interval between knots at least, and in so many
 parts of all of them together.
@@ -81,8 +84,9 @@ def invert(model: Model, wanted: Array, given: Columns, name: str, rule: str = L
         raise UsageError(f"there is no rule '{rule}'", f"take {LOWEST} or {NEAREST}")
     values, rows, flat, _ = _solutions(model, wanted, given, name)
     counts = np.bincount(rows, minlength=len(wanted))
+    one = UNIQUE if model.shape is not None and name in model.shape.monotone else ONE
     status = tuple(
-        FLAT if is_flat else (NONE, ONE, SEVERAL)[min(count, 2)]
+        FLAT if is_flat else (NONE, one, SEVERAL)[min(count, 2)]
         for is_flat, count in zip(flat, counts.tolist(), strict=True)
     )
     return Inverse(values, rows, status, _picked(values, rows, len(wanted), rule))

@@ -47,11 +47,12 @@ class Kind:
     Some have others: `running(model)`, what simulates one recording block after block;
     `one_step(model, columns)`, the prediction of every row from the measured past, (n,);
     `fed_back(model)`, the measured outputs that a run begins from; `outside_range(model, columns)`,
-    (n,), for a body without `ranges`; `faults(model)`, why a stored one is refused (`soundness`).
+    (n,), for a body without `ranges`; `rules(model)`, how its equations are put together;
+    `faults(model)`, why a stored one is refused (`soundness`).
 
     A kind that adds itself may have `checks.py`, with `findings(spec)`, what a spec may not say;
     and `page.py`, with `show(model, show_other)`; of a kind with fits also
-    `show_fit(fit)`, `tables(inputs)`, `TITLE` and `TABLES`.
+    `show_fit(fit)`, and of a section of pages `tables(inputs)` and `TITLE`.
     """
 
     name: str
@@ -84,8 +85,8 @@ class Kind:
 @cache
 def kinds() -> tuple[Kind, ...]:
     """Return every kind, in the order of their names."""
-    own = [one.KIND for one in plugins.modules("mapmore_cli.modelling") if hasattr(one, "KIND")]
-    return tuple(sorted([*own, *plugins.added("kinds").values()], key=lambda kind: kind.name))
+    found = plugins.parts("kinds", Kind, "mapmore_cli.modelling")
+    return tuple(sorted((part.value for part in found), key=lambda kind: kind.name))
 
 
 def named(name: str) -> Kind:
@@ -96,7 +97,7 @@ def named(name: str) -> Kind:
 
 def page_of(fit: Any) -> ModuleType | None:
     """Return the module that shows fits of their kind on pages, where the kind has one."""
-    kind = next((kind for kind in plugins.added("kinds").values() if kind.fit is type(fit)), None)
+    kind = next((kind for kind in kinds() if kind.fit is type(fit)), None)
     return kind.page if kind else None
 
 
@@ -168,6 +169,11 @@ def equations(
     with numbers_in_reach(model):
         rows: tuple[Equation, ...] = kind_of(model).verb("equations")(model, units)
     return rows
+
+
+def rules(model: Model) -> tuple[str, ...]:
+    """Return how its equations are put together, in sentences: whoever has both can compute it."""
+    return tuple(kind_of(model).verb("rules", lambda _model: ())(model))
 
 
 def parameters(model: Model) -> int:

@@ -1,17 +1,45 @@
-"""Frozen models: what a run found, kept under a name that no later run overwrites."""
+"""Frozen models: what a run found, kept under a name that no later run overwrites, and compared
+with later ones.
+"""
 
 from __future__ import annotations
 
 import json
 import re
 import shutil
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
+
+from pydantic import TypeAdapter, ValidationError
 
 from mapmore_cli import __version__
 from mapmore_cli.domain.errors import DataError, UsageError, WriteError
+from mapmore_cli.modelling.pieces.recipe import Fuse, Segmented
+from mapmore_cli.modelling.selection import Fit
+from mapmore_cli.modelling.validation.comparison import Comparison, compare
+from mapmore_cli.pipeline.staleness import (
+    MODEL_STAGE,
+    SEARCH_STAGE,
+    known_records,
+    plain,
+    slice_differences,
+)
+from mapmore_cli.spec.sections.dictionary import DictionaryEntry
+from mapmore_cli.spec.sections.model import ModelChoice
+from mapmore_cli.storage.artefacts import read_model
 from mapmore_cli.storage.atomic import refusals_told, sync_tree, unfinished_beside, write_text
 from mapmore_cli.storage.run_folder import MODEL
-from mapmore_cli.storage.run_record import RUN_RECORD, load_records, take_stamp
+from mapmore_cli.storage.run_record import (
+    CAMPAIGN_RECORD,
+    RUN_RECORD,
+    Origin,
+    StageRecord,
+    load_origin,
+    load_records,
+    take_stamp,
+)
 
 KEPT = (MODEL, "scores.json", "scores.csv", "experiment.yaml", RUN_RECORD)
 FROZEN = "frozen.json"
@@ -122,3 +150,101 @@ def find_model(text: str, runs: Path, archive: Path) -> Path:
             "take the folder from a backup, or freeze the run anew",
         )
     return model
+
+
+def runs_of(campaign: Path) -> list[str] | None:
+    """Return the names of the runs of a campaign, by the folder of its page; None for another
+    folder.
+
+    Raises DataError where its record does not name them.
+    """
+    record = campaign / CAMPAIGN_RECORD
+    if not record.is_file():
+        return None
+    names = _entry(record, "runs")
+    if not isinstance(names, list) or not all(TAG.fullmatch(str(name)) for name in names):
+        raise DataError(
+            f"{record}: does not name the runs of the campaign",
+            "make it anew with `mapmore batch CAMPAIGN`",
+        )
+    return names
+
+
+def find_campaign(text: str, runs: Path, archive: Path) -> dict[str, Path] | None:
+    """Return the models of a campaign by the names of its runs, as they are now, or where
+    `NAME@TAG` asks for it, as they were frozen; None where the text names no campaign.
+    """
+    name, at, tag = text.partition("@")
+    names = runs_of(runs / name)
+    if names is None:
+        return None
+    return {one: find_model(f"{one}{at}{tag}", runs, archive) for one in names}
+
+
+def made_from(run_dir: Path) -> tuple[str, list[str]]:
+    """Return the spec or the campaign that a run was made from, and the settings of the command
+    line that decide about its model.
+    """
+    origin = load_origin(run_dir) or Origin("")
+    harmless = ("name=", "report", "validate")
+    settings = [] if origin.campaign else origin.settings
+    return origin.campaign or origin.spec, [o for o in settings if not o.startswith(harmless)]
+
+
+def compared(before: Path, after: Path, margin: float, other_settings: bool = False) -> Comparison:
+    """Compare two models, with what their runs were made from.
+
+    Raises UsageError where their settings differ, unless `other_settings` are allowed; DataError
+    where they are of other quantities, or have too few curves in common.
+    """
+    records = [known_records(model.parent) for model in (before, after)]
+    settings = tuple(_other_settings(*records))
+    if settings and not other_settings:
+        raise UsageError(
+            f"{before} and {after} were made by other settings, so that a difference may be theirs:"
+            f" {'; '.join(settings)}",
+            "make both by the same settings, or add --allow-other-settings",
+        )
+    hashes = [
+        {stamp.sha256 for stage in one.values() for stamp in stage.inputs.values()}
+        for one in records
+    ]
+    try:
+        found = compare(read_model(before), read_model(after), margin)
+    except ValueError as fault:
+        remedy = "compare models of the same quantities that have curves in common"
+        raise DataError(f"{before}, {after}: {fault}", remedy) from fault
+    return replace(found, settings=settings, same_recordings=hashes[0] == hashes[1] != set())
+
+
+@dataclass(frozen=True)
+class MadeBy:
+    """The sections by which a model is made of its curves."""
+
+    segment: dict[str, Segmented] = field(default_factory=dict)
+    dictionary: list[DictionaryEntry] = field(default_factory=list)
+    model: ModelChoice = field(default_factory=ModelChoice)
+    fit: Fit = field(default_factory=Fit)
+    fuse: Fuse = field(default_factory=Fuse)
+
+
+def _other_settings(*runs: Mapping[str, StageRecord]) -> Iterator[str]:
+    """Yield the keys that differ between two runs, with both values; none where a model was sent
+    alone, without the record of its run, or where both were searched alike.
+    """
+    for stage in (SEARCH_STAGE, MODEL_STAGE):
+        slices = [run[stage].slice for run in runs if stage in run]
+        if len(slices) == 2:
+            yield from slice_differences(stage, *map(_as_read_now, slices))
+            return
+
+
+def _as_read_now(recorded: Mapping[str, Any]) -> Any:
+    """Return the sections of a recorded slice; keys that came with a later version have their
+    defaults.
+    """
+    known = {key: recorded[key] for key in MadeBy.__annotations__ if key in recorded}
+    try:
+        return plain(TypeAdapter(MadeBy).validate_json(json.dumps(known)))
+    except ValidationError:  # of a newer version
+        return known

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Hashable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from math import prod
 from numbers import Integral
 from pathlib import Path
@@ -15,22 +15,25 @@ from typing import TYPE_CHECKING, Any
 import h5py
 import numpy as np
 from numpy.typing import ArrayLike
+from pydantic import TypeAdapter
 
+from mapmore_cli.domain import plugins
 from mapmore_cli.domain.arrays import Array, BoolArray
 from mapmore_cli.domain.errors import DataError, SpecError
 from mapmore_cli.domain.given import Door, labels_of
 from mapmore_cli.domain.models import Equation, Model
-from mapmore_cli.domain.recording import Quantity
+from mapmore_cli.domain.recording import Curve, Quantity
 from mapmore_cli.modelling.inverse import LOWEST, Inverse, invert
 from mapmore_cli.modelling.kinds import equations as model_equations
 from mapmore_cli.modelling.kinds import outside_range, predict
 from mapmore_cli.modelling.program.model import slopes
 from mapmore_cli.modelling.signals.rates import with_signals
-from mapmore_cli.modelling.validation.intervals import interval
+from mapmore_cli.modelling.validation.intervals import INTERVAL, interval
 from mapmore_cli.pipeline.records import reading_of
 from mapmore_cli.spec.fields import as_target
 from mapmore_cli.spec.sections.logs import SourceColumn
 from mapmore_cli.spec.units import convert, default_unit, is_canonical
+from mapmore_cli.storage.atomic import refusals_told, write_bytes
 from mapmore_cli.storage.tables import known_names
 from mapmore_cli.storage.tables.cells import CellReader
 
@@ -55,6 +58,7 @@ class LoadedModel:
 
     model: Model
     scores: Sequence[Mapping[str, Any]] = ()  # rows of scores.json beside the file
+    held_out: tuple[Curve, ...] = field(default=(), kw_only=True)
 
     def __repr__(self) -> str:
         """Return a line: what the model predicts, from what."""
@@ -103,11 +107,60 @@ class LoadedModel:
             )
         return predict(self.model, flat).reshape(shape)
 
+    def predict(self, frame: Any, columns: Mapping[str, Any] | None = None) -> Array:
+        """Return the output at the rows of a frame, (n,), in the model's unit; NaN where an input
+        is not finite.
+
+        `columns` are as in `fit` (name, unit, scale, offset), and those of the fit where the model
+        comes from it. Others are found by their canonical names, in the model's units. The rows of
+        a model with memory are one recording.
+
+        Raises
+        ------
+        DataError
+            Where an input has no column.
+        """
+        sources = self._sources
+        if columns is not None:
+            sources = _SOURCES.validate_python(
+                {name: {**entry, "column": source_of(entry)} for name, entry in columns.items()}
+            )
+        known = {
+            name
+            for name in {*sources, *map(str, labels_of(frame) or ())}
+            if columns_in(frame, name)
+            or (name in sources and columns_in(frame, sources[name].column))
+        }
+        signals = {signal.name for signal in self.model.signals}
+        reading = reading_of(self.model, known if "time" in known else known | signals)
+        wanted = tuple(dict.fromkeys((*reading.columns, *reading.outputs)))
+        return self(**quantities_of(frame, wanted, sources, self.units))
+
+    @property
+    def _sources(self) -> Mapping[str, SourceColumn]:
+        return {}
+
+    def export(self, to: str, path: str | Path = ".", **options: Any) -> list[Path]:
+        """Write the model in another language, as `mapmore export --to` does, into the folder
+        `path`; the paths of the files.
+
+        `options` are `single`, `grid` and `verify`. Raises `UsageError`, `DataError` or
+        `WriteError` as the command does.
+        """
+        folder = Path(path)
+        exported = plugins.load("python", "export")(self.model, to, warn=_warn, **options)
+        with refusals_told(folder):
+            folder.mkdir(parents=True, exist_ok=True)
+        for name, content in exported.items():
+            write_bytes(folder / name, content)
+        return [folder / name for name in exported]
+
     def plot(self, ax: Axes | None = None, interval: float | None = None) -> Axes:
         """Draw the model over its training range, a line for every training curve; on `ax`, or on a
-        new figure.
+        new figure. What was held out of the fit is dots beside a dashed line.
 
         With `interval`, as 0.95, bands that hold a sample of a new curve with that probability.
+        Without, those of 95 % where the spec asked for intervals.
         Raises `TypeError` for a model that runs along recordings: call it with one, and draw that;
         `DataError` as `interval` does.
         """
@@ -117,7 +170,10 @@ class LoadedModel:
             ax = plt.figure(layout="constrained").subplots()
         from mapmore_cli.reporting.figures.commands import draw_model  # and with it matplotlib
 
-        draw_model(ax, self.model if interval is None else self._with_intervals, interval)
+        if interval is None and self.model.left_out is not None:
+            interval = INTERVAL
+        model = self.model if interval is None else self._with_intervals
+        draw_model(ax, model, interval, self.held_out)
         return ax
 
     @property
@@ -190,6 +246,13 @@ class LoadedModel:
         arrays = np.broadcast_arrays(*(self._given(name, columns[name]) for name in needed))
         flat = {name: array.ravel() for name, array in zip(needed, arrays, strict=True)}
         return with_signals(reading.signals, flat), arrays[0].shape
+
+
+def _warn(message: str) -> None:
+    warnings.warn(message, stacklevel=3)
+
+
+_SOURCES = TypeAdapter(dict[str, SourceColumn])
 
 
 # Tables
@@ -336,3 +399,16 @@ def quantities_of(
         else:
             found[name] = column_of(frame, name, "the frame", name, unit)
     return found
+
+
+def plain_values(value: Any) -> Any:
+    """Return the value as YAML holds it: lists for tuples and arrays, numbers for NumPy's scalars,
+    text for paths.
+    """
+    if isinstance(value, Mapping):
+        return {str(key): plain_values(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain_values(item) for item in value]
+    if isinstance(value, np.ndarray | np.generic):
+        return value.tolist()
+    return str(value) if isinstance(value, Path) else value

@@ -69,6 +69,7 @@ def collected(part: ReportSlice, run_dir: Path, spec_text: str = "") -> ReportIn
     """Return the results of the stages before, with what the spec says of the report."""
     from mapmore_cli.checking.findings import sentences
     from mapmore_cli.modelling.kinds import equations as model_equations
+    from mapmore_cli.modelling.shape.violations import known_shape
     from mapmore_cli.reporting.inputs import FigureStyle, ReportInputs
     from mapmore_cli.storage.run_record import tool_versions
 
@@ -101,6 +102,8 @@ def collected(part: ReportSlice, run_dir: Path, spec_text: str = "") -> ReportIn
         unconfirmed=part.unconfirmed,
         doubts=sentences(run_dir),
         notes=tuple(notes),
+        as_recorded=part.report.over == "time" and "time" in dataset.quantities,
+        violations=known_shape(part.muscle.kind, model, dataset.curves),
         style=FigureStyle(
             style.width / METRES_PER_INCH,
             style.font,
@@ -145,12 +148,14 @@ def drawn_figure(
     warn: Callable[[str], None],
     looks: Sequence[str] = (),
     models: Sequence[str] = (),
+    alone: Sequence[str] = (),
 ) -> tuple[bytes, str | None]:
     """Draw a figure of a run as a file: all of it, or the panel of one curve (or model) as wide as
     the spec says, with its numbers as CSV.
 
     - `warn`: is told of a font that this machine does not have.
     - `models`: competitors that are drawn, where that is not all of them.
+    - `alone`: models that alone are drawn, without the run's own.
     - `looks`: values that replace those of the run's spec, as `report.style.width=120 mm`.
 
     Raises DataError where the folder holds no finished run; UsageError where there is no such panel
@@ -174,7 +179,7 @@ def drawn_figure(
     inputs = collected(report_slice(load(run_dir / "experiment.yaml", looks).spec), run_dir)
     for warning in faults_of(inputs.style):
         warn(warning)
-    inputs = inputs.beside(models) if models else inputs
+    inputs = inputs.showing(alone) if alone else inputs.beside(models) if models else inputs
     with figure_style(inputs.style):
         drawing, panel = (
             (next(iter(drawings(name, inputs)), None), None)
@@ -183,7 +188,9 @@ def drawn_figure(
         )
         if drawing is None:
             raise UsageError(f"{run_dir}: has nothing to draw as {name!r}", "choose another figure")
-        written = to_bytes(compose(drawing, inputs.style, panel), suffix, drawing.name, drawing.alt)
+        as_wide = any(one.startswith(f"{LOOKS}width=") for one in looks)
+        figure = compose(drawing, inputs.style, panel, inputs.style.width if as_wide else None)
+        written = to_bytes(figure, suffix, drawing.name, drawing.alt)
         return written, None if panel is None else data_csv(panel.data)
 
 
@@ -208,4 +215,4 @@ def _in_units(model: Model, units: Mapping[str, str]) -> dict[str, tuple[Equatio
     return {", ".join(words): model_equations(model, factors)} if factors else {}
 
 
-STAGE = Stage(name="report", revision=8, outputs=("report",), reads=report_slice, run=write_pages)
+STAGE = Stage(name="report", revision=9, outputs=("report",), reads=report_slice, run=write_pages)

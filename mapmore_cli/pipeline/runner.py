@@ -177,7 +177,7 @@ def _origin(loaded: LoadedSpec, run_dir: Path, campaign: Path | None) -> Origin:
     here = Origin(
         _from(run_dir, loaded.path),
         _from(run_dir, campaign) if campaign else "",
-        tuple(loaded.overrides) if campaign else (),
+        tuple(loaded.overrides),
     )
     before = load_origin(run_dir)
     if (

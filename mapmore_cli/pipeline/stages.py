@@ -139,8 +139,8 @@ def fit(part: ModelChoices, workspace: Workspace) -> None:
     for piece in result.pieces:
         if piece.selection.tied.any():
             workspace.warn(
-                f"segment {piece.id}: candidates tie within 1e-9; the first of the dictionary "
-                "was taken"
+                f"segment {piece.id}: candidates tie within 1e-9, and the first was taken: "
+                "remove the others from the dictionary"
             )
     write_fit(workspace.out / FIT, result, units_of(dataset))
 
@@ -155,6 +155,7 @@ FITTING = Stage(name="fit", revision=11, outputs=(FIT,), reads=fit_choices, run=
 def fuse(part: ModelChoices, workspace: Workspace) -> None:
     """Join the fits into a model, and write it."""
     from mapmore_cli.modelling.signals.rates import needed_signals
+    from mapmore_cli.modelling.validation.residuals import explained_by_inputs
     from mapmore_cli.storage.artefacts import write_model
 
     files = workspace.files
@@ -166,8 +167,14 @@ def fuse(part: ModelChoices, workspace: Workspace) -> None:
         workspace.progress,
     )
     model = kinds.build(part, given, result)
+    if part.fit.shape is not None:
+        from mapmore_cli.modelling.shape.region import refuse_unsupported
+
+        refuse_unsupported(model, dataset.curves, part.fit)
     model = replace(
-        model, signals=needed_signals(part.signals, [quantity.name for quantity in model.inputs])
+        model,
+        signals=needed_signals(part.signals, [quantity.name for quantity in model.inputs]),
+        notes=(*model.notes, *explained_by_inputs(model, dataset)),
     )
     for note in model.notes:
         workspace.warn(note)

@@ -84,6 +84,22 @@ def needed_runs(stage: Stage, loaded: LoadedSpec) -> tuple[Needed, ...]:
     )
 
 
+def named_runs(specs: Sequence[LoadedSpec]) -> set[str]:
+    """Return the names of the runs of specs, and of all runs that they are built on or compared
+    with.
+
+    Raises SpecError where a needed spec is missing or wrong.
+    """
+    names, waiting = set[str](), [*specs]
+    while waiting:
+        loaded = waiting.pop()
+        if loaded.spec.name not in names:
+            names.add(loaded.spec.name)
+            for stage in pipeline():
+                waiting += [needed.loaded for needed in needed_runs(stage, loaded)]
+    return names
+
+
 def refuse_circle(loaded: LoadedSpec, heirs: tuple[Path, ...] = ()) -> None:
     """Raise SpecError where runs are built on each other in a circle; `heirs` are the specs that
     led to this one. A run that is compared needs what its model is built on.

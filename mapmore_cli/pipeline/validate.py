@@ -14,6 +14,7 @@ from mapmore_cli.domain.errors import SpecError
 from mapmore_cli.domain.scores import OWN, Limit, deciding
 from mapmore_cli.fitting.kinds.choices import ModelChoices, model_choices, with_definitions
 from mapmore_cli.fitting.stage import Need, Progress, Stage, Warn, Workspace
+from mapmore_cli.modelling.selection import Fit
 from mapmore_cli.spec.experiment import Competitor, ExperimentSpec
 from mapmore_cli.spec.yaml_loader import as_overrides
 from mapmore_cli.storage.run_folder import VALIDATION
@@ -33,8 +34,9 @@ class ScoresSlice:
 
     `target` is what is scored, `seen_as` the same where it is not what the model predicts, so that
     this is inverted. `static` is the spec of the needed static run, `lengths` are the muscle's in
-    m, `cycles_of` is the quantity whose cycles are held out, and `folds` has the choices that
-    models are made by where every level is left out in turn.
+    m, `cycles_of` is the quantity whose cycles are held out, `robust` the section `fit` with a
+    robust loss, and `folds` has the choices that models are made by where every level is left out
+    in turn.
     """
 
     target: str
@@ -48,6 +50,7 @@ class ScoresSlice:
     folds: ModelChoices | None
     groups: str | None
     without_groups: bool
+    robust: Fit | None
 
 
 def scores_slice(spec: ExperimentSpec) -> ScoresSlice:
@@ -71,6 +74,7 @@ def scores_slice(spec: ExperimentSpec) -> ScoresSlice:
         else None,
         groups=spec.data.groups.of if spec.data.groups is not None else None,
         without_groups=spec.data.split.leave_one_group_out,
+        robust=None if spec.fit.loss == "squares" else spec.fit,
     )
 
 
@@ -79,7 +83,9 @@ def score(part: ScoresSlice, workspace: Workspace) -> None:
     from mapmore_cli.domain.results import Validation
     from mapmore_cli.fitting.competitors import Contest
     from mapmore_cli.modelling.forecast import forecast
+    from mapmore_cli.modelling.kinds import parameters
     from mapmore_cli.modelling.validation.metrics import divisor, on_common_rows, score_rows
+    from mapmore_cli.modelling.validation.outliers import outliers
     from mapmore_cli.modelling.validation.residuals import alarms
     from mapmore_cli.modelling.validation.shown import for_report
     from mapmore_cli.reporting.tables import rival_minima
@@ -117,14 +123,26 @@ def score(part: ScoresSlice, workspace: Workspace) -> None:
         row
         for rows_of, every in judged
         for name, said in on_common_rows(every).items()
-        for row in score_rows(name, part.target, said, rows_of, scale, group=part.groups)
+        for row in score_rows(
+            name,
+            part.target,
+            said,
+            rows_of,
+            scale,
+            group=part.groups,
+            free=parameters(model) if name == OWN else 0,
+        )
     ]
     scores += _repeatability_scores(part, model, dataset, scale)
     fits = {one.name: one.own_fit for one in rivals if one.own_fit is not None}
     predictions = {name: tuple(one.values for one in every) for name, every in forecasts.items()}
     units = {part.target: dataset.unit(dataset.target)}
     loud = alarms(model, dataset, predictions[OWN], scores)
-    validation = Validation(predictions, formulas, tuple(scores), units, fits, loud)
+    far = outliers(dataset, own, part.robust) if part.robust is not None else ()
+    if far:
+        worst = f"the farthest is {far[0].file}:{far[0].place}"
+        workspace.warn(f"{len(far)} training samples far from the fit are listed; {worst}")
+    validation = Validation(predictions, formulas, tuple(scores), units, fits, loud, outliers=far)
     write_validation(workspace.out / VALIDATION, for_report(validation, model, dataset))
     write_scores(workspace.out, validation.table, model.name)
 

@@ -15,7 +15,8 @@ from mapmore_cli.domain.models import Equation, LeftOut, Model
 from mapmore_cli.domain.recording import Curve, Dataset, Quantity
 from mapmore_cli.domain.results import FitResult, Search, Validation
 from mapmore_cli.domain.scores import REPEATABILITY, SIMPLE, Published, deciding
-from mapmore_cli.modelling.kinds import outside_range, page_of, runs_over_time
+from mapmore_cli.modelling.kinds import outside_range, page_of, rules, runs_over_time
+from mapmore_cli.modelling.shape.violations import Violation
 from mapmore_cli.modelling.validation.intervals import INTERVAL, ends, half_widths_of
 from mapmore_cli.modelling.validation.shown import in_time, is_turned
 
@@ -82,6 +83,8 @@ class ReportInputs:
     - `asked`: ids of the curves and recordings that alone are to be drawn; empty for some that
       stand for all.
     - `search`: the structures that were tried, where the spec left the structure to a search.
+    - `as_recorded`: whether recordings are drawn over time, whatever the model.
+    - `violations`: of the shape that the spec asks for, or the kind of muscle implies.
     """
 
     name: str
@@ -102,6 +105,8 @@ class ReportInputs:
     doubts: tuple[str, ...] = ()
     asked: frozenset[str] = frozenset()
     search: Search | None = None
+    as_recorded: bool = False
+    violations: Sequence[Violation] = ()
 
     @property
     def dataset(self) -> Dataset:
@@ -131,17 +136,22 @@ class ReportInputs:
         """Return the inputs with these models beside the run's own, in this order. Raises
         UsageError for one that the run has not.
         """
+        return self.showing((self.own, *names))
+
+    def showing(self, names: Sequence[str]) -> ReportInputs:
+        """Return the inputs with these models alone, in this order; raises as `beside`."""
         if unknown := [name for name in names if name not in self.models]:
             raise UsageError(
                 f"the run compares no model called {unknown[0]!r}",
                 f"choose of {', '.join(self.models[1:])}",
             )
-        predictions = {name: self.validation.predictions[name] for name in (self.own, *names)}
+        predictions = {name: self.validation.predictions[name] for name in names}
         kept = {*predictions, REPEATABILITY}
         scores = tuple(row for row in self.validation.scores if row.model in kept)
-        return replace(
-            self, validation=replace(self.validation, predictions=predictions, scores=scores)
-        )
+        # intervals are those of the run's own model
+        model = self.model if self.own in predictions else replace(self.model, left_out=None)
+        validation = replace(self.validation, predictions=predictions, scores=scores)
+        return replace(self, model=model, validation=validation)
 
     @property
     def lines(self) -> tuple[str, ...]:
@@ -212,7 +222,7 @@ class ReportInputs:
     @property
     def timed(self) -> bool:
         """True where curves are drawn over time."""
-        return in_time(self.model, self.dataset)
+        return self.as_recorded or in_time(self.model, self.dataset)
 
     @property
     def holds_out(self) -> bool:
@@ -275,6 +285,11 @@ class ReportInputs:
         measured quantity.
         """
         return self.dataset.quantities[self.validation.along]
+
+    @property
+    def rules(self) -> tuple[str, ...]:
+        """How the equations of the model are put together."""
+        return rules(self.model)
 
     @property
     def all_notes(self) -> tuple[str, ...]:

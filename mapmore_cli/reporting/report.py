@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from mapmore_cli.domain.scores import FIGURES
+from mapmore_cli.domain.scores import FIGURES, deciding
 from mapmore_cli.reporting.figures.drawing import (
     SVG_PROLOGUE,
     Drawing,
@@ -25,6 +25,7 @@ from mapmore_cli.reporting.figures.drawing import (
 from mapmore_cli.reporting.figures.style import figure_style
 from mapmore_cli.reporting.inputs import ReportInputs
 from mapmore_cli.reporting.score_tables import verdict_sentence
+from mapmore_cli.reporting.sections import all_tables, sections_of
 from mapmore_cli.reporting.table import (
     Table,
     environment,
@@ -33,7 +34,7 @@ from mapmore_cli.reporting.table import (
     to_csv,
     to_latex,
 )
-from mapmore_cli.reporting.tables import all_tables
+from mapmore_cli.reporting.tables import training_rmse
 
 TABLE_FILES: Mapping[str, Callable[[Table], str]] = {"csv": to_csv, "tex": to_latex}
 """What is written of a table, by format."""
@@ -42,20 +43,23 @@ MOST_ROWS = 400
 """Rows of a table on the page."""
 
 
-def render_page(
-    inputs: ReportInputs, tables: Sequence[Table], figures: Mapping[str, Sequence[RenderedFigure]]
-) -> str:
+def render_page(inputs: ReportInputs, figures: Mapping[str, Sequence[RenderedFigure]]) -> str:
     """Return the page, from the template `templates/page.html`, with `figures` by section; every
     text of the user's is escaped.
     """
-    template = environment().get_template("page.html")
-    return template.render(
-        inputs=inputs,
-        verdict=verdict_sentence(
-            inputs.validation.scores, inputs.own, inputs.target, inputs.failed
-        ),
-        tables={table.name: table.head(MOST_ROWS) for table in tables},
-        figures=figures,
+    scores = inputs.validation.scores
+    return (
+        environment()
+        .get_template("page.html")
+        .render(
+            inputs=inputs,
+            verdict=verdict_sentence(scores, inputs.own, inputs.target, inputs.failed),
+            sections=sections_of(inputs),
+            head=lambda table: table.head(MOST_ROWS),
+            figures=figures,
+            errors={fit.id: training_rmse(fit) for fit in inputs.fit.segments},
+            own=next((row for row in deciding(scores) if row.model == inputs.own), None),
+        )
     )
 
 
@@ -99,7 +103,7 @@ def write_report(
             _write_file(out / f"{figure.name}.svg", SVG_PROLOGUE + figure.svg)
         sections.setdefault(FIGURES[name], []).append(figure)
     if "html" in formats:
-        _write_file(out / "index.html", render_page(inputs, tables, sections))
+        _write_file(out / "index.html", render_page(inputs, sections))
     if set(formats) & {"pdf", "png", "pgf"}:
         suffixes = sorted(set(formats) & {"pdf", "png", "pgf", "svg"})
         panels = [(drawing, panel) for _, drawing in drawn for panel in drawing.panels]

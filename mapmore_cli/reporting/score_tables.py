@@ -112,6 +112,8 @@ def _metrics(
     shown = dict(METRICS)
     if not any(s.far for s in scores):
         del shown["by range [%] .2f"]
+    if not any(math.isfinite(s.chi2_dof) for s in scores):
+        del shown["weighted RMSE [UNIT]"], shown["chi²/dof .3g"]
     if not _run_free(scores):
         del shown["RRSE, free run .5f"], shown["RRSE, one step .5f"]
     rows: list[tuple[Cell, ...]] = [(s.model, s.split, *cells_of(s, shown)) for s in scores]
@@ -126,6 +128,8 @@ METRICS = {
     "max error [UNIT]": "max_abs_error",
     "max error [% FS] .2f": "max_abs_error_fs",
     "R² .4f": "r2",
+    "weighted RMSE [UNIT]": "rmse_weighted",
+    "chi²/dof .3g": "chi2_dof",
     "RRSE, free run .5f": "rrse",
     "RRSE, one step .5f": "rrse_one_step",
 }
@@ -185,6 +189,21 @@ def _comparison(ours: Score, others: Sequence[Score], failed: Sequence[str]) -> 
         return f"{claim}: no difference to speak of"
     ratio = f" ({ours.rmse / best.rmse:.3g} times the RMSE)" if best.rmse > 0 else ""
     return f"{claim}: {ours.model} is {'better' if ours.rmse < best.rmse else 'worse'}{ratio}"
+
+
+def pieces_sentence(scores: Sequence[Score], own: str, backbone: str) -> str:
+    """Compare the pooled error of the model `own` with that of its `backbone` alone; return an
+    empty text where one of them has no score.
+    """
+    errors = {score.model: score.rmse for score in deciding(scores)}
+    alone = errors.get(backbone, errors.get("backbone", math.nan))
+    gain = 1 - errors.get(own, math.nan) / alone if alone else math.nan
+    if not math.isfinite(gain):
+        return ""
+    if gain > EQUAL_WITHIN:
+        return f"pieces: {100 * gain:.3g} % less error than the backbone {backbone} alone"
+    word = "as good" if gain > -EQUAL_WITHIN else "better"
+    return f"the backbone alone is {word}: `model: {{type: literature, name: {backbone}}}`"
 
 
 def _percent(fraction: float) -> str:

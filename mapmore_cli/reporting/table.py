@@ -64,9 +64,9 @@ Columns = Iterable[Column | str]
 MODEL = Column("model", form="model")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Table:
-    """Rows under named columns.
+    """Rows under named columns; prints as text, and in notebooks as HTML.
 
     - `name`: stem of its file, as `scores`.
     - `rows`: one tuple a row, as long as `columns`.
@@ -94,6 +94,17 @@ class Table:
             raise ValueError(
                 f"table {self.name!r}: a row is not as long as the {len(self.columns)} columns"
             )
+
+    def __repr__(self) -> str:
+        return to_text(self).rstrip()
+
+    def _repr_html_(self) -> str:
+        return to_html(self)
+
+    @property
+    def records(self) -> list[dict[str, Cell]]:
+        """The rows, each by the headings."""
+        return [dict(zip(self.headings, row, strict=True)) for row in self.rows]
 
     @property
     def headings(self) -> tuple[str, ...]:

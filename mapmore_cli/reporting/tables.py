@@ -4,50 +4,22 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
 from mapmore_cli.domain.fits import FormulaFit, Segment, SegmentedCurve, SegmentFit
-from mapmore_cli.domain.models import Equation, FoldError
+from mapmore_cli.domain.models import CurveRange, Equation, FoldError, Model
 from mapmore_cli.domain.recording import Dataset
-from mapmore_cli.domain.results import ErrorBand, FitResult
+from mapmore_cli.domain.results import ErrorBand, FitResult, Outlier
+from mapmore_cli.modelling.frols.weighing import FEW
 from mapmore_cli.modelling.literature.linear import half_width
 from mapmore_cli.modelling.literature.own import units_of_parameters
 from mapmore_cli.modelling.validation.repeatability import floors
 from mapmore_cli.modelling.validation.residuals import SAME
-from mapmore_cli.reporting import memory_tables
 from mapmore_cli.reporting.inputs import ReportInputs
-from mapmore_cli.reporting.score_tables import curve_scores_table, score_table, search_table
 from mapmore_cli.reporting.table import Cell, Column, Columns, Table, cells_of
-
-
-def all_tables(inputs: ReportInputs) -> tuple[Table, ...]:
-    """Every table of the report, in the order of the page."""
-    scores, units, unit = inputs.validation.scores, inputs.validation.units, inputs.target.unit
-    memory, pieces = inputs.fit.memory, inputs.model.pieces
-    along = None if inputs.timed else inputs.in_curve.name
-    tables = [
-        score_table(scores, units, inputs.published, inputs.failed),
-        recordings_table(inputs.whole),
-        levels_table(inputs.dataset, along, inputs.whole),
-        curve_scores_table(scores, units),
-        bands_table(inputs.validation.bands, unit),
-        segments_table(inputs),
-        terms_table(inputs.fit),
-        coefficients_table(inputs),
-        equations_table(inputs.equations, inputs.other_equations),
-        formulas_table(inputs),
-        folds_table(pieces.cross_validation if pieces else (), unit),
-    ]
-    if inputs.search is not None:
-        tables.append(search_table(inputs.search))
-    for page in inputs.pages:
-        tables += page.tables(inputs)
-    if memory is not None:
-        tables.append(memory_tables.states_table(memory.model.states))
-        tables.append(memory_tables.sizes_table(memory))
-        tables.append(memory_tables.identified_table(memory))
-    return tuple(tables)
 
 
 def bands_table(sizes: Sequence[ErrorBand], unit: str) -> Table:
@@ -145,13 +117,21 @@ def segments_table(inputs: ReportInputs) -> Table:
         "origin": "scaling.placement",
         "condition .3g": "selection.condition",
     }
-    rows: list[tuple[Cell, ...]] = []
-    for fit in inputs.fit.segments:
-        n, sse, slope = fit.selection.samples, fit.selection.sse, fit.scaling.y_slope
-        rmse = math.sqrt(max(sse, 0.0) / n) * abs(slope)
-        rows.append((fit.id, n, *places[fit.id], rmse, *cells_of(fit, last)))
+    rows = (
+        (
+            *(fit.id, fit.selection.samples, *places[fit.id]),
+            *(training_rmse(fit), *cells_of(fit, last)),
+        )
+        for fit in inputs.fit.segments
+    )
     columns: Columns = ("segment", "samples", *ends, f"RMSE [{inputs.target.unit}]", *last)
     return Table.of("segments", "Segments", columns, rows)
+
+
+def training_rmse(fit: SegmentFit) -> float:
+    """Return the error of a segment's own function, before fusion, in the unit of the target."""
+    mean_square = max(fit.selection.sse, 0.0) / fit.selection.samples
+    return math.sqrt(mean_square) * abs(fit.scaling.y_slope)
 
 
 FROM_TO = ("from", "to")
@@ -198,26 +178,128 @@ def _term_rows(segment: SegmentFit) -> Iterator[tuple[Cell, ...]]:
         yield segment.id, step + 1, *ours, *theirs, int(chosen.tied[step]) or None, stop
 
 
-def coefficients_table(inputs: ReportInputs) -> Table:
-    """Coefficients of every segment with 95 % confidence intervals, in scaled coordinates and in
-    the target's unit.
+def coefficient_rows(fit: FitResult) -> list[dict[str, Any]]:
+    """Return a row for each coefficient of every segment, or of the model with memory: `{"piece",
+    "term", "coefficient", "standard_error", "t", "err"}`, in scaled coordinates.
     """
-    unit = inputs.target.unit
+    return [
+        {"piece": piece.id, **row, "term": term}
+        for piece in fit.pieces
+        for term, row in zip(piece.terms, piece.selection.table(), strict=True)
+    ]
+
+
+def coefficients_table(fit: FitResult, unit: str, model: Model | None = None) -> Table:
+    """Coefficients of every segment with standard errors and 95 % confidence intervals, in scaled
+    coordinates and in the target's unit; what the data do not tell is named. Those of a `model`
+    that keeps a shape stand for those of the fit.
+    """
     columns = (
-        *("segment", "term", "theta", "± 95 % .3g", "lower", "upper"),
-        *(f"theta × y_slope [{unit}]", f"± 95 % [{unit}] .3g"),
+        *("segment", "term", "theta", "standard error .3g", "t .3g", "± 95 % .3g"),
+        *("lower", "upper", f"theta × y_slope [{unit}]", f"± 95 % [{unit}] .3g"),
     )
     rows: list[tuple[Cell, ...]] = []
-    for segment in inputs.fit.pieces:
-        chosen, slope = segment.selection, segment.scaling.y_slope
-        for term, theta, error in zip(
-            segment.terms, chosen.theta.tolist(), chosen.theta_error.tolist(), strict=True
-        ):
-            width = half_width(error, chosen.samples - len(chosen.theta))
-            scaled = (theta, width, theta - width, theta + width)
-            rows.append((segment.id, term, *scaled, theta * slope, width * abs(slope)))
+    unknown: list[str] = []
+    shaped = model.pieces if model is not None and model.shape is not None else None
+    kept = {one.id: one for one in (shaped.segments if shaped else ())}
+    for piece in fit.pieces:
+        slope, freedom = piece.scaling.y_slope, piece.selection.freedom
+        chosen = piece.selection
+        if own := kept.get(piece.id):
+            chosen = replace(chosen, theta=own.theta, theta_error=own.theta_error)
+        for term, row in zip(piece.terms, chosen.table(), strict=True):
+            theta, width = row["coefficient"], half_width(row["standard_error"], freedom)
+            ends = (width, theta - width, theta + width, theta * slope, width * abs(slope))
+            rows.append((piece.id, term, theta, row["standard_error"], row["t"], *ends))
+            unknown += [f"{term} ({piece.id})"] if freedom > 0 and not width <= abs(theta) else []
+    by_curve = all(piece.selection.curves for piece in fit.pieces)
+    notes = [BY_CURVE_NOTE if by_curve else f"{INDEPENDENCE_CAVEAT} {GUESS_NOTE}"]
+    if unknown:
+        named = ", ".join(unknown[:MOST_NAMED]) + (", ..." if len(unknown) > MOST_NAMED else "")
+        notes.append(f"Not identified (95 % interval beyond zero): {named}.")
     title = "Coefficients with 95 % confidence intervals"
-    return Table.of("coefficients", title, columns, rows, INDEPENDENCE_CAVEAT)
+    return Table.of("coefficients", title, columns, rows, *notes)
+
+
+MOST_NAMED = 12  # terms in a sentence
+BY_CURVE_NOTE = "Standard errors by curve: residuals of one curve may go together."
+GUESS_NOTE = f"With fewer than {FEW} curves, or no more than terms, this is a guess."
+
+
+def outliers_table(found: Sequence[Outlier], unit: str) -> Table:
+    """Training samples that lie far from a robust fit, the farthest first."""
+    columns = ("file", "place", "curve", f"measured − predicted [{unit}] .4g", "in scales .3g")
+    rows = ((one.file, one.place, one.curve, one.off, one.scales) for one in found)
+    note = "They count less in the fit. None is left out, of the data or of the scores."
+    return Table.of("outliers", "Samples far from the fit", columns, rows, note)
+
+
+def pieces_table(equations: Sequence[Equation], title: str) -> Table:
+    """Return the model as it can be computed by hand: every piece, where it counts, and its
+    equation.
+    """
+    rows = [(one.id, one.weight or None, one.text) for one in equations]
+    if any(one.weight for one in equations):
+        return Table.of("pieces", title, ("piece", "weight", "equation"), rows)
+    return Table.of("pieces", title, ("piece", "equation"), [(row[0], row[2]) for row in rows])
+
+
+def limits_tables(model: Model) -> Iterator[Table]:
+    """Yield the training range of each input, within each curve, of a model and of all that it is
+    made of.
+    """
+    for number, one in enumerate(model.every):
+        ranges: Sequence[CurveRange] = getattr(one.body, "ranges", ())
+        units = {quantity.name: quantity.unit for quantity in one.inputs}
+        names = [name for name in ranges[0].limits if name in units] if ranges else []
+        level = [Column("level", units[one.level], ".9g")] if one.level else []
+        ends = [Column(f"{name} {end}", units[name], ".6g") for name in names for end in FROM_TO]
+        rows = [
+            (
+                part.curve,
+                *[part.level] * len(level),
+                *(x for name in names for x in part.limits[name]),
+            )
+            for part in ranges
+        ]
+        title = "Limits: what the model was trained in" + f" ({one.name})" * (one is not model)
+        if names:
+            yield Table.of(
+                "limits" + f"_{number}" * (number > 0), title, ("curve", *level, *ends), rows
+            )
+
+
+def shape_table(inputs: ReportInputs) -> Table:
+    """Return by how much the model violates what is known of its output along inputs, and where
+    that decided about its coefficients.
+    """
+    unit, shape = inputs.model.output.unit, inputs.model.shape
+    known = {(one.quantity, one.word): one for one in (shape.kept if shape else ())}
+    rows: list[tuple[Cell, ...]] = []
+    for one in inputs.violations:
+        row = (one.asked.quantity, one.asked.word, one.amount, 100 * one.share, one.place or None)
+        kept = known.get(row[:2])
+        places = kept.binds.items() if kept else ()
+        binds = ", ".join(f"{name} {low:.4g} to {high:.4g}" for name, (low, high) in places)
+        rows.append((*row, kept.violated if kept else None, binds or None))
+    columns = (
+        *("along", "the output is", f"violated by [{unit}] .3g", "% of its range .3g", "most for"),
+        *(f"without fit.shape [{unit}] .3g", "it binds at"),
+    )
+    notes = [VIOLATED.format("the kind of muscle" if shape is None else "the spec")]
+    if shape:
+        notes.append(
+            f"RMSE with the shape | without: training {shape.training:.4g} | "
+            f"{shape.training_without:.4g} {unit}, held out {shape.held_out:.4g} | "
+            f"{shape.held_out_without:.4g} {unit}."
+        )
+    return Table.of("shape", "Shape of the surface", columns, rows, *notes)
+
+
+VIOLATED = (
+    "Known from {}. Violated by: how far the output falls (or rises) against it along one line, "
+    "within the training range, where the training output stands clear of its least."
+)
 
 
 def equations_table(
@@ -232,11 +314,19 @@ def equations_table(
         Column(name, form="source")
         for name in ("latex", *(f"latex {words}" for words in with_units))
     ]
+    weight = ("weight",) if any(one.weight for one in equations) else ()
     rows = (
-        (same[0].id, *(one.text for one in same), *(one.latex for one in same))
+        (
+            same[0].id,
+            *[same[0].weight] * len(weight),
+            *(one.text for one in same),
+            *(one.latex for one in same),
+        )
         for same in zip(equations, *others.values(), strict=True)
     )
-    return Table.of("equations", "Equations in physical units", ("id", *texts, *sources), rows)
+    return Table.of(
+        "equations", "Equations in physical units", ("id", *weight, *texts, *sources), rows
+    )
 
 
 def formulas_table(inputs: ReportInputs) -> Table:

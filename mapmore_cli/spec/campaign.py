@@ -1,31 +1,22 @@
-"""Files that name several studies.
-
-A campaign is one spec run in several variants, or several specs, with one page over all. A paper
-lists its equations, tables and figures, where each is here, and which numbers of ours stand beside
-the printed ones.
-"""
+"""Campaigns: one spec run in several variants, or several specs, with one page over all."""
 
 # ruff: noqa: RUF012 (pydantic copies the default of a field for every instance)
 
 from __future__ import annotations
 
-import re
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 from typing import Annotated, Literal
 
-from annotated_types import Gt
 from pydantic import Field
 
 from mapmore_cli.domain.declared import Contradiction, Name
 from mapmore_cli.domain.errors import SpecError, UsageError
-from mapmore_cli.domain.scores import FIGURES
-from mapmore_cli.spec.diagnostics import Finding
 from mapmore_cli.spec.experiment import Competitor, OtherSettings
 from mapmore_cli.spec.fields import Section, SpecPath
-from mapmore_cli.spec.loader import Loaded, load, load_as
+from mapmore_cli.spec.loader import load, load_as
 from mapmore_cli.spec.yaml_loader import as_overrides, read_source
 
 
@@ -102,183 +93,6 @@ def load_campaign(path: Path) -> tuple[Campaign, tuple[Entry, ...]]:
             )
         )
     return loaded.spec, tuple(entries)
-
-
-# Papers
-# --------------------------------------------------------------------------------------------------
-
-_ID = re.compile(r"(equation|table|figure|text) (\d+)(?:([a-z])|(?: to (\d+)))?(?:, .*)?")
-
-
-class Verdict(Section):
-    """When a number of ours agrees with a printed one: exactly one of the keys."""
-
-    within: Annotated[float, Gt(0)] | None = None  # the greatest distance, in the printed unit
-    factor: Annotated[float, Gt(1)] | None = (
-        None  # within which sizes are of each other, with one sign
-    )
-    order: list[str] | None = (
-        None  # the columns whose groups are ordered by the numbers, least first
-    )
-    bound: Literal["at_least", "at_most"] | None = None  # what the printed number is to ours
-    same: Literal[True] | None = None  # words
-
-    def _contradictions(self) -> Iterator[ValueError]:
-        if len(self.model_fields_set) != 1:
-            yield Contradiction(
-                "a verdict has one rule", "give `within`, `factor`, `order`, `bound` or `same`"
-            )
-
-
-class Ours(Section):
-    """Rows of a table of a run: its scores, or any table of its page, by its name there.
-
-    Texts in `run` and `rows` may hold `{column}` of the printed row; printed rows that ask for the
-    same rows take them in turn.
-    """
-
-    run: SpecPath
-    table: str = "scores"
-    rows: dict[str, str] = {}  # which: texts by column
-    total: bool = False  # adds up the numbers of these rows
-
-
-class Number(Section):
-    """Two numbers side by side, each a column or an expression of columns; names of columns of ours
-    are written with underscores.
-    """
-
-    name: str
-    unit: str = ""
-    printed: str
-    ours: str
-    rows: dict[str, str] = {}  # beside those of the comparison
-    verdict: Verdict | None = None
-
-
-class Comparison(Section):
-    """A published table beside ours, row by row. `where` keeps rows of it; `labels` are the columns
-    that name a row.
-    """
-
-    title: str
-    published: str
-    where: dict[str, list[str]] = {}
-    labels: Annotated[list[str], Field(min_length=1)]
-    ours: Ours
-    numbers: Annotated[list[Number], Field(min_length=1)]
-    notes: list[str] = []
-
-
-class Side(Section):
-    """A number of a run: an expression of the columns of one row."""
-
-    ours: Ours
-    value: str
-
-
-class Sentence(Section):
-    """A sentence of the paper as an inequality of our numbers."""
-
-    says: str
-    left: Side
-    relation: Literal["<", ">"]
-    right: float | Side
-
-
-class Drawn(Section):
-    """A figure of a run, all of it or one panel, and what it shows."""
-
-    run: SpecPath
-    figure: Literal[tuple(FIGURES)]  # type: ignore[valid-type]
-    panel: str | None = None
-    caption: str
-
-
-class Item(Section):
-    """An equation, a table, a figure or a passage of the paper, as `figure 3`, `equation 2 to 9` or
-    `text 1, section IV.B`.
-
-    `computed`: the program computes it; `compared`: our numbers stand beside it; `drawn`: our
-    figure does; `told`: a page tells of it. `place` lists files where it is, from the paper's
-    `root`; after a `#` stand words that the file holds.
-    """
-
-    id: Annotated[str, Field(pattern=rf"^{_ID.pattern}$")]
-    title: str
-    status: Literal["computed", "compared", "drawn", "told", "absent"]
-    place: Annotated[list[str], Field(min_length=1)]
-    why: str = ""  # it differs, or is not here
-    compare: list[Comparison] = []
-    sentences: list[Sentence] = []
-    figures: list[Drawn] = []
-
-    def _contradictions(self) -> Iterator[ValueError]:
-        if self.status == "compared" and not self.compare and not self.sentences:
-            yield Contradiction("compared with nothing", "give `compare` or `sentences`", "status")
-        if self.status == "drawn" and not self.figures:
-            yield Contradiction("no figure is drawn", "give `figures`", "status")
-        if self.status == "absent" and not self.why:
-            yield Contradiction("absent without a reason", "give `why`", "status")
-
-    @property
-    def stands_for(self) -> tuple[tuple[str, int], ...]:
-        """Kind and number of all that it lists."""
-        found = _ID.fullmatch(self.id)
-        assert found is not None
-        kind, first, _, last = found.groups()
-        return tuple((kind, number) for number in range(int(first), int(last or first) + 1))
-
-
-class Paper(Section):
-    """A paper. `has` counts what it numbers: each of these must be among the `items`."""
-
-    schema_version: Literal[1] = 1
-    paper: Name
-    title: str
-    has: dict[Literal["equation", "table", "figure"], Annotated[int, Field(ge=0, le=200)]]
-    root: SpecPath = "."  # where places start
-    tables: SpecPath = "."  # where the published tables are
-    items: Annotated[list[Item], Field(min_length=1)]
-
-
-LoadedPaper = Loaded[Paper]
-
-
-def load_paper(path: Path) -> LoadedPaper:
-    """Read a paper; raises SpecError for every mistake at once, also a numbered item that is not
-    listed, and a place that is not there.
-    """
-    return load_as(path, Paper, check=lambda paper: _findings(paper, path.parent))
-
-
-def _findings(paper: Paper, folder: Path) -> Iterator[Finding]:
-    listed = {one for item in paper.items for one in item.stands_for}
-    for kind, count in paper.has.items():
-        for number in range(1, count + 1):
-            if (kind, number) not in listed:
-                yield Finding(
-                    ("items",),
-                    f"{kind} {number} is not listed",
-                    "add an item with its status and its place",
-                    on_key=True,
-                )
-    for k, item in enumerate(paper.items):
-        for j, place in enumerate(item.place):
-            name, _, words = place.partition("#")
-            file = folder / paper.root / name
-            if not file.exists():
-                yield Finding(
-                    ("items", k, "place", j),
-                    f"there is no {file}",
-                    "places start at the paper's `root`",
-                )
-            elif words and words not in " ".join(file.read_text(encoding="utf-8").split()):
-                yield Finding(
-                    ("items", k, "place", j),
-                    f"{name} does not hold {words!r}",
-                    "name words that stand there",
-                )
 
 
 @dataclass(frozen=True)

@@ -31,7 +31,7 @@ from mapmore_cli.spec.sections.dictionary import (
 )
 from mapmore_cli.spec.sections.logs import FileEntry
 from mapmore_cli.spec.tree import Loc
-from mapmore_cli.spec.units import default_unit
+from mapmore_cli.spec.units import default_unit, is_quantity
 
 NO_TIME = "add `time` to `columns`, or `sample_time` to `data`"
 ONE = "one model with memory stands in place of the segments"
@@ -79,6 +79,10 @@ def _uses(spec: ExperimentSpec) -> Iterator[tuple[Loc, str | None]]:
     for loc, conditions in [(("data", "keep"), data.keep), *files]:
         for i, condition in enumerate(conditions):
             yield (*loc, i, "quantity"), condition.quantity
+    for name, sigma in data.uncertainty.items():
+        yield ("data", "uncertainty", name), name
+        is_column = isinstance(sigma, str) and not is_quantity(sigma)
+        yield ("data", "uncertainty", name), str(sigma) if is_column else None
     yield ("data", "cycles", "over"), data.cycles.over if data.cycles else None
     yield ("data", "levels", "of"), data.levels.of if data.levels else None
     if hold_out is not None:
@@ -407,6 +411,18 @@ def idle(spec: ExperimentSpec) -> Iterator[Finding]:
             "fit.train_level:",
             f"{ONE}: it learns from all training levels",
             "remove it, or hold out the other levels by `split`",
+        ),
+        (
+            fit.weight != "sample",
+            "fit.weight",
+            f"{ONE}: its recordings count by their samples",
+            "remove it",
+        ),
+        (
+            fit.loss != "squares" and (fit.ridge != 0.0 or "free_run" in (fit.stop, fit.criterion)),
+            "fit.loss",
+            f"with memory, `{fit.loss}` weighs errors one step ahead, without a ridge",
+            "remove `loss`; or `ridge`, and `free_run`",
         ),
         (
             fit.forward is not None and fit.ridge == 0.0,

@@ -9,12 +9,12 @@ from collections.abc import Iterator, Sequence
 from importlib.util import find_spec
 from typing import TYPE_CHECKING
 
-from mapmore_cli.domain import plugins
 from mapmore_cli.domain.errors import SpecError
 from mapmore_cli.domain.recording import DIRECTION
 from mapmore_cli.domain.scores import BASELINES, METRICS, OWN, REPEATABILITY, SIMPLE
 from mapmore_cli.modelling import literature
 from mapmore_cli.modelling.expressions import ExpressionError
+from mapmore_cli.modelling.kinds import kinds
 from mapmore_cli.modelling.literature.own import formula_of
 from mapmore_cli.modelling.pieces.recipe import CutByDirection, Cuts
 from mapmore_cli.modelling.selection import AUTO
@@ -22,7 +22,13 @@ from mapmore_cli.spec.check_names import DERIVED, OF_NOTHING, unknown_quantity
 from mapmore_cli.spec.diagnostics import Finding, did_you_mean, refused, told
 from mapmore_cli.spec.experiment import Competitor, ExperimentSpec, TargetColumn
 from mapmore_cli.spec.sections.data import STEP_OF
-from mapmore_cli.spec.sections.dictionary import entries_of, texts_in
+from mapmore_cli.spec.sections.dictionary import (
+    AlongRange,
+    DictionaryEntry,
+    Products,
+    entries_of,
+    texts_in,
+)
 from mapmore_cli.spec.sections.logs import Logs
 from mapmore_cli.spec.sections.model import OwnFormula
 from mapmore_cli.spec.tree import Loc
@@ -256,7 +262,14 @@ def kind(spec: ExperimentSpec) -> Iterator[Finding]:
         isinstance(cut, Cuts) and cut.method == "optimal" for cut in spec.segment.values()
     )
     is_own = not isinstance(spec.target, TargetColumn) or scored_as == spec.target.column
+    weighed = {"loss", "weight"} & {*spec.fit.changed}
     yield from told(
+        (
+            bool(weighed) and model.type != "mapmore",
+            f"fit.{min(weighed, default='')}",
+            f"`{model.type}` fits all samples alike, by squares",
+            "remove it, or fit terms of a `dictionary`",
+        ),
         *(
             (
                 name not in spec.data.quantities,
@@ -295,7 +308,7 @@ def kind(spec: ExperimentSpec) -> Iterator[Finding]:
 
 def of_kinds(spec: ExperimentSpec) -> Iterator[Finding]:
     """Check what only the kind of a model that adds itself knows."""
-    for kind in plugins.added("kinds").values():
+    for kind in kinds():
         yield from kind.verb("findings", lambda _spec: (), of="checks")(spec)
 
 
@@ -519,6 +532,49 @@ def own_formulas(spec: ExperimentSpec) -> Iterator[Finding]:
                     f"`{state}` is a state with memory",
                     "a formula is of quantities; put states into the `dictionary`",
                 )
+
+
+def shapes(spec: ExperimentSpec) -> Iterator[Finding]:
+    """Require shapes of quantities of the study, of models that can keep them, and bounds of terms
+    that the fit can find again.
+    """
+    target, no_terms = spec.target_quantity, spec.model.type not in ("mapmore", "literature")
+    for name, words in (spec.fit.shape or {}).items():
+        loc: Loc = ("fit", "shape", name)
+        yield from unknown_quantity(name, (*spec.quantities, target), loc, on_key=True)
+        positive = {words} if isinstance(words, str) else {*words}
+        yield from told(
+            (
+                (name == target) != (positive == {"positive"}),
+                loc,
+                "`positive` is about the target, and all other words are about an input",
+                f"write `{target}: positive`, or another word of an input",
+            ),
+            (
+                no_terms or spec.has_memory,
+                loc,
+                "a shape is kept by pieces and formulas, and this model is neither",
+                "remove it",
+            ),
+        )
+    for i, entry in enumerate(spec.dictionary):
+        inner = entry.family[1].of if isinstance(entry.family[1], Products) else []
+        nested = [one for one in inner if isinstance(one, DictionaryEntry)]
+        yield from told(
+            (
+                entry.bounded and (spec.has_memory or isinstance(entry.family[1], AlongRange)),
+                ("dictionary", i),
+                "`sign` and `bounds` are of coefficients of pieces, and of terms that do not "
+                "change with the training range",
+                "remove them",
+            ),
+            (
+                any(one.bounded for one in nested),
+                ("dictionary", i),
+                "`sign` and `bounds` inside of products say nothing",
+                "write them beside `products`",
+            ),
+        )
 
 
 # Metrics and units

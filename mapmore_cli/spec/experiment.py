@@ -60,8 +60,12 @@ from mapmore_cli.spec.sections.model import (
 
 @dataclass(frozen=True)
 class Muscle(Settings):
-    """What was measured, with dimensions in metres; recorded in the results, and used by formulas
-    that need dimensions.
+    """What was measured; recorded in the results, and used by formulas that need dimensions.
+
+    - `name`: what it is called on pages, as `DMSP-20-88N`
+    - `kind`: what kind of muscle it is, as `mckibben`
+    - `length`: active length at rest, as `88 mm`
+    - `diameter`: inner diameter at rest, as `20 mm`
     """
 
     name: str | None = None
@@ -77,7 +81,10 @@ class Muscle(Settings):
 
 @dataclass(frozen=True)
 class TargetColumn(Settings):
-    """A measured quantity as target; `target: tip` is short for `target: {column: tip}`."""
+    """A measured quantity as target; `target: tip` is short for `target: {column: tip}`.
+
+    - `column`: the quantity, a key of `data.columns` or `data.derive`, as `tip`
+    """
 
     column: str
 
@@ -125,18 +132,22 @@ set.
 
 
 class Competitor(Section):
-    """A competitor with settings of its own: a literature `model`, or that of another `run` (the
-    path of its spec) or of this one, changed.
+    """A competitor with settings of its own: a `model`, a `run`, this spec with other settings
+    (`set`), a `sum`, or `static` with `damping`.
 
-    - `model` may be a frozen one (a path that ends in `.h5`), with `as`, or a black box:
-      `gaussian_process`, `gradient_boosting`, `mlp`.
-    - `set` has keys of this spec with other values. The run is called `<name>.<as>`.
-    - `static` and `damping` name two formulas that are added up. `static: mapmore` is the static
-      model that the spec needs.
-    - `sum` adds formulas with signs and renamed inputs, and fits them together.
-    - `method` says how a formula is fitted; `starts` where `levenberg_marquardt` starts
-      (`published`, `printed`).
-    - `as` is the name in the scores.
+    - `model`: a formula of the literature, a black box (`gaussian_process`, `gradient_boosting`,
+      `mlp`), or a frozen model (a path that ends in `.h5`, with `as`), as `sarosi`
+    - `run`: the path of the spec whose model is compared, as `other.yaml`
+    - `set`: keys of this spec with other values, in a run called `<name>.<as>`, as `{fit.max_terms:
+      1}`
+    - `static`: a formula to which `damping` is added, or `mapmore` for the static model that the
+      spec needs, as `sarosi`
+    - `damping`: a formula of the damping force, or `none`, as `reynolds`
+    - `method`: how a formula is fitted (variable projection by default), as `simplex`
+    - `starts`: where `levenberg_marquardt` starts: `published` or `printed`, as `published`
+    - `sum`: formulas with signs and renamed inputs, which are fitted together, as `[{formula:
+      sarosi}, {formula: viscous, sign: -1}]`
+    - `as`: its name in the scores, as `one_term`
     """
 
     model: PathOrName | None = None
@@ -216,16 +227,16 @@ class Validate(Section):
     """What the model is compared with, what errors are divided by, and the limits that its scores
     must keep.
 
-    - `normaliser: max` is the largest absolute value of the measured target (M2 eq 13), `range` its
-      extent.
-    - `intervals: true` fits the model anew without each part of the training data, for `predict
-      --interval`.
-    - `simple` adds competitors that need no muscle: `plane`, `quadratic`, `cubic` in the model's
-      inputs, the `backbone` alone, and `arx` in
-      free run.
-    - `as: force` scores a model of the strain as one of the force, by inverting it. A competitor
-      with another target, and this study's
-      among its inputs, is inverted too.
+    - `as`: the quantity that a model of the strain is scored as, by inverting it; so is a
+      competitor with another target and this study's among its inputs, as `force`
+    - `against`: competitors, fitted to the same data, as `[sarosi, {run: other.yaml}]`
+    - `simple`: whether competitors that need no muscle stand beside: `plane`, `quadratic`, `cubic`
+      in the model's inputs, the `backbone` alone, and `arx` in free run, as `false`
+    - `normaliser`: what errors are divided by: the largest absolute value of the measured target
+      (`max`, M2 eq 13) or its `range`, as `range`
+    - `intervals`: whether the model is fitted anew without each part of the training data, for
+      `predict --interval`, as `true`
+    - `require`: limits of metrics, which a run must keep (exit 6), as `{nrmse: 0.05, r2: 0.9}`
     """
 
     as_: Quantity | None = Field(default=None, alias="as")
@@ -240,8 +251,10 @@ class PublishedScores(Section):
     """Numbers of a publication to show beside ours, by model, all of held-out data. No computation
     uses them.
 
-    `nrmse` are fractions, `rmse` in the target's unit; `rmse_at_least` are lower bounds, where no
-    more was printed.
+    - `source`: where they were printed, as `M2 table 5`
+    - `nrmse`: NRMSE, as fractions, as `{sarosi: 0.021}`
+    - `rmse`: RMSE, as `{sarosi: 12.5}`
+    - `rmse_at_least`: lower bounds, where no more was printed, as `{sarosi: 10}`
     """
 
     source: str
@@ -256,11 +269,14 @@ class PublishedScores(Section):
 
 
 class Style(Section):
-    """How figures look: `width` of a panel that stands by itself, `font`, `size` of its labels in
-    points (titles and ticks are 1 pt less).
+    """How figures look.
 
-    `labels` are axis labels by quantity, with their unit; formulas may stand between dollars.
-    `palette` are the colours of the models, that of the run's own first.
+    - `width`: width of a panel that stands by itself, as `85 mm`
+    - `font`: font of all labels, as `Times New Roman`
+    - `size` (pt): size of labels; titles and ticks are 1 pt less, as `9`
+    - `labels`: axis labels by quantity, with their unit; formulas may stand between dollars, as
+      `{strain: "Contraction (–)"}`
+    - `palette`: colours of the models, that of the run's own first, as `["#0072B2", "#D55E00"]`
     """
 
     width: Metres = 0.0889
@@ -271,12 +287,19 @@ class Style(Section):
 
 
 class Report(Section):
-    """Figures and files of the report; `units` are further units, by quantity, to print the
-    equations in, as a publication does.
+    """Figures and files of the report.
 
-    `html` is the page, `svg` a file for each figure, `csv` and `tex` the tables. With `pdf`, `png`
-    or `pgf`, every panel of every figure is a file of its own in `panels/`, beside the numbers that
-    it was drawn from.
+    - `figures`: the figures, in their order, as `[data, fit, error]`
+    - `formats`: `html` is the page, `svg` a file for each figure, `csv` and `tex` the tables; with
+      `pdf`, `png` or `pgf` every panel is a file of its own in `panels/`, beside the numbers that
+      it was drawn from, as `[html, pdf]`
+    - `style`: how figures look, as `{width: 85 mm, size: 9}`
+    - `published`: numbers of a publication to show beside, as `{source: M2 table 5, nrmse: {sarosi:
+      0.021}}`
+    - `units`: further units, by quantity, to print the equations in, as a publication does, as
+      `{pressure: bar}`
+    - `over`: `time` draws the fit of recordings over time whatever the model; by default models
+      without memory are drawn over an input, as `time`
     """
 
     figures: list[Literal[tuple(FIGURES)]] = list(FIGURES)  # type: ignore[valid-type]
@@ -286,6 +309,7 @@ class Report(Section):
         "svg",
     ]
     style: Style = Style()
+    over: Literal["time"] | None = None
     published: PublishedScores | None = None
     units: dict[Quantity, str] = {}
 
@@ -309,6 +333,27 @@ def _given_memory(dictionary: Any, info: ValidationInfo) -> bool:
 class ExperimentSpec(Section):
     """One experiment: what was measured, how to cut it up, which terms may appear, how to join,
     what to compare with.
+
+    - `schema_version`: version of this format, as `1`
+    - `name`: name of the run and of its folder, as `my-muscle`
+    - `muscle`: what was measured, as `{length: 88 mm, diameter: 20 mm}`
+    - `units`: units of quantities in the model and on pages, as `{pressure: bar}`
+    - `data`: the recordings, and how they become curves, as `{files: ["cycle_*.csv"], columns:
+      {force: {column: F, unit: N}}}`
+    - `needs`: specs of the runs that this one builds on, as `{static: static.yaml}`
+    - `target`: what is modelled: `static`, `hysteresis`, `damping` or `dynamic` force, or a
+      quantity, as `static`
+    - `segment`: how each variable is cut into segments; `none` pools the curves of the levels, as
+      `{strain: {method: even, count: 4}}`
+    - `dictionary`: families of candidate terms, as `[{polynomial: {of: [strain], order: 4}}]`
+    - `formulas`: formulas of your own, each a file or written out, to be named like those of the
+      literature, as `[my_formula.yaml]`
+    - `model`: which kind of model, and what the pieces stand on, as `{backbone: sarosi}`
+    - `fit`: how terms are chosen, and how many, as `{max_terms: 2}`
+    - `fuse`: how pieces are joined, and what happens beyond the data, as `{transition: linear, z_s:
+      0.25}`
+    - `validate`: competitors, metrics and limits, as `{against: [sarosi], require: {nrmse: 0.05}}`
+    - `report`: figures and files of the report, as `{formats: [html, pdf]}`
     """
 
     schema_version: Literal[1] = 1

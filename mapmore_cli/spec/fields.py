@@ -20,10 +20,11 @@ from pydantic import (
     PlainSerializer,
     SerializationInfo,
     ValidationInfo,
+    WithJsonSchema,
     model_validator,
 )
 
-from mapmore_cli.domain.declared import Contradiction, InUnit
+from mapmore_cli.domain.declared import Contradiction, Either, InUnit, OfKey, always_in
 from mapmore_cli.domain.errors import SpecError
 from mapmore_cli.modelling.literature.own import is_definition
 from mapmore_cli.spec.tree import Node, Written, written
@@ -209,17 +210,41 @@ def _column_unit(place: Place) -> str | None:
     return of_difference(unit) if isinstance(unit, str) else place.unit_of(place.quantity)
 
 
-OF_TARGET = ("rmse", "normaliser", "max_abs_error")
+OF_TARGET = ("rmse", "rmse_weighted", "normaliser", "max_abs_error")
 """Metrics in the unit of the target."""
 
-Metres = Annotated[float, Field(gt=0), InUnit(lambda _: "m")]
-SignedSeconds = Annotated[float, InUnit(lambda _: "s")]
-OfTarget = Annotated[float, InUnit(lambda place: place.unit_of(place.target))]
-InColumnUnit = Annotated[float, InUnit(_column_unit)]
+Metres = Annotated[float, Field(gt=0), always_in("m")]
+SignedSeconds = Annotated[float, always_in("s")]
+OfTarget = Annotated[float, InUnit(lambda place: place.unit_of(place.target), "that of the target")]
+InColumnUnit = Annotated[float, InUnit(_column_unit, "that of the column")]
 Metric = Annotated[
-    float, InUnit(lambda place: place.unit_of(place.target) if place.key in OF_TARGET else "1")
+    float,
+    InUnit(
+        lambda place: place.unit_of(place.target) if place.key in OF_TARGET else "1",
+        "that of the metric",
+    ),
 ]
-Share = Annotated[float, InUnit(lambda _: "1")]
+Share = Annotated[float, always_in("1")]
+
+
+def _share_of_value(given: Any, info: ValidationInfo) -> Any:
+    """Keep `2 %` as text, where it is no value of the quantity that is meant."""
+    if not isinstance(given, Written) or not isinstance(info.context, Context):
+        return given
+    place = Place(info.context, given)
+    is_value = place.unit_of(place.quantity) in ("1", "%")
+    return str(given) if given.is_quantity and given.endswith("%") and not is_value else given
+
+
+_Group = Annotated[str, Field(pattern=r"^[-+]?[0-9]*\.?[0-9]+$")]
+_Value = Annotated[OfKey, Field(gt=0)]
+_Column = Annotated[str, WithJsonSchema({"type": "string", "pattern": "^[A-Za-z_]"})]
+Uncertainty = Annotated[
+    _Value | _Column | Annotated[dict[_Group, _Value], Field(min_length=1)],
+    Either(),
+    BeforeValidator(_share_of_value),
+]
+"""A standard deviation: a value, a share in per cent, the name of a column, or values by group."""
 
 Quantity = Annotated[str, Field(pattern=r"^[A-Za-z_][A-Za-z0-9_]*$", max_length=100)]
 """The name of a quantity, as expressions spell it."""

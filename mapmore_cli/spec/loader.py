@@ -64,6 +64,7 @@ CHECKS = (
     check_study.formulas,
     check_study.competitors,
     check_study.own_formulas,
+    check_study.shapes,
     check_study.metrics,
     check_study.units,
 )
@@ -75,8 +76,10 @@ def findings(spec: ExperimentSpec) -> Iterator[Finding]:
         yield from check(spec)
 
 
-MODELINE = "# yaml-language-server: $schema="
-"""The first line of a spec that editors complete and check."""
+MODELINE, SCHEMA = "# yaml-language-server: $schema=", "mapmore.schema.json"
+"""The first line of a spec that editors complete and check, and the file beside it that it names
+where we write the spec.
+"""
 
 M = TypeVar("M", bound=BaseModel)
 Check = Callable[[M], Iterable[Finding]]

@@ -8,7 +8,9 @@ schema keys` prints the reference.
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Iterator, Sequence
+from pathlib import Path
 from typing import Any
 
 from pydantic.json_schema import GenerateJsonSchema, JsonSchemaValue
@@ -17,23 +19,77 @@ from mapmore_cli.domain.declared import prose
 from mapmore_cli.domain.scores import METRICS
 from mapmore_cli.spec.experiment import ExperimentSpec
 from mapmore_cli.spec.fields import OF_TARGET
+from mapmore_cli.spec.loader import SCHEMA
+from mapmore_cli.spec.tree import SourceText, written
+from mapmore_cli.spec.yaml_loader import parse
+from mapmore_cli.storage.atomic import write_text
+
+KEY = re.compile(r"^- `(\w+)`(?: \((.+?)\))?: (.*?)(?:, as `([^`]+)`)?$\n?", re.MULTILINE)
+"""What the docstring of a section says of a key: `- `z_s` (its unit): what it is, as `0.25``."""
 
 
-class _Untitled(GenerateJsonSchema):
-    """Leaves out the titles of fields, which only repeat their names."""
+class _Documented(GenerateJsonSchema):
+    """Says of every key what its declaration says: its text, its unit and an example. Leaves out
+    the titles of fields, which only repeat their names.
+    """
 
     def field_title_should_be_set(self, _schema: Any) -> bool:
         return False
 
+    def model_schema(self, schema: Any) -> JsonSchemaValue:
+        """Return the schema of a section."""
+        return _told(super().model_schema(schema), schema["cls"])
+
+    def dataclass_schema(self, schema: Any) -> JsonSchemaValue:
+        """Return the schema of a section that the mathematics declares."""
+        return _told(super().dataclass_schema(schema), schema["cls"])
+
+
+def _told(section: JsonSchemaValue, of: type) -> JsonSchemaValue:
+    """Return the schema of a section with what the docstrings of its class, and of those that it
+    inherits from, say of its keys.
+    """
+    keys = section.get("properties", {})
+    told = {
+        found[1]: found
+        for base in reversed(of.__mro__)
+        for found in KEY.finditer(prose(vars(base).get("__doc__")))
+        if found[1] in keys
+    }
+    own = prose(of.__doc__)
+    about = KEY.sub(lambda found: "" if found[1] in told else found[0], own)
+    for key, value in keys.items():
+        unit = _unit_within(value)
+        if key in told:
+            _, own_unit, value["description"], example = told[key].groups()
+            node = parse(SourceText("an example", Path(), example or "", numbered=False), [])
+            value["examples"] = json.loads(json.dumps([written(node)]))  # plain, without places
+            unit = own_unit or unit
+        if unit is not None:
+            value["unit"] = unit
+    return {**section, "description": about.strip()}
+
+
+def _unit_within(value: Any) -> str | None:
+    """Return the unit of the numbers that may stand at a key, taken out of what is said of each; 1
+    for plain numbers, None where there are none.
+    """
+    if isinstance(value, list):
+        return next((unit for part in value if (unit := _unit_within(part))), None)
+    if not isinstance(value, dict):
+        return None
+    inner = _unit_within([part for key, part in value.items() if key not in ("default", "enum")])
+    plain = "1" if value.get("type") in ("number", "integer") else None
+    return value.pop("unit", None) or inner or plain
+
 
 def _whole_schema() -> JsonSchemaValue:
     """Return the schema of a spec that inherits nothing, with `extends` first of its keys."""
-    schema = ExperimentSpec.model_json_schema(schema_generator=_Untitled)
-    for section in schema["$defs"].values():
-        section["description"] = prose(section.get("description"))
+    schema = ExperimentSpec.model_json_schema(schema_generator=_Documented)
     extends = {
         "type": "string",
         "description": "Another spec, from which this one inherits what it does not say itself.",
+        "examples": ["base.yaml"],
     }
     schema["properties"] = {"extends": extends, **schema["properties"]}
     return schema
@@ -58,6 +114,20 @@ def json_schema() -> JsonSchemaValue:
         "if": {"required": ["extends"]},
         "else": complete,
     }
+
+
+def write_schema_beside(spec: Path) -> None:
+    """Write the schema that the first line of a written spec names, where there is none yet."""
+    path = spec.with_name(SCHEMA)
+    if not path.exists():
+        write_text(path, json.dumps(json_schema(), indent=2) + "\n")
+
+
+def key_texts(keys: Sequence[str]) -> dict[str, str]:
+    """Return what keys of the top level and of `data` are, with an example as Python writes it."""
+    schema = _whole_schema()
+    known = {**schema["$defs"]["Data"]["properties"], **schema["properties"]}
+    return {key: f"{known[key]['description']}, as `{known[key]['examples'][0]!r}`" for key in keys}
 
 
 def _sections_within(
@@ -120,7 +190,7 @@ def _section(title: str, section: dict[str, Any]) -> str:
     required = section.get("required", [])
     keys = {key: value for key, value in section["properties"].items() if key != "schema_version"}
     rows = [
-        f"| `{key}` | {_allowed(value)} | {_default(value, key in required)} |"
+        f"| `{key}` | {_allowed(value)} | {_default(value, key in required)} | {_meaning(value)} |"
         for key, value in keys.items()
     ]
     return "\n".join(
@@ -129,8 +199,8 @@ def _section(title: str, section: dict[str, Any]) -> str:
             "",
             section.get("description", ""),
             "",
-            "| key | value | default |",
-            "|---|---|---|",
+            "| key | value | default | what it is |",
+            "|---|---|---|---|",
             *rows,
             "",
         ]
@@ -179,6 +249,14 @@ def _default(value: dict[str, Any], required: bool) -> str:
         if default is None or isinstance(default, dict)
         else f"`{json.dumps(default, ensure_ascii=False)}`"
     )
+
+
+def _meaning(value: dict[str, Any]) -> str:
+    """Return what a key is, its unit and an example, in one cell."""
+    unit = value.get("unit", "1")
+    words = [value.get("description", ""), *([f"unit: {unit}"] if unit != "1" else [])]
+    words += [f"as `{json.dumps(one, ensure_ascii=False)}`" for one in value.get("examples", ())]
+    return "; ".join(words).replace("|", "\\|")
 
 
 def _section_title(name: str) -> str:

@@ -140,7 +140,7 @@ class StageRecord:
 @dataclass(frozen=True)
 class Origin:
     """Where a run comes from: its spec and its campaign (POSIX paths from the run's folder, or
-    empty), and the campaign's settings.
+    empty), and the settings of the campaign or of the command line.
     """
 
     spec: str

@@ -41,6 +41,8 @@ def test_a_campaign_runs_its_variants_and_writes_its_page(campaign, tmp_path, ma
         assert f'href="../{name}/report/index.html"' in page
         assert (tmp_path / "runs" / name / "report" / "index.html").is_file()
     assert "z_s: 0.4" in (tmp_path / "runs" / "two" / "experiment.yaml").read_text()
+    record = json.loads((tmp_path / "runs" / "sweep" / "campaign.json").read_text())
+    assert record["runs"] == ["one", "two"]
     assert "ratio, geometric mean" in result.stdout
     table = (tmp_path / "runs" / "sweep" / "tables" / "nrmse.csv").read_text()
     rows = [line.split(",")[:2] for line in table.splitlines()[1:4]]
@@ -190,3 +192,26 @@ def test_a_campaign_without_a_place_for_its_page_is_refused_at_start(
     (place / record).write_text("{}")
     mapmore("batch", campaign, code=7, says=f"holds {what}")
     assert [path.name for path in (tmp_path / "runs").iterdir()] == ["sweep"]
+
+
+def test_runs_that_no_spec_names_are_listed_and_then_removed(campaign, tmp_path, mapmore):
+    """Kept: runs of the campaign, of a spec, of its variation, and all that is not ours."""
+    spec = campaign.with_name("bench.yaml")
+    edit(spec, "[polynomial_2]", "[{set: {fit.max_terms: 1}, as: plain}]")
+    runs = tmp_path / "runs"
+    ours = ("one", "two", "broken", "bench", "bench.plain", "old")
+    record = json.dumps({"creator": "mapmore", "origin": {"spec": "../bench.yaml"}})
+    others = {"foreign": '{"creator": "another"}', "damaged": "{", "sweep": '{"campaign": "x"}'}
+    for name, text in {**dict.fromkeys(ours, record), **others, "notes": "mine"}.items():
+        (runs / name).mkdir(parents=True)
+        (runs / name / ("mine.txt" if name == "notes" else "run.json")).write_text(text)
+    (runs / "link").symlink_to(runs / "old")
+    everything = sorted(path.name for path in runs.iterdir())
+    arguments = ("clean", campaign, spec, "--runs", runs)
+    listed = mapmore(*arguments, code=0).stdout.splitlines()
+    assert listed == [str(runs / "old"), "1 would be removed; add --yes"]
+    assert sorted(path.name for path in runs.iterdir()) == everything
+    assert json.loads(mapmore(*arguments, "--yes", "--json", code=0).stdout)["removed"] is True
+    assert {path.name for path in runs.iterdir()} == set(everything) - {"old"}
+    mapmore("clean", campaign, tmp_path / "none.yaml", "--runs", runs, "--yes", code=3)
+    mapmore("clean", spec, "--runs", tmp_path / "none", code=2, says="no such folder")

@@ -82,7 +82,7 @@ def test_the_change_is_found_and_told(campaigns, mapmore):
             mapmore, campaigns, "first", campaigns / "runs" / "first" / "model.h5", "--json"
         ).stdout
     )
-    assert (same["changed"], same["ratio"]) == (False, 1.0)
+    assert (same["answer"], same["changed"], same["ratio"]) == ("settings", False, 1.0)
 
 
 @pytest.mark.parametrize(
@@ -110,6 +110,67 @@ def test_drift_over_campaigns(campaigns, mapmore, tmp_path):
     assert ratios == pytest.approx([1.02, 1.06], abs=0.003)
     text = (tmp_path / "drift.svg").read_text()
     assert all(word in text for word in ("2025", "second", "third", "pressure 100"))
+
+
+def test_a_difference_of_settings_is_not_the_muscle_s(campaigns, mapmore):
+    """A model of the same recordings by another spec is refused, or told to be that."""
+    spec, runs = campaigns / "first" / "bench.yaml", ("--runs", campaigns / "runs")
+    changed = ("--set", "name=fused", "--set", "fuse.z_s=0.1", "--set", "report.figures=[fit]")
+    mapmore("fuse", spec, *runs, "-q", *changed, code=0)
+    refused = compared(mapmore, campaigns, "2025", "fused", code=2, says="--allow-other-settings")
+    assert "fuse.z_s: 0.25 -> 0.1" in refused.stderr
+    allowed = ("2025", "fused", "--allow-other-settings")
+    told = compared(mapmore, campaigns, *allowed, "--fail-on", "changed", code=0).stdout
+    assert "same recordings as 2025: what differs is the settings', and not the muscle's" in told
+    assert "The settings differ: fuse.z_s: 0.25 -> 0.1." in told
+    document = json.loads(compared(mapmore, campaigns, *allowed, "--json").stdout)
+    assert (document["answer"], document["same_recordings"]) == ("settings", True)
+    mapmore("run", spec, *runs, "-q", *changed, code=0)
+    frozen = ("--tag", "x", *runs, "--archive", campaigns / "x")
+    said = mapmore("freeze", "fused", *frozen, code=0)
+    assert said.stdout == f"{campaigns / 'x' / 'fused@x'}\n"
+    assert "fused@x: made from bench.yaml" in said.stderr
+    assert "the spec alone makes another model" in said.stderr
+    assert "made with --set fuse.z_s=0.1\n" in said.stderr
+
+
+def test_a_key_that_a_later_version_has_is_no_other_setting(campaigns, mapmore, tmp_path):
+    """Found by thought: every model frozen by an older version would be refused."""
+    older = tmp_path / "older"
+    shutil.copytree(campaigns / "runs" / "first", older)
+    record = json.loads((older / "run.json").read_text())
+    made_by = record["stages"]["fuse"]["slice"]
+    del made_by["fuse"]["hold"], made_by["fit"]["margin"], made_by["dictionary"][0]["spline"]
+    (older / "run.json").write_text(json.dumps(record))
+    compared(mapmore, campaigns, older, "third", code=0, says="")
+    made_by["dictionary"][0]["polynomial"]["order"] += 1
+    (older / "run.json").write_text(json.dumps(record))
+    refused = compared(mapmore, campaigns, older, "third", code=2)
+    assert "dictionary" in refused.stderr
+
+
+def test_a_campaign_is_frozen_and_compared_run_by_run(campaigns, mapmore, tmp_path):
+    runs = tmp_path / "runs"
+    for name in ("first", "second"):
+        shutil.copytree(campaigns / "runs" / name, runs / name)
+    (runs / "both").mkdir()
+    members = {"campaign": "both", "runs": ["first", "second"]}
+    (runs / "both" / "campaign.json").write_text(json.dumps(members))
+    places = ("--runs", runs, "--archive", tmp_path / "archive")
+    frozen = mapmore("freeze", "both", "--tag", "x", *places, code=0).stdout.split()
+    assert frozen == [str(tmp_path / "archive" / name) for name in ("first@x", "second@x")]
+    mapmore("freeze", "both", "--tag", "x", *places, code=7, says="frozen already")
+    shutil.rmtree(runs / "second")
+    shutil.copytree(campaigns / "runs" / "third", runs / "second")  # measured anew
+    arguments = ("compare", "both@x", "both", *places)
+    result = mapmore(*arguments, "--json", "--fail-on", "0.03", code=6)
+    answers = {one["run"]: one["answer"] for one in json.loads(result.stdout)["runs"]}
+    assert answers == {"first": "settings", "second": "changed"}
+    assert "2 runs: 1 changed, 1 settings." in mapmore(*arguments, code=0).stdout
+    mapmore("compare", "both@x", "first", *places, code=2, says="two at a time")
+    members["runs"].append("../elsewhere")
+    (runs / "both" / "campaign.json").write_text(json.dumps(members))
+    mapmore("freeze", "both", "--tag", "y", *places, code=4, says="does not name the runs")
 
 
 @pytest.mark.parametrize(

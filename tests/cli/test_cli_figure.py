@@ -2,8 +2,9 @@
 
 from pathlib import Path
 
+import numpy as np
 import pytest
-from cli_samples import csv_rows, options
+from cli_samples import csv_rows, options, write_lines
 
 
 def test_one_curve_as_pdf_with_its_numbers(finished, mapmore):
@@ -67,3 +68,30 @@ def test_the_models_that_are_named_are_drawn_and_no_others(finished, mapmore):
     assert "mapmore [N]" in head
     assert "plane [N]" in head or "cubic [N]" in head
     assert "polynomial_2" not in head + Path("a.svg").read_text()
+
+
+RECORD = """\
+name: record
+data: {files: [r.csv], columns: {time: {column: t, unit: s}, pressure: {column: P, unit: kPa},
+    strain: {column: e}, force: {column: F, unit: N}}}
+target: {column: force}
+model: {type: literature, name: polynomial_2}
+validate: {against: [chou_hannaford], simple: false}
+report: {over: time, figures: [fit]}
+"""
+
+
+def test_a_formula_on_a_record_is_drawn_over_time_and_called_by_its_name(tmp_path, mapmore):
+    t = np.arange(0.0, 3.0, 0.05)
+    rows = zip(
+        t, 200 + 50 * np.sin(3 * t), 0.1 + 0.1 * np.cos(t), 100 + 30 * np.sin(t), strict=True
+    )
+    (tmp_path / "record.yaml").write_text(RECORD)
+    lines = [",".join(f"{one:.6g}" for one in row) for row in rows]
+    write_lines(tmp_path / "r.csv", "t,P,e,F", *lines)
+    mapmore("run", tmp_path / "record.yaml", "-q", code=0)
+    page = (tmp_path / "runs" / "record" / "report" / "index.html").read_text(encoding="utf-8")
+    assert "of the training recordings over time" in page
+    assert "mapmore is polynomial_2, fitted to the training samples here." in page
+    mapmore("figure", "record", "fit", "--curve", "r", "--data", "f.csv", "-o", "f.svg", code=0)
+    assert [row["time [s]"] for row in csv_rows(Path("f.csv").read_text())][:2] == ["0", "0.05"]

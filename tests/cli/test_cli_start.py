@@ -42,6 +42,7 @@ COMMANDS = [
         "paper",
         "simulate",
         "show",
+        "clean",
         "init",
         "example",
         "check",

@@ -1,7 +1,8 @@
-"""Every command that the documentation shows is one; those of the tutorial and of the pipelines are
-run.
+"""Every command that the documentation shows is one. Those of README, of the front page, tutorial,
+cookbook, exports and pipelines are run as they stand, and so are the pieces of a spec.
 """
 
+import json
 import os
 import re
 import shlex
@@ -14,7 +15,7 @@ import pytest
 import typer
 import yaml
 from common import process
-from page_tables import block_of
+from scipy.signal import lfilter
 
 from mapmore_cli.cli.app import app
 
@@ -22,9 +23,10 @@ ROOT = Path(__file__).parents[2]
 PAGES = (
     ROOT / "README.md",
     *sorted((ROOT / "docs").glob("*.md")),
-    *sorted((ROOT / "docs" / "examples").iterdir()),
+    *sorted(filter(Path.is_file, (ROOT / "docs" / "examples").iterdir())),
 )
 FENCE = re.compile(r"^```(\w*)\n(.*?)^```", re.MULTILINE | re.DOTALL)
+INDENTED = re.compile(r"^    (mapmore .*[^\\])$", re.MULTILINE)
 COMMAND = re.compile(r"(?:\s*|\s*- run: |.*\$\()(mapmore .*)")
 
 
@@ -32,10 +34,20 @@ def commands(page):
     """The words of every command in the blocks of a page, or in a script, without `mapmore` and
     without what the shell does.
     """
-    text = page.read_text(encoding="utf-8")
+    return commands_in(page.read_text(encoding="utf-8"), page.suffix)
+
+
+def commands_in(text, suffix=".md"):
+    """The same in a text."""
     lines = (
-        [line for _, block in FENCE.findall(text) for line in block.splitlines()]
-        if page.suffix == ".md"
+        [
+            line
+            for name, block in FENCE.findall(text)
+            for line in block.splitlines()
+            if name != "text"
+        ]
+        + INDENTED.findall(text)
+        if suffix == ".md"
         else text.splitlines()
     )
     for line in lines:
@@ -84,76 +96,191 @@ def test_every_command_has_the_arguments_that_it_is_shown_with(page, command):
     found.make_context(name, rest, parent=context)
 
 
-@pytest.mark.usefixtures("fewer_families")
-def test_the_tutorial_from_beginning_to_end(tmp_path, mapmore, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    spec = tmp_path / "muscle.yaml"
-    for command in commands(ROOT / "docs" / "tutorial.md"):
-        mapmore(*command, code=0)
-        if command[0] in ("example", "simulate"):
-            thin_out(tmp_path)
-        if command[0] == "init":  # one figure a run is quicker than all
-            spec.write_text(spec.read_text() + "report: {figures: [fit]}\n")
-    report = tmp_path / "runs" / "bench-2026" / "report"
+def test_readme_and_the_front_page_begin_with_a_run_that_prints_what_they_show(mapmore):
+    """Install line apart; every line of the output stands in what is printed."""
+    printed = ""
+    for command in (["example", "muscle"], ["run", "muscle/study.yaml"]):
+        printed += mapmore(*command, "--quiet", code=0).stdout
+    for page in (ROOT / "README.md", ROOT / "docs" / "index.md"):
+        (_, first), (_, result), (_, sections) = FENCE.findall(page.read_text(encoding="utf-8"))[:3]
+        assert first.splitlines() == [
+            "pip install mapmore",
+            "mapmore example muscle",
+            "mapmore run muscle/study.yaml",
+        ]
+        shown = [" ".join(line.split()) for line in result.splitlines() if set(line) - set("- .")]
+        assert set(shown) <= {" ".join(line.split()) for line in printed.splitlines()}
+        study = yaml.safe_load(Path("muscle/study.yaml").read_text(encoding="utf-8"))
+        for name, section in yaml.safe_load(sections).items():
+            ours = study[name]
+            assert section == ours or section.items() <= ours.items(), name
+
+
+@pytest.mark.usefixtures("quick_families")
+def test_the_tutorial_from_beginning_to_end(mapmore):
+    """Its spec is that of the example, and what it claims comes out."""
+    page = ROOT / "docs" / "tutorial.md"
+    blocks = [yaml.safe_load(block) for name, block in FENCE.findall(page.read_text()) if name]
+    printed = {}
+    for command in commands(page):
+        quick = ["--set", "report.figures=[fit]"] if command[0] == "run" else []
+        soon = ["--budget", "1"] if command[0] == "init" else []
+        printed[command[0], command[1]] = mapmore(*command, *quick, *soon, code=0).stdout
+    study = yaml.safe_load(Path("bench/study.yaml").read_text())
+    assert {name: study[name] for block in blocks for name in block} == {
+        name: section for block in blocks for name, section in block.items()
+    }
+    report = Path("runs/example/report")
     assert (report / "tables" / "scores.tex").read_text().startswith("%")
-    assert (tmp_path / "fig3.pdf").read_bytes().startswith(b"%PDF")
+    assert Path("fig3.pdf").read_bytes().startswith(b"%PDF")
     assert any((report / "panels").glob("*.pdf"))
-    assert any((tmp_path / "controller").glob("*.c"))
+    assert any(Path("controller").glob("*.c"))
+    assert "autumn is the same within 1 %" in printed["compare", "spring"]
+    assert (
+        "simplest (the best itself): --set segment.strain.count=4"
+        in printed["tune", "bench/study.yaml"]
+    )
+    scores = json.loads(Path("runs/example-search/scores.json").read_text())["scores"]
+    errors = {row["model"]: row["nrmse"] for row in scores if row["split"] == "validate"}
+    found = errors.pop("mapmore")
+    assert found <= min(errors.values())
+    readme = (ROOT / "README.md").read_text(encoding="utf-8")
+    assert f"`mapmore run muscle/search.yaml` finds one with {100 * found:.2f} %" in readme
 
 
-def thin_out(folder):
-    """One sample in 20 of every recording, which is quicker."""
-    for path in folder.glob("*/load_cycle_*.csv"):
-        head, *rows = path.read_text().splitlines()
-        if len(rows) > 1000:
-            path.write_text("\n".join([head, *rows[::20]]) + "\n")
+SPEC = """schema_version: 1
+name: muscle
+data:
+  files: ["cycle_*.csv"]
+  columns: {time: {column: t, unit: s}, pressure: {column: P, unit: kPa}, strain: {column: eps},
+    force: {column: F, unit: N}}
+  cycles: {over: strain}
+  levels: {of: pressure, at: auto}
+  split: {validate: {pressure: [200 kPa]}}
+target: static
+segment: {strain: {method: even, count: 4}}
+dictionary: [{polynomial: {of: [strain], order: 4}}]
+validate: {against: [sarosi, polynomial_2]}
+report: {figures: []}
+"""
+"""The study that the pages call `muscle`."""
 
 
-def spec_of_tutorial():
-    return block_of(ROOT / "docs" / "tutorial.md")
+def renamed(name):
+    """The same by another name, in a folder beside the recordings."""
+    return SPEC.replace("name: muscle", f"name: {name}").replace('["cycle_', '["../cycle_')
+
+
+RECORD = """cycles: null, levels: null, split: {validate: {pressure: null, last: 0.3}}}
+segment: null
+dictionary: [{polynomial: {of: [strain, pressure], order: 2}}]
+target: {column: force}
+validate: null
+"""
+VALVE = "Valve and muscle in one unit"
+GIVEN = {
+    "Two pressures only": "data: {files: [cycle_100.csv, cycle_300.csv], split: null}",
+    "A psi log beside a tester": f"data: {{columns: {{pressure: null}}, {RECORD}",
+    "Gaps in a recording": f"data: {{files: [gap.csv], {RECORD}",
+    "Leave one out": "data: {split: {validate: null}}",
+    VALVE: "data: {files: [valve.csv], columns: {strain: null, "
+    f"force: null, input: {{column: u, unit: V}}}}, {RECORD}",
+}
+"""What the recipes of the cookbook take for granted of a spec."""
 
 
 def write_recordings(folder):
-    """Three slow load cycles, the upper branch on the way back."""
-    for pressure in (100, 200, 300):
-        strain = np.concatenate(
-            [
-                np.linspace(0, 0.05 + 0.0004 * pressure, 300),
-                np.linspace(0.05 + 0.0004 * pressure, 0, 300),
-            ]
-        )
-        force = 2 * pressure * (1 - 3 * strain) ** 2 - 40 + 4 * np.repeat([-1, 1], 300)
-        rows = [f"{pressure},{e:.5f},{f:.2f}" for e, f in zip(strain, force, strict=True)]
-        (folder / f"muscle_{pressure}.csv").write_text("\n".join(["P_kPa,strain,force_N", *rows]))
+    """Four load cycles at each pressure, and what recipes call by other names."""
+    time = np.arange(0, 40, 0.05)
+    strain = 0.05 * (1 - np.cos(2 * np.pi * time / 10))
+    friction = 4 * np.sign(np.gradient(strain))
+    told = np.repeat(np.random.default_rng(1).uniform(50, 200, len(time) // 20), 20)
+    air = lfilter([0.1], [1, -0.9], told)
+    late = np.append(time, time[-1] + 0.05) + 0.7
+    tables = {
+        "valve.csv": {"t": time, "P": air, "u": told / 50},
+        "tester.csv": {"t": time, "strain_pct": 100 * strain, "N": 2 * air * (1 - 3 * strain) ** 2},
+        "pressure.txt": {"ms": 1000 * late, "psi": np.append(air, air[-1]) / 6.894757},
+    }
+    for p in (100, 200, 300):
+        force = 2 * p * (1 - 3 * strain) ** 2 - 40 - friction
+        for day, shift in (("cycle", 0), ("monday", 0), ("tuesday", 5)):
+            cycles = {"t": time, "P": p + 0 * time, "eps": strain, "F": force + shift}
+            tables[f"{day}_{p}.csv"] = cycles
+    tables["gap.csv"] = {key: np.delete(x, slice(300, 400)) for key, x in cycles.items()}
+    for name, columns in tables.items():
+        titles, rows = ",".join(columns), np.column_stack([*columns.values()])
+        np.savetxt(folder / name, rows, "%.5f", ",", header=titles, comments="")
 
 
 @pytest.fixture(scope="module")
 def workshop(tmp_path_factory, mapmore):
-    """The study of the tutorial, run without figures and frozen, and a `mapmore` on the path of
-    scripts.
-    """
+    """The study `muscle`, run and frozen, and a `mapmore` on the path of scripts."""
     folder = tmp_path_factory.mktemp("workshop")
     write_recordings(folder)
-    (folder / "muscle.yaml").write_text(spec_of_tutorial() + "report: {figures: []}\n")
-    for command in (
-        ["run", folder / "muscle.yaml", "--runs", folder / "runs", "-q"],
-        [
-            "freeze",
-            folder / "runs" / "my-muscle",
-            "--tag",
-            "spring",
-            "--archive",
-            folder / "archive",
-        ],
-    ):
-        mapmore(*command, code=0)
+    (folder / "muscle.yaml").write_text(SPEC)
+    runs, archive = folder / "runs", folder / "archive"
+    mapmore("run", folder / "muscle.yaml", "--runs", runs, "-q", code=0)
+    mapmore("freeze", runs / "muscle", "--tag", "spring", "--archive", archive, code=0)
+    shutil.copytree(runs / "muscle", runs / "force")
+    (folder / "given.yaml").write_text("extends: muscle.yaml\n" + GIVEN[VALVE])
+    valve = re.findall(r"```yaml\n(.*?)```", recipes()[VALVE], re.DOTALL)
+    (folder / "valve.yaml").write_text("extends: given.yaml\n" + valve[0])
+    mapmore("validate", folder / "valve.yaml", "--runs", runs, "--no-check", code=0)
     (folder / "table.csv").write_text("pressure,strain\n150,0.02\n250,0.05\n")
+    (folder / "wanted.csv").write_text("force,strain\n100,0.02\n250,0.05\n")
     (folder / "bin").mkdir()
     (folder / "bin" / "mapmore").write_text(
         f'#!/bin/sh\nexec "{sys.executable}" -m mapmore_cli "$@"\n'
     )
     (folder / "bin" / "mapmore").chmod(0o755)
     return folder
+
+
+def recipes():
+    """The sections of the cookbook, by their questions."""
+    text = (ROOT / "docs" / "cookbook.md").read_text(encoding="utf-8")
+    return dict(section.split("\n", 1) for section in text.split("\n## ")[1:])
+
+
+@pytest.mark.parametrize("question", recipes())
+def test_a_recipe_runs_as_it_stands(question, workshop, mapmore, tmp_path):
+    """Its pieces of a spec in `muscle.yaml`, its commands on what comes of it."""
+    shutil.copytree(workshop, tmp_path, dirs_exist_ok=True)
+    (tmp_path / "given.yaml").write_text("extends: muscle.yaml\n" + GIVEN.get(question, ""))
+    text = recipes()[question]
+    for number, (language, block) in enumerate(FENCE.findall(text)):
+        if language == "yaml" and "expression:" in block:
+            (tmp_path / block.split()[1]).write_text(block)
+        elif language == "yaml":
+            spec = tmp_path / f"piece-{number}.yaml"
+            spec.write_text(f"extends: given.yaml\n{block}")
+            for name in ("muscle", "pressure"):
+                shutil.rmtree(tmp_path / "runs" / name, ignore_errors=True)
+            mapmore("validate", spec, "--no-check", code=0)
+        elif block.startswith("#!"):
+            (tmp_path / "job").write_text(block)
+            places = {"PATH": f"{tmp_path / 'bin'}{os.pathsep}{os.environ['PATH']}"}
+            given = {**places, "PYTHONPATH": str(ROOT), "SLURM_ARRAY_TASK_ID": "0"}
+            (tmp_path / "specs").mkdir()
+            (tmp_path / "specs" / "one.yaml").write_text(renamed("one"))
+            assert process("bash", "job", cwd=tmp_path, env=given).returncode == 0
+    for command in () if "#!" in text else commands_in(text):
+        mapmore(*command, code=0)
+
+
+def test_the_page_of_exports_runs_as_it_stands(workshop, mapmore, tmp_path):
+    """Each model file that a command names is that of the workshop or, by its name, that of the
+    pressure.
+    """
+    for name in ("wanted.csv", "table.csv"):
+        shutil.copy(workshop / name, tmp_path)
+    for command in commands(ROOT / "docs" / "export.md"):
+        for word in (word for word in command if word.endswith(".h5")):
+            Path(word).parent.mkdir(parents=True, exist_ok=True)
+            run = "pressure" if "pressure" in word else "muscle"
+            shutil.copy(workshop / "runs" / run / "model.h5", word)
+        mapmore(*command, code=0)
 
 
 def run(folder, *command):
@@ -191,9 +318,7 @@ def test_the_makefile_makes_what_is_missing_and_nothing_twice(workshop):
 def test_the_snakefile(workshop):
     (workshop / "specs").mkdir()
     for name in ("one", "two"):
-        (workshop / "specs" / f"{name}.yaml").write_text(
-            spec_of_tutorial().replace("my-muscle", name).replace('["muscle_', '["../muscle_')
-        )
+        (workshop / "specs" / f"{name}.yaml").write_text(renamed(name))
     done = run(
         workshop,
         "snakemake",
@@ -222,7 +347,7 @@ def test_the_steps_of_the_workflow(workshop, mapmore, monkeypatch):
     assert [words(step)[0] for step in steps] == ["check", "run", "compare"]
     for step in steps:
         mapmore(*words(step), code=0)
-    run_dir = workshop / "runs" / "my-muscle"
+    run_dir = workshop / "runs" / "muscle"
     assert (run_dir / "report" / "index.html").is_file()
     assert "polynomial_2" in (run_dir / "scores.csv").read_text()
     assert (workshop / "junit.xml").is_file()

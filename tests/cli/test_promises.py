@@ -73,7 +73,7 @@ def test_a_backbone_that_says_it_all_is_kept_alone(study, mapmore, document):
     """
     settings = options("model.backbone=polynomial_2", "fit.max_terms=3")
     told = [
-        "keeps polynomial_2 alone",
+        "the pieces on polynomial_2 are left out",
         "as its backbone polynomial_2, because its pieces were dropped",
     ]
     mapmore("run", study, *settings, code=0, says=told)

@@ -2,6 +2,7 @@
 behind.
 """
 
+import inspect
 import json
 import tempfile
 
@@ -11,8 +12,10 @@ import yaml
 from cli_samples import CONFIGS, write_columns
 
 import mapmore_cli as mm
-from mapmore_cli.domain.errors import DataError, SpecError
+from mapmore_cli.domain.errors import DataError, SpecError, UsageError
 from mapmore_cli.ingestion.files import expand
+from mapmore_cli.spec.experiment import ExperimentSpec
+from mapmore_cli.spec.sections.data import Data
 
 
 def columns_of(path, names, delimiter=","):
@@ -171,12 +174,18 @@ def test_bands_are_fitted_when_they_are_asked_for(fitted):
     low, high = fitted.interval(0.9, pressure=150.0, strain=0.1)
     assert low < fitted(pressure=150.0, strain=0.1) < high
     ax = fitted.plot(interval=0.9)
-    assert len(ax.collections) == len(ax.lines) == 4
+    assert len(ax.collections) == 5  # four training curves, and the one that was held out
+    dashed, dots = ax.lines[-2:]
+    np.testing.assert_array_equal(dots.get_ydata(), FRAME["F"][BAR == 2.0])
+    np.testing.assert_array_equal(dashed.get_ydata(), fitted(pressure=200, strain=EPS[BAR == 2.0]))
 
 
 def test_what_is_written_runs_to_the_same_scores(fitted, tmp_path):
     spec = fitted.to_yaml(tmp_path / "there" / "muscle.yaml")
-    assert sorted(path.name for path in spec.parent.iterdir()) == ["muscle.yaml", "muscle_data"]
+    written = {"mapmore.schema.json", "muscle.yaml", "muscle_data"}
+    assert {path.name for path in spec.parent.iterdir()} == written
+    modeline = "# yaml-language-server: $schema=mapmore.schema.json\n"
+    assert spec.read_text().startswith(modeline)
     found = mm.run(spec, tmp_path / "runs")
     assert tuple(found.scores) == tuple(fitted.scores)
     assert found.page.is_file()
@@ -189,11 +198,14 @@ def test_what_is_written_runs_to_the_same_scores(fitted, tmp_path):
     )
 
 
-def test_nothing_is_written(tmp_path, monkeypatch):
+def test_nothing_is_written_but_progress(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
-    mm.fit(FRAME, **SECTIONS)
+    mm.fit(FRAME, **SECTIONS, progress=True)
     assert not list(tmp_path.iterdir())
+    output = capsys.readouterr()
+    assert output.out == ""
+    assert "\rsegments: 4 of 4" in output.err
 
 
 def test_it_shows_itself(fitted):
@@ -205,10 +217,69 @@ def test_it_shows_itself(fitted):
     assert "<li><code>" in html
 
 
+def test_a_summary_has_what_a_regression_table_has():
+    """By hand: one straight line, y = 2 + 3 x and noise."""
+    rng = np.random.default_rng(0)
+    x = np.linspace(0, 1, 40)
+    y = 2 + 3 * x + 0.1 * rng.normal(size=40)
+    model = mm.fit(
+        {"x": x, "y": y},
+        target="y",
+        dictionary=[{"polynomial": {"of": ["x"], "order": 1}}],
+        fit={"max_terms": 2, "scaling": "none"},
+    )
+    line = np.column_stack([np.ones(40), x])
+    theta, (sse,) = np.linalg.lstsq(line, y, rcond=None)[:2]
+    errors = np.sqrt(sse / 38 * np.diag(np.linalg.inv(line.T @ line)))
+    summary = model.summary()
+    rows = {row["term"]: row for row in summary.records}
+    for term, value, error in zip(("1", "x"), theta, errors, strict=True):
+        assert rows[term]["coefficient"] == pytest.approx(value)
+        assert rows[term]["standard error"] == pytest.approx(error)
+        assert rows[term]["t"] == pytest.approx(value / error)
+    assert sum(row["ERR [%]"] for row in summary.records) == pytest.approx(
+        100 * (1 - sse / (y @ y))
+    )
+    aic, bic = 40 * np.log(sse / 40) + 4, 40 * np.log(sse / 40) + 2 * np.log(40)
+    assert f"AIC {aic:.6g}, BIC {bic:.6g}" in repr(summary)
+    assert "<table>" in summary._repr_html_()
+    flat = mm.fit({"x": x, "y": y - 3 * x}, **model.study.document | {"data": {}})
+    assert any("Not told from zero" in note and "x of" in note for note in flat.summary().notes)
+
+
+def test_a_model_is_exported_and_predicts_frames_wherever_it_comes_from(fitted, tmp_path):
+    (module,) = fitted.export("numpy", tmp_path / "out")
+    assert module == tmp_path / "out" / "model_model.py"
+    loaded = mm.load_model(fitted.save(tmp_path / "model.h5"))
+    columns = {name: SECTIONS["columns"][name] for name in ("pressure", "strain")}
+    np.testing.assert_array_equal(loaded.predict(FRAME, columns), fitted.predict(FRAME))
+    with pytest.raises(UsageError, match="cobol"):
+        loaded.export("cobol", tmp_path)
+
+
+def test_what_tab_shows_are_the_sections_of_the_spec():
+    keys = {one.alias or name for name, one in ExperimentSpec.model_fields.items()}
+    arguments = inspect.signature(mm.fit).parameters
+    added = {"frame", "columns", "levels", "split", "check", "progress", "of_data"}
+    assert arguments.keys() == keys | added
+    assert {"columns", "levels", "split"} <= Data.model_fields.keys()
+    for name, one in ExperimentSpec.model_fields.items():
+        text = inspect.cleandoc(mm.fit.__doc__)
+        assert f"\n{one.alias or name}\n" in text or name in ("data", "schema_version")
+    assert set(dir(mm)) == {*mm.__all__} >= {"fit", "run", "load_model", "example", "FROLS"}
+    assert all(getattr(mm, name) is not None for name in mm.__all__)
+
+
 @pytest.mark.parametrize(
     ("change", "kind", "message"),
     [
         ({"segmnt": {}}, SpecError, "did you mean `segment`"),
+        ({"levls": {}}, SpecError, "did you mean `levels`"),
+        (
+            {"frame": {**FRAME, "eps": np.where(np.arange(125) == 17, np.nan, EPS)}},
+            DataError,
+            "the frame, row 17 .from 0., column 'eps': the value of strain is missing",
+        ),
         ({"columns": {"force": {"column": "G"}}}, DataError, "no column 'G'"),
         ({"columns": {"force": {"unit": "N"}}}, SpecError, "names no column"),
         ({"split": {"validate": {"pressure": [1000]}}}, DataError, "no level"),
@@ -216,7 +287,7 @@ def test_it_shows_itself(fitted):
 )
 def test_mistakes_are_told_with_remedies(change, kind, message):
     with pytest.raises(kind, match=message) as raised:
-        mm.fit(FRAME, **{**SECTIONS, **change})
+        mm.fit(**{"frame": FRAME, **SECTIONS, **change})
     assert "/tmp" not in str(raised.value)
 
 

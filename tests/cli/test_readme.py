@@ -1,4 +1,4 @@
-"""What README shows stands on the pages."""
+"""What README shows stands on the pages, and defaults are those of the page about them."""
 
 import re
 from pathlib import Path
@@ -11,6 +11,7 @@ from test_shipped_studies import CONFIGS
 
 import mapmore_cli
 from mapmore_cli.spec.campaign import load_campaign
+from mapmore_cli.spec.loader import load, load_text
 
 ROOT = Path(__file__).parents[2]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -35,6 +36,7 @@ def test_the_table_is_that_of_the_pages():
     found = [
         [
             geometric_mean(rows[run]["mapmore"] for run in runs),
+            geometric_mean(rows[run]["sarosi_hinged"] for run in runs),
             geometric_mean(rows[run]["sarosi"] for run in runs),
             geometric_mean(min(rows[run][model] for model in campaign.best_of) for run in runs),
         ]
@@ -46,6 +48,10 @@ def test_the_table_is_that_of_the_pages():
     assert len(found) == 5
     for line, errors in zip(shown, found, strict=True):
         assert line == pytest.approx(errors, rel=0.006)
+    gains = [100 * (1 - own / backbone) for own, backbone, *_ in found[1:3]]
+    words = "Pieces add {:.0f} % over bands of pressure and {:.0f} % on repeats".format(*gains)
+    assert words in README
+    assert all(own > backbone for own, backbone, *_ in (found[0], found[3]))
 
 
 def test_where_it_loses_is_what_the_page_says():
@@ -56,6 +62,46 @@ def test_where_it_loses_is_what_the_page_says():
     assert f"a cubic has {table['cubic']} % and the direct model {table['mapmore']} %" in README
     measured = page_table("measured")["bellows_strain"]
     assert float(measured["cubic"]) < float(measured["mapmore"])
+
+
+def value_of(resolved, key):
+    """What a spec with all its defaults says of a key, as YAML; a dash where it says nothing."""
+    found = yaml.safe_load(resolved)
+    for name in key.split("."):
+        found = found.get(name) if isinstance(found, dict) else None
+    return "–" if found in (None, []) else yaml.safe_dump(found).splitlines()[0]
+
+
+def test_the_page_of_defaults_has_all_that_differ_from_the_papers(tmp_path):
+    """The keys of M2's static study and of the others that it names, beside a spec that says
+    nothing of its structure.
+    """
+    page = (ROOT / "docs" / "defaults.md").read_text(encoding="utf-8")
+    bare = "name: a\ntarget: force\ndata: {files: [a.csv], columns: {force: {column: F}}}"
+    defaults = load_text(f"schema_version: 1\n{bare}", "bare.yaml", tmp_path).resolved
+    shown = re.findall(r"^\| `(.+?)` \| (.+?) \| `(.+?)` \| (.+?) \|", page, re.MULTILINE)
+    assert len(shown) >= 6
+    for key, paper, study, default in shown:
+        resolved = load(CONFIGS / f"{study}.yaml").resolved
+        if key == "model.solver":
+            assert f"solver: {paper.strip('`')}" in resolved
+        elif key != "dictionary":
+            assert value_of(resolved, key) == paper.strip("`")
+        assert value_of(defaults, key) == default.strip("`")
+    papers = load(CONFIGS / "m2" / "dmsp-20-88-static.yaml").resolved
+    for name, words in (
+        ("measured-static", "2.9 % larger in the geometric mean of eleven measured studies"),
+        ("motion", "18 times"),
+    ):
+        assert words in page
+        assert words in (ROOT / "docs" / f"{name}.md").read_text(encoding="utf-8")
+    same = dict(re.findall(r"`([\w.]+): (\S+?)`", page.partition("As in M2:")[2]))
+    assert same == {key: value_of(papers, key) for key in same}
+    for section in ("fit", "fuse", "validate"):
+        for key in set(yaml.safe_load(papers)[section]) - {"against"}:
+            name = f"{section}.{key}"
+            differs = value_of(papers, name) != value_of(defaults, name)
+            assert differs == (name in [row[0] for row in shown if "static" in row[2]]), name
 
 
 def test_the_citation_is_whole():

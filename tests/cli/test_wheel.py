@@ -10,6 +10,7 @@ import zipfile
 import common
 import pytest
 from cli_samples import PROJECT
+from common import NO_NETWORK
 
 BUILD = (
     "import sys; from setuptools import build_meta; getattr(build_meta, sys.argv[1])(sys.argv[2])"
@@ -50,19 +51,7 @@ def test_the_wheel_holds_every_module_and_file(wheel):
     assert ours <= set(zipfile.ZipFile(wheel).namelist())
 
 
-NO_NETWORK = """
-import sys
-
-def refuse(event, arguments):
-    if event in ("socket.connect", "socket.bind", "socket.getaddrinfo", "socket.gethostbyname",
-        "socket.sendto"):
-        raise RuntimeError(f"{event} {arguments}")
-
-sys.addaudithook(refuse)
-"""
-
-
-def test_an_installed_program_makes_its_example(wheel, tmp_path):
+def test_an_installed_program_makes_its_example_a_draft_and_the_page_of_a_paper(wheel, tmp_path):
     """From the wheel alone, far from the checkout, and without a network: whoever opens a
     connection ends with an internal fault.
     """
@@ -81,3 +70,6 @@ def test_an_installed_program_makes_its_example(wheel, tmp_path):
     )
     assert document["stages"]["report"] == "done"
     assert (tmp_path / "runs" / "example" / "report" / "index.html").is_file()
+    mapmore("init", "muscle", "--like", "m2", "--name", "mine", "-o", "mine.yaml", "-q")
+    [paper] = json.loads(mapmore("paper", "muscle/paper.yaml", "--json", "-q"))["papers"]
+    assert paper["counts"]["size"] == {"agree": 3, "compared": 3}

@@ -291,6 +291,39 @@ def by_fmpy(model, columns, folder):
     )
 
 
+def by_fmpy_of_3(model, columns, folder):
+    """The unit of FMI 3 as FMPy simulates it."""
+    (file,) = written(model, "fmu3", folder)
+    return np.asarray(
+        simulated(model, file, columns, program_of(model).step or 0.1)[model.output.name][1:]
+    )
+
+
+def by_octave(model, columns, folder):
+    """The function file in Octave: with memory in two calls, of which the second goes on from the
+    state of the first.
+    """
+    (file,) = written(model, "matlab", folder)
+    names = [*(quantity.name for quantity in model.inputs), *fed_back(model)]
+    np.savetxt(folder / "rows.txt", np.column_stack([columns[name] for name in names]), "%.17g")
+    call = f"[y, ~] = {file.stem}(x{{:}});"
+    if program_of(model).step is not None:
+        call = (
+            "h = floor(size(rows, 1) / 2);"
+            "first = num2cell(rows(1:h, :), 1); rest = num2cell(rows(h + 1:end, :), 1);"
+            f"[y, ~, s] = {file.stem}(first{{:}}); [z, ~] = {file.stem}(rest{{:}}, s); y = [y; z];"
+        )
+    text = f'rows = load("rows.txt"); x = num2cell(rows, 1); {call} printf("%.17g\\n", y);'
+    done = subprocess.run(
+        ["octave-cli", "--norc", "--eval", text],
+        cwd=folder,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    return np.array(done.stdout.split(), dtype=float)
+
+
 READERS = {
     "MAT by SciPy": by_mat,
     "Modelica's text by NumPy": by_modelica,
@@ -298,11 +331,13 @@ READERS = {
     "C Caller": by_c_caller,
     "MuJoCo": by_mujoco,
     "FMU by FMPy": by_fmpy,
+    "FMU 3 by FMPy": by_fmpy_of_3,
+    "MATLAB by Octave": by_octave,
 }
 TABLES = ("MAT by SciPy", "Modelica's text by NumPy")
 
 
-def replayed(folder):
+def replayed(folder, readers=READERS):
     """Held-out samples of a run, and by reader the largest difference from `predict`, in % of the
     prediction's range; None if refused.
     """
@@ -312,7 +347,7 @@ def replayed(folder):
     known = np.concatenate(expected)
     assert np.isfinite(known).any()
     worst = {}
-    for name, reader in READERS.items():
+    for name, reader in readers.items():
         try:
             with TemporaryDirectory() as place:
                 answers = [reader(model, columns, Path(place)) for columns, _ in recordings]

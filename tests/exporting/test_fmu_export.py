@@ -17,6 +17,7 @@ from agreement import FLAGS, points, recording
 from export_samples import FORMULAS, STATIC, WITH_MEMORY, pieces
 from fmpy.fmi1 import FMICallException
 from fmpy.fmi2 import FMU2Slave
+from fmpy.fmi3 import FMU3Slave
 from fmpy.validation import validate_fmu
 from replay import simulated
 
@@ -46,9 +47,9 @@ SYMBOLS = [f"fmi2{name}" for name in (COMMON + CO_SIMULATION).split()]
 """The functions of FMI 2.0.4, sections 2.1 and 4.2."""
 
 
-def unit_of(model, folder):
+def unit_of(model, folder, to="fmu"):
     """The unit of a model as a file."""
-    ((name, data),) = exported(model, "fmu").items()
+    ((name, data),) = exported(model, to).items()
     (folder / name).write_bytes(data)
     return folder / name
 
@@ -58,11 +59,11 @@ def greatest_difference(found, expected):
     return float(np.nanmax(np.abs(found - expected)) / np.nanmedian(np.abs(expected)))
 
 
-def checked(model, folder, columns):
+def checked(model, folder, columns, to="fmu"):
     """What FMPy gets from the valid unit of a model along columns; the values are those of
     `predict`.
     """
-    file = unit_of(model, folder)
+    file = unit_of(model, folder, to)
     assert validate_fmu(str(file)) == []
     found = simulated(model, file, columns, program_of(model).step or 0.1)[1:]
     assert greatest_difference(found[model.output.name], predict(model, columns)) < 1e-9
@@ -70,19 +71,74 @@ def checked(model, folder, columns):
 
 
 @needs_compiler
-def test_a_static_unit_is_predict(tmp_path):
+@pytest.mark.parametrize("to", ["fmu", "fmu3"])
+def test_a_static_unit_is_predict(tmp_path, to):
     model = STATIC["two levels"]
-    assert set(checked(model, tmp_path, points(model, 400))["outside_range"]) >= {0, 1, 2}
+    assert set(checked(model, tmp_path, points(model, 400), to)["outside_range"]) >= {0, 1, 2}
 
 
 @needs_compiler
 @pytest.mark.parametrize(
-    "name", ["a sum", "fed back", "hysteresis of the output", "motion, handed on"]
+    ("name", "to"),
+    [
+        *((name, "fmu") for name in ("a sum", "hysteresis of the output", "motion, handed on")),
+        *(("fed back", to) for to in ("fmu", "fmu3")),
+    ],
 )
-def test_a_unit_with_memory_is_predict_along_a_recording(tmp_path, name):
+def test_a_unit_with_memory_is_predict_along_a_recording(tmp_path, name, to):
     model = replace(WITH_MEMORY[name], name=f"memory {name}")
     assert program_of(model).step is not None
-    checked(model, tmp_path, recording(model, 600))
+    checked(model, tmp_path, recording(model, 600), to)
+
+
+@pytest.mark.skipif(
+    shutil.which("x86_64-w64-mingw32-gcc") is None, reason="no compiler for Windows is here"
+)
+@pytest.mark.parametrize("standard", [2, 3])
+def test_the_sources_compile_for_windows(tmp_path, standard):
+    unit = fmu_sources(WITH_MEMORY["fed back"], "tool", standard)
+    for name, text in unit.sources.items():
+        (tmp_path / name).write_text(text)
+    call = ["x86_64-w64-mingw32-gcc", *FLAGS, "-shared", *unit.compiled, "-o", "unit.dll"]
+    subprocess.run(call, cwd=tmp_path, check=True)
+
+
+@needs_compiler
+def test_a_unit_of_fmi_3_keeps_states_and_says_what_it_refuses(tmp_path):
+    model = WITH_MEMORY["operators"]
+    folder = fmpy.extract(str(unit_of(model, tmp_path, "fmu3")), str(tmp_path / "unpacked"))
+    described = fmpy.read_model_description(folder)
+    unit = FMU3Slave(
+        guid=described.instantiationToken,
+        unzipDirectory=folder,
+        modelIdentifier=described.coSimulation.modelIdentifier,
+        instanceName="one",
+    )
+    unit.instantiate()
+    unit.enterInitializationMode()
+    unit.exitInitializationMode()
+    unit.setFloat64([0, 1], [300.0, 0.1])
+    unit.doStep(0.0, 0.2)
+    state = unit.getFMUState()
+    written = unit.serializeFMUState(state)
+    unit.setFloat64([0, 1], [100.0, 0.05])
+    unit.doStep(0.2, 0.01)
+    (first,) = unit.getFloat64([2])
+    unit.setFMUState(unit.deserializeFMUState(written))
+    unit.setFloat64([0, 1], [100.0, 0.05])
+    unit.doStep(0.2, 0.01)
+    assert unit.getFloat64([2, 4]) == [first, 0.2 + 0.01], "the output again, and the time"
+    refused = [
+        lambda: unit.doStep(0.02, 0.015),
+        lambda: unit.setFloat64([2], [1.0]),
+        lambda: unit.getInt32([0]),
+        lambda: unit.getBoolean([0]),
+    ]
+    for call in refused:
+        with pytest.raises(FMICallException):
+            call()
+    unit.terminate()
+    unit.freeInstance()
 
 
 def test_units_of_every_kind_are_valid_without_a_compiler(tmp_path, monkeypatch):

@@ -2,7 +2,12 @@
 compiler, Python without NumPy.
 """
 
+import contextlib
 import ctypes
+import io
+import re
+import shutil
+import subprocess
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -11,13 +16,14 @@ import pytest
 from agreement import difference, points, recording
 from common import python
 from export_samples import STATIC, WITH_MEMORY, pieces
-from replay import Lift, combi_tables, compiled
+from replay import Lift, by_octave, combi_tables, compiled
 from scipy.interpolate import RegularGridInterpolator
 from scipy.io import loadmat
 
 import mapmore_cli as mm
-from mapmore_cli.annexes.exporting.exports import exported
+from mapmore_cli.annexes.exporting.exports import SNIPPETS, exported, snippet
 from mapmore_cli.annexes.exporting.python_module import python_module
+from mapmore_cli.annexes.exporting.verifying import middle
 from mapmore_cli.domain.errors import DataError, UsageError
 from mapmore_cli.modelling.kinds import fed_back, outside_range, predict
 from mapmore_cli.modelling.program.model import slopes
@@ -54,6 +60,87 @@ def test_a_module_with_memory(name):
     assert difference(np.array(found), expected) < 1e-12
 
 
+needs_octave = pytest.mark.skipif(
+    shutil.which("octave-cli") is None, reason="there is no Octave here (Debian's package octave)"
+)
+
+
+@needs_octave
+@pytest.mark.parametrize("name", ["two levels", "fed back"])
+def test_a_function_of_matlab_by_octave(name, tmp_path):
+    """Columns in one call, and with memory in two calls that hand the state on."""
+    model = (STATIC | WITH_MEMORY)[name]
+    columns = (recording if name in WITH_MEMORY else points)(model, 300)
+    assert difference(by_octave(model, columns, tmp_path), predict(model, columns)) < 1e-12
+
+
+def test_a_function_of_matlab_without_octave(monkeypatch):
+    monkeypatch.setenv("PATH", "")
+    warnings = []
+    (name,) = exported(pieces(), "matlab", warn=warnings.append)
+    assert name == "dmsp_20.m"
+    assert "no Octave" in warnings[0]
+
+
+def run_snippet(to, text):
+    """What the lines print, as numbers."""
+    if SNIPPETS[to].endswith(".py"):
+        with contextlib.redirect_stdout(io.StringIO()) as said:
+            exec(text, {})
+        return said.getvalue()
+    call = ["sh", "-ec", text] if SNIPPETS[to].endswith(".sh") else ["octave-cli", "--eval", text]
+    return subprocess.run(call, capture_output=True, text=True, check=True).stdout
+
+
+@pytest.mark.parametrize(
+    "to",
+    [
+        *("c", "fmu", "fmu3", "py", "numpy", "mujoco"),
+        *(pytest.param(to, marks=needs_octave) for to in ("matlab", "table")),
+    ],
+)
+def test_the_lines_that_call_an_export_run(to, tmp_path, monkeypatch):
+    model = replace(pieces(), name=f"snippet {to}")
+    files = exported(model, to, verify=False)
+    for name, data in files.items():
+        (tmp_path / name).write_bytes(data)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.syspath_prepend(tmp_path)
+    said = run_snippet(to, snippet(model, to, list(files)))
+    place = {name: np.array([value]) for name, value in middle(model).items()}
+    assert not outside_range(model, place).any()
+    expected = float(predict(model, place)[0])
+    numbers = [float(x) for x in re.findall(r"-?\d+\.\d+(?:e-?\d+)?", said)]
+    close = {"table": 1e-2, "matlab": 1e-4}.get(to, 1e-9)  # Octave prints five digits
+    assert any(x == pytest.approx(expected, rel=close) for x in numbers), said
+
+
+@needs_octave
+def test_the_lines_for_a_model_that_is_fed_back_run(tmp_path, monkeypatch):
+    model = WITH_MEMORY["fed back"]
+    for to in ("py", "matlab"):
+        files = exported(model, to, verify=False)
+        for name, data in files.items():
+            (tmp_path / name).write_bytes(data)
+        monkeypatch.chdir(tmp_path)
+        monkeypatch.syspath_prepend(tmp_path)
+        assert "nan" in run_snippet(to, snippet(model, to, list(files))).lower(), "no value yet"
+
+
+def test_a_block_of_modelica_reads_the_tables_that_are_there():
+    files = exported(pieces(), "table")
+    text = files["dmsp_20.mo"].decode()
+    tables = re.findall(r"^double (\w+)\(", files["dmsp_20.txt"].decode(), re.MULTILINE)
+    assert re.findall(r'tableName = "(\w+)"', text) == tables
+    assert text.startswith("block dmsp_20 ")
+    assert text.endswith("end dmsp_20;\n")
+    assert text.count("(") == text.count(")")
+    connected = {name for pair in re.findall(r"connect\((.*), (.*)\);", text) for name in pair}
+    declared = {*re.findall(r"Real(?:In|Out)put (\w+) ", text), "values.y"}
+    declared |= {f"{name}.u{n}" for name in ("values", "validity") for n in (1, 2)}
+    assert connected == declared
+
+
 def test_one_sample_and_a_sample_that_is_not_finite():
     module = imported(pieces())
     assert module.evaluate(200.0, 0.1) == pytest.approx(
@@ -80,6 +167,8 @@ def test_a_grid_beyond_the_training_range_is_refused():
 def test_equations_in_latex():
     text = exported(pieces(), "tex")["dmsp_20.tex"].decode()
     assert text.count(r"\[") == text.count(r"\]") == 12
+    for words in ("weight: strain falls", r"z\_s = 0.25", r"\begin{tabular}", "pressure to {[}kPa"):
+        assert words in text
     assert text.startswith("% dmsp-20: force in N, pressure in kPa, strain in 1")
 
 

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from common import dataset_of
 
-from mapmore_cli.annexes.search import searching
+from mapmore_cli.annexes.search import candidate, searching
 from mapmore_cli.annexes.search.bench import Slice
 from mapmore_cli.annexes.search.searching import search
 from mapmore_cli.modelling.expressions.operator import Setting, along
@@ -145,3 +145,24 @@ def test_a_model_that_goes_on_by_itself_is_refused(monkeypatch):
     refused = {tried.words for tried in result.tried if "goes on by itself" in tried.failure}
     assert "linear, 2 delays of the output" in refused
     assert result.found.family != "feedback"
+
+
+def test_a_structure_that_explodes_between_what_trains_is_not_taken(monkeypatch):
+    """At the lowest pressure the force rises at one strain, as if it fell steeply. Sarosi's
+    formula follows, and explodes at the next pressure, which is held out.
+    """
+    tables = searching.family("tables")
+    plain = [
+        one for one in tables["candidates"] if one["words"] in ("quadratic", "formula FORMULA")
+    ]
+    monkeypatch.setattr(searching, "FAMILIES", ("tables",))
+    monkeypatch.setattr(searching, "family", lambda _name: {**tables, "candidates": plain})
+    monkeypatch.setattr(candidate, "FORMULAS", ("sarosi",))
+    pressure = np.repeat([0.0, 150, 200, 250, 300, 75], 20)
+    load = np.tile(np.linspace(0, 50, 20), 6)
+    strain = np.where(pressure > 0, (pressure - load) / 900, 0.01 - 1e-4 * load)
+    columns = {"pressure": pressure, "strain": strain, "force": load}
+    study = dataset_of(columns, output="force", held_out=pressure == 75)
+    quadratic, formula = search(study, WHOLE, beside=False).tried
+    assert not quadratic.failure
+    assert "goes astray" in formula.failure

@@ -31,7 +31,7 @@ SITUATIONS = {
         800,
         1,
         0.01,
-        8.0,
+        800,
         {"u": 1.0},
         {("u", 1): 0.1},
     ),
@@ -42,11 +42,11 @@ SITUATIONS = {
         900,
         1,
         0.01,
-        9.0,
+        900,
         {"x": 1.0, "v": 2.0},
         {("x", 1): 0.1, ("v", 3): 0.2},
     ),
-    "many": Situation("y", tuple("abcdefgh"), None, 500, 1, 0.1, 50.0),
+    "many": Situation("y", tuple("abcdefgh"), None, 500, 1, 0.1, 500),
 }
 
 
@@ -123,7 +123,8 @@ def test_bands_of_an_input_are_left_out_where_the_study_holds_some_out():
     folds, (curve,) = bench.folds[: bench.blocks], searchable(whole).curves
     values = curve.columns["u"]
     assert len(folds) == 5
-    assert all(10 < np.ptp(values[fold[0]]) <= 20 for fold in folds)
+    assert all(9 < np.ptp(values[fold[0]]) <= 20 for fold in folds)
+    assert not any(fold[0][values == end].any() for fold in folds for end in (0, 100))
     assert not any((fold[0] & curve.held_out).any() for fold in folds)
 
 
@@ -139,33 +140,56 @@ def test_recordings_too_short_to_say_or_too_long_to_miss_are_not_left_out():
 
     assert left_out(recorded(100, 100, 100)) == [[100, 0, 0], [0, 100, 0], [0, 0, 100]]
     assert left_out(recorded(10, 3000)) == []
-    assert left_out(recorded(10, 100, 100)) == []  # without either of the long ones half is left
+    assert left_out(recorded(2, 2, 2, 100, 100)) == [[0, 0, 0, 100, 0], [0, 0, 0, 0, 100]]
 
 
-def levels_of(*levels):
+def test_recordings_at_one_value_of_what_is_held_out_are_left_out_together():
+    of = dict.fromkeys(("time", "u", "y"), np.arange(100) * 0.01)
+    every = dataset_of(*({**of, "length": np.full(100, length)} for length in (1, 1, 2, 2, 3)))
+    last = replace(every.curves[-1], held_out=np.ones(100, dtype=bool))
+    part = replace(WHOLE, held_out=Holdout.model_validate({"length": [3]}))
+    bench = bench_of(replace(every, curves=(*every.curves[:-1], last)), part)
+    assert [[mask.all() for mask in fold] for fold in bench.folds[bench.blocks :]] == [
+        [True, True, False, False],
+        [False, False, True, True],
+    ]
+
+
+def leveled(*levels, held=()):
+    """The bench of a map whose pressures were held, some of them held out."""
     curves = [
         {"p": np.full(20, level), "e": np.linspace(0, 1, 20), "y": np.linspace(0, level, 20)}
         for level in levels
     ]
     found = dataset_of(*curves)
-    leveled = tuple(
-        replace(curve, level=level) for curve, level in zip(found.curves, levels, strict=True)
+    every = (
+        replace(curve, level=level, held_out=np.full(20, level in held))
+        for curve, level in zip(found.curves, levels, strict=True)
     )
-    return replace(found, level="p", curves=leveled)
+    return bench_of(replace(found, level="p", curves=tuple(every)))
 
 
-def test_the_only_inner_level_of_three_counts_for_half():
-    three, five = levels_of(1.0, 2.0, 3.0), levels_of(1.0, 2.0, 3.0, 4.0, 5.0)
-    bench = bench_of(three)
-    assert bench.weights[bench.blocks :].tolist() == [0.5]
-    held = replace(
-        five,
-        curves=tuple(replace(c, held_out=np.full(c.size, c.level == 3.0)) for c in five.curves),
-    )
-    asked, not_asked = map(bench_of, (held, five))
-    assert asked.asks_parts
-    assert asked.weights[asked.blocks :].sum() == pytest.approx(2 / 3)
-    assert not_asked.weights[not_asked.blocks :].sum() == pytest.approx(1 / 4)
+@pytest.mark.parametrize(
+    ("levels", "held", "out", "weight"),
+    [
+        (3, [], [[2]], 1 / 2),  # the only inner one
+        (5, [], [[2], [3], [4]], 1 / 4),
+        (7, [3, 4], [[2, 5], [5, 6]], 2 / 3),
+        (7, [6, 7], [[4, 5]], 1 / 2),
+        (6, [1, 2, 3], [[4]], 1 / 2),  # two stay
+        (7, [1, 4], [[2], [3], [5], [6]], 2 / 3),
+    ],
+)
+def test_levels_are_left_out_as_the_study_holds_them_out(levels, held, out, weight):
+    bench = leveled(*range(1, levels + 1), held=held)
+    own = [curve.level for curve in bench.dataset.curves]
+    stretches, parts = bench.folds[: bench.blocks], bench.folds[bench.blocks :]
+    assert [[y for y, mask in zip(own, fold, strict=True) if mask.all()] for fold in parts] == out
+    assert bench.weights[bench.blocks :].sum() == pytest.approx(weight)
+    assert bench.asks_parts == bool(held)
+    # inner ones, without the ends of any curve
+    assert len(stretches) == 5
+    assert all(m.any() and not m[[0, -1]].any() for fold in stretches for m in fold)
 
 
 def test_folds_resemble_what_the_study_holds_out():
@@ -184,7 +208,7 @@ def test_folds_resemble_what_the_study_holds_out():
     assert all(runs(fold[0]) >= 4 for fold in pieces.folds[:5])
     output = pieces.dataset.curves[0].columns["y"]
     assert np.isnan(output).sum() == 160  # the inputs stay, the outputs do not
-    assert pieces.scale <= 2
+    assert np.ptp(pieces.range) <= 4
     assert not any(np.isnan(output[fold[0]]).any() for fold in pieces.folds)
 
     ends = folds(np.arange(1000) >= 600)
@@ -203,7 +227,9 @@ def test_folds_resemble_what_the_study_holds_out():
 def test_a_long_record_is_shortened_to_pieces_as_long_as_the_run_that_is_held_out():
     def pieces(run):
         time = np.arange(40_000) * 0.01
-        (curve,) = cut_short(dataset_of({"time": time, "u": time, "y": time}), run).curves
+        (curve,) = cut_short(
+            dataset_of({"time": time, "u": time, "y": time}), run, timed=True
+        ).curves
         return np.diff(
             np.flatnonzero(np.diff(curve.columns["time"], prepend=-9, append=1e9) > 0.02)
         ).tolist()

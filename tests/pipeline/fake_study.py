@@ -29,6 +29,7 @@ class Study:
 
     spec: ExperimentSpec
     folder: Path
+    overrides: tuple[str, ...] = ()
 
     @property
     def path(self):

@@ -21,7 +21,7 @@ from mapmore_cli.modelling.validation.shown import for_report
 from mapmore_cli.reporting.figures.drawing import compose, drawings
 from mapmore_cli.reporting.figures.style import figure_style
 from mapmore_cli.reporting.inputs import ReportInputs
-from mapmore_cli.reporting.tables import all_tables
+from mapmore_cli.reporting.sections import all_tables
 
 QUANTITIES = {
     q.name: q

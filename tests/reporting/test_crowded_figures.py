@@ -18,7 +18,7 @@ from mapmore_cli.reporting.figures.segments import level_figures
 from mapmore_cli.reporting.figures.style import figure_style, model_styles
 from mapmore_cli.reporting.inputs import MOST_LINES
 from mapmore_cli.reporting.score_tables import score_table
-from mapmore_cli.reporting.tables import all_tables
+from mapmore_cli.reporting.sections import all_tables
 
 NEAR = {
     f"near_{shift}": lambda p, e, shift=shift: surface(p, e) + shift for shift in range(9, 0, -1)

@@ -21,7 +21,6 @@ from mapmore_cli.reporting.figures.style import figure_style
 from mapmore_cli.reporting.inputs import ReportInputs
 from mapmore_cli.reporting.report import render_page
 from mapmore_cli.reporting.score_tables import score_table
-from mapmore_cli.reporting.tables import all_tables
 
 STEP = 0.01
 QUANTITIES = {
@@ -143,7 +142,7 @@ def test_the_states_tell_what_training_found(driven):
 
 
 def test_the_page_has_it_all(driven):
-    page = render_page(driven, all_tables(driven), {})
+    page = render_page(driven, {})
     for words in ("its terms have memory", "States with memory"):
         assert words in page
 

@@ -20,6 +20,7 @@ from mapmore_cli.domain.scores import FIGURES
 from mapmore_cli.reporting.figures import data
 from mapmore_cli.reporting.figures.drawing import (
     DOTS_PER_INCH,
+    DOUBLE,
     compose,
     drawings,
     panel_of,
@@ -27,8 +28,9 @@ from mapmore_cli.reporting.figures.drawing import (
 from mapmore_cli.reporting.figures.style import figure_style, wrong_formula
 from mapmore_cli.reporting.inputs import FigureStyle
 from mapmore_cli.reporting.report import write_report
+from mapmore_cli.reporting.sections import all_tables
 from mapmore_cli.reporting.table import Column, Table, to_csv, to_latex
-from mapmore_cli.reporting.tables import all_tables, equations_table
+from mapmore_cli.reporting.tables import equations_table
 
 HOSTILE = r"\input{/etc/passwd}\write18{rm}$%&#_{}^~[2]*" + "\n\n\\def"
 OBEYED = re.compile(r"(?<!\\)\\(input|write|def|include|catcode|csname|immediate|openout)\b")
@@ -206,6 +208,14 @@ def test_panels_are_found_by_level_and_by_id(words, mixed):
     with pytest.raises(UsageError, match="no panel of this figure is called '251'") as caught:
         panel_of("fit", mixed, "251")
     assert "pressure=250" in (caught.value.remedy or "")
+
+
+def test_a_figure_as_wide_as_a_column_has_its_panels_below_each_other(inputs):
+    (drawing,) = drawings("error", inputs)
+    with figure_style():
+        wide, narrow = compose(drawing), compose(drawing, width=85 / 25.4)
+    assert (wide.get_figwidth(), narrow.get_figwidth()) == (DOUBLE, 85 / 25.4)
+    assert narrow.get_figheight() > 2 * wide.get_figheight()
 
 
 def test_a_panel_that_the_page_leaves_out_is_drawn_when_it_is_asked_for(inputs, monkeypatch):

@@ -82,9 +82,16 @@ class TestThinning:
         if len(text) > length:
             assert text.startswith(short.split("…")[0])
             assert text.endswith(short[-1])
-        lines = panels.two_lines(" ".join(text.split()), length).split("\n")
-        assert len(lines) <= 2
-        assert all(len(line) <= length for line in lines)
+
+    @given(st.lists(st.text(max_size=60), min_size=1, max_size=8), st.integers(8, 40))
+    def test_titles_differ_where_names_do(self, names, length):
+        shown = panels.told_apart(names, length)
+        assert len({*shown}) == len({*names})
+        assert all(len(title) <= length for title in shown)
+
+    def test_titles_leave_out_what_all_names_share(self):
+        names = [f"2031-05-04_{time}_pressure_step_run" for time in (101112, 101305, 102047)]
+        assert panels.told_apart(names, 20) == ["…101112_…", "…101305_…", "…102047_…"]
 
 
 class TestLabels:

@@ -10,6 +10,8 @@ from report_builder import Page, all_named, build, of_pieces
 
 from mapmore_cli.domain.models import Formula
 from mapmore_cli.domain.scores import FIGURES
+from mapmore_cli.modelling.kinds import equations
+from mapmore_cli.modelling.validation.residuals import residual_tests
 from mapmore_cli.reporting.report import write_report
 
 EVERYTHING = {"figures": tuple(FIGURES), "formats": ("html", "csv", "svg")}
@@ -43,6 +45,7 @@ def test_files(folder):
         "residuals.svg",
         "residual_map.svg",
         "surface.svg",
+        "surface_3d.svg",
         "nrmse.svg",
         "bands.svg",
         "segments.svg",
@@ -142,11 +145,12 @@ def test_order_of_the_sections(page):
         "Scores by curve",
         "Scores of all models",
         "Scores (target: force)",
+        "The model in physical units",
+        "Limits: what the model was trained in",
         "Your data as read",
         "Rows of every recording",
         "Segments and their weights",
         "Coefficients with 95 %",
-        "The model in physical units",
         "Parameters of the fitted formulas",
         "Provenance",
     ]
@@ -167,6 +171,38 @@ def test_says_what_it_should(page, inputs):
         assert words in page.text
     assert inputs.spec_text in page.text
     assert inputs.equations[0].text in page.text
+
+
+def test_the_model_is_typeset_with_weights_and_limits_and_dots_tell_their_numbers(inputs, tmp_path):
+    page = page_of(replace(inputs, equations=equations(inputs.model)), tmp_path, ("fit",))
+    html = (tmp_path / "index.html").read_text(encoding="utf-8")
+    typeset = re.findall(r"<math[^>]*>.*?</math>", html)
+    assert len(typeset) >= 2 * len(inputs.model.body.segments)
+    for one in typeset:
+        ET.fromstring(one)
+    assert "strain rises" in page.text
+    assert "w = 2*t^2 up to" in page.text
+    assert "Limits: what the model was trained in" in page.text
+    assert re.search(
+        r"<circle [^>]*><title>Strain \(–\): [\d.]+\nForce \(N\): [\d.]+</title>", html
+    )
+    ids = [attrs["id"] for attrs in page.named("h2")]
+    assert ids.index("equations") == 2, "third on the page"
+
+
+def test_one_held_out_level_is_no_axis(inputs):
+    pressures = inputs.dataset.curves[2].columns["pressure"]
+    noisy = pressures + np.linspace(-0.5, 0.5, len(pressures))
+    curves = [
+        replace(curve, columns={**curve.columns, "pressure": noisy})
+        if curve.level == 250
+        else curve
+        for curve in inputs.dataset.curves
+    ]
+    dataset = replace(inputs.dataset, curves=tuple(curves))
+    predicted = inputs.validation.predictions["mapmore"]
+    tests = residual_tests(inputs.model, dataset, predicted, "strain")
+    assert [one.name for one in tests][1:] == ["strain"]
 
 
 HOSTILE = "<script>alert('1')</script>&\"$x_1$ ü 力"

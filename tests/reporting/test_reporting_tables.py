@@ -10,7 +10,11 @@ from mapmore_cli.domain.models import FoldError
 from mapmore_cli.domain.recording import Dataset, Quantity, Recording
 from mapmore_cli.domain.results import PiecesFit
 from mapmore_cli.domain.scores import Published
-from mapmore_cli.reporting.score_tables import score_table, verdict_sentence
+from mapmore_cli.reporting.score_tables import (
+    pieces_sentence,
+    score_table,
+    verdict_sentence,
+)
 from mapmore_cli.reporting.tables import levels_table, recordings_table, same_models, terms_table
 
 
@@ -180,7 +184,8 @@ class TestModel:
     def test_coefficients_in_the_targets_unit(self, inputs):
         table = tables_of(inputs)["coefficients"]
         for fit, row in zip(inputs.fit.segments, table.rows, strict=True):
-            theta, half, lower, upper, physical, physical_half = row[2:]
+            theta, error, t, half, lower, upper, physical, physical_half = row[2:]
+            assert (error, t) == (fit.selection.theta_error[0], pytest.approx(theta / error))
             assert (lower, upper) == (pytest.approx(theta - half), pytest.approx(theta + half))
             assert physical == pytest.approx(fit.selection.theta[0] * fit.scaling.y_slope)
             assert physical_half == pytest.approx(half * abs(fit.scaling.y_slope))
@@ -324,6 +329,26 @@ def test_the_verdict(scores, said):
     said = said.replace("HEAD", HEAD).replace("BEST", BEST)
     sentence = verdict_sentence([*scores_of(scores)], "mapmore", Quantity("force", "N"))
     assert sentence.endswith(said)
+
+
+@pytest.mark.parametrize(
+    ("scores", "said"),
+    [
+        ("mapmore .02, sarosi .04", "pieces: 50 % less error than the backbone sarosi alone"),
+        ("mapmore .03, backbone .04", "pieces: 25 % less error than the backbone sarosi alone"),
+        (
+            "mapmore .02, sarosi .02, cubic .01",
+            "as good: `model: {type: literature, name: sarosi}`",
+        ),
+        ("mapmore .02, sarosi .01", "better: `model: {type: literature, name: sarosi}`"),
+        ("mapmore .02, cubic .04", ""),
+        ("mapmore nan, sarosi .04", ""),
+    ],
+)
+def test_what_pieces_add_to_their_backbone(scores, said):
+    sentence = pieces_sentence([*scores_of(scores)], "mapmore", "sarosi")
+    assert sentence.endswith(said)
+    assert bool(sentence) == bool(said)
 
 
 def test_the_verdict_where_every_competitor_failed():

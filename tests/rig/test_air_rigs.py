@@ -13,6 +13,7 @@ from rig_cases import DATASETS, spec
 from scipy.integrate import solve_ivp, trapezoid
 from scipy.interpolate import CubicSpline
 
+from mapmore_cli.annexes.paper.paper import PUBLISHED
 from mapmore_cli.annexes.rig.air import ATMOSPHERE, ClosedMuscle
 from mapmore_cli.annexes.rig.antagonists import Joint, driven, swung
 from mapmore_cli.annexes.rig.random_velocity import random_velocity
@@ -205,7 +206,7 @@ def test_the_load_cell_feels_weight_and_inertia():
 
 def test_the_waveforms_are_those_of_the_published_table():
     """P table 2, its column of types read with the names."""
-    with (DATASETS / "published" / "p_table_2.csv").open(newline="") as lines:
+    with (PUBLISHED / "p_table_2.csv").open(newline="") as lines:
         rows = list(csv.DictReader(lines))
     lows, swings = ([float(row[key]) for row in rows] for key in ("offset_V", "amplitude_V"))
     told = [

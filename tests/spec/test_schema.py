@@ -13,6 +13,7 @@ import pytest
 from spec_examples import GOOD, PROJECT, SHIPPED, STATIC
 
 from mapmore_cli.domain.scores import METRICS, Score
+from mapmore_cli.spec.experiment import ExperimentSpec
 from mapmore_cli.spec.loader import confirmed, questions_in
 from mapmore_cli.spec.schema import json_schema, reference
 from mapmore_cli.spec.sections.dictionary import FORMS
@@ -38,6 +39,22 @@ def test_it_is_a_schema_with_descriptions():
     assert [
         name for name, section in schema["$defs"].items() if not section.get("description")
     ] == []
+
+
+def test_every_key_says_what_it_is_its_default_its_unit_and_an_example():
+    schema, plain = json_schema(), ExperimentSpec.model_json_schema()
+    for name, section in {"Top level": schema, **schema["$defs"]}.items():
+        needed = plain["$defs"].get(name, plain).get("required", ())
+        for key, value in section.get("properties", {}).items():
+            place = f"{name}.{key}"
+            assert len(value["description"]) > 1, place
+            assert "default" in value or key in needed or key == "extends", place
+            kinds = set(re.findall(r"'type': '(\w+)'", str(value)))
+            assert ("unit" in value) == bool(kinds & {"number", "integer"}), place
+            example = {"$defs": schema["$defs"], **value}
+            (shown,) = value["examples"]
+            assert shown not in (None, [], {}), place
+            assert jsonschema.Draft202012Validator(example).is_valid(shown), place
 
 
 @pytest.mark.parametrize(

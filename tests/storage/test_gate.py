@@ -29,7 +29,8 @@ FREE = {
         "FormulaFit.notes",
         "Validation.warnings",
     ),
-    *("Recording.source", "Recording.dropped"),  # a path, and the conditions that left samples out
+    # a path, and the conditions that left samples out
+    *("Recording.source", "Outlier.file", "Recording.dropped"),
     "FormulaFit.definition",  # a formula's source, which the parser reads
 }
 

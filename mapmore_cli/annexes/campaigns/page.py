@@ -45,8 +45,10 @@ def write_page(
     }
     title = campaign.title or campaign.campaign
     folder = runs / campaign.campaign
+    runs_of = [one.name for one in results.values() if not isinstance(one, BaseException)]
+    record = {"creator": "mapmore", "campaign": campaign.campaign, "runs": runs_of}
     texts = {
-        CAMPAIGN_RECORD: json.dumps({"creator": "mapmore", "campaign": campaign.campaign}) + "\n",
+        CAMPAIGN_RECORD: json.dumps(record) + "\n",
         **{f"tables/{table.name}.csv": to_csv(table) for table in tables},
         **{f"{figure.name}.svg": figure.svg for figure in figures},
         "index.html": render_campaign(title, tables, figures, pages, failed),

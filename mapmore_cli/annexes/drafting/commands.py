@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import sys
 from collections.abc import Sequence
 from enum import StrEnum
@@ -118,10 +117,9 @@ def _write(drafts: Sequence[Draft], output: Path | None, force: bool, reporter: 
     """Write the files of all drafts that do not exist yet, or all with `force`, and print the paths
     of the specs; then refuse where one was there.
     """
-    from mapmore_cli.annexes.drafting.draft import SCHEMA
     from mapmore_cli.annexes.drafting.outputs import as_files
     from mapmore_cli.annexes.drafting.page import draft_page
-    from mapmore_cli.spec.schema import json_schema
+    from mapmore_cli.spec.schema import write_schema_beside
 
     if output == console.STANDARD:
         if len(drafts) > 1:
@@ -139,8 +137,7 @@ def _write(drafts: Sequence[Draft], output: Path | None, force: bool, reporter: 
         write_text(path, text)
         print(path)
     first = next(iter(files))
-    if not (schema := first.with_name(SCHEMA)).exists():
-        write_text(schema, json.dumps(json_schema(), indent=2) + "\n")
+    write_schema_beside(first)
     if taken:
         raise WriteError(
             f"{', '.join(map(str, taken))}: exists already",

@@ -9,14 +9,12 @@ from typing import TYPE_CHECKING, Any
 
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.foreign import printable
-from mapmore_cli.spec.loader import MODELINE
+from mapmore_cli.spec.loader import MODELINE, SCHEMA
 from mapmore_cli.spec.yaml_loader import dump, escaped
 
 if TYPE_CHECKING:
     from mapmore_cli.domain.results import Search
 
-SCHEMA = "mapmore.schema.json"
-"""The file beside a draft by which editors complete and check it."""
 HEAD = (
     "# Started by `mapmore init`. Look first at what is marked CHECK, "
     "then run `mapmore check` on this file."

@@ -21,7 +21,7 @@ from mapmore_cli.annexes.exporting.templates import (
     identifier,
     lines_of_code,
     names_of_inputs,
-    renaming_notes,
+    notes_of,
     rendered_template,
     word,
 )
@@ -172,7 +172,7 @@ class CSource:
     def header(self) -> str:
         """Return the declarations, with names and units."""
         return rendered_template(
-            "model.h", **self.words, renamed=renaming_notes(names_of_inputs(self.model.inputs))
+            "model.h", **self.words, notes=notes_of(self.model, names_of_inputs(self.model.inputs))
         )
 
     def source(self) -> str:

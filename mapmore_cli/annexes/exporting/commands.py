@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated
 
 import typer
 
@@ -16,8 +16,8 @@ from mapmore_cli.storage.atomic import refusals_told, write_bytes
 def export(
     model_file: console.ModelFile,
     to: Annotated[
-        Literal["c", "fmu", "csv", "tex", "py", "numpy", "table", "mujoco", "simulink"],
-        typer.Option(help="What to write; see above."),
+        str,
+        typer.Option(metavar="FORM", help="What to write; see above."),
     ],
     output: Annotated[
         Path, typer.Option("--output", "-o", metavar="DIR", help="Folder for the files.")
@@ -46,17 +46,19 @@ def export(
     The files are called after the model.
 
     `c` needs nothing but math.h: no allocation, no global state. `fmu` is for co-simulation by FMI
-    2.0. `py` is one Python file without any dependency, for single samples; `numpy` is a module for
-    arrays. `table` is the output on a grid with a mask of validity: CSV, MAT, and text for
-    Modelica's CombiTable2D. `mujoco` is C with an actuator callback, `simulink` C with a function
+    2.0, `fmu3` by FMI 3.0. `py` is one Python file without any dependency, for single samples;
+    `numpy` is a module for arrays, `matlab` one function file, for Octave too. `table` is the
+    output on a grid with a mask of validity: CSV, MAT, and a Modelica block around text for
+    CombiTable2D. `mujoco` is C with an actuator callback, `simulink` C with a function
     for C Caller blocks. `csv` is one lookup table, `tex` the equations.
 
     With `--pressure`, a model of the force and one of the pressure become one actuator, in C or as
     an FMU: from what the valve is told.
 
-    C, FMUs and modules are compared with `predict` on 100 points before they are written.
+    C, FMUs, modules and functions are compared with `predict` on 100 points before they are
+    written. At the end stand lines that call what was written.
     """
-    from mapmore_cli.annexes.exporting.exports import exported
+    from mapmore_cli.annexes.exporting.exports import exported, snippet
     from mapmore_cli.modelling import kinds
     from mapmore_cli.storage.artefacts import read_model
 
@@ -85,3 +87,5 @@ def export(
             write_bytes(output / name, data)
             if not quiet:
                 typer.echo(str(output / name))
+        if not quiet and (lines := snippet(model, to, list(files))):
+            typer.echo(f"\nTo call it there:\n\n{lines}", err=True)

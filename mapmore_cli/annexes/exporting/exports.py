@@ -6,29 +6,72 @@ the word after `mapmore export --to`.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 
 from mapmore_cli.annexes.exporting.c_source import c_files, mujoco_files, simulink_files
-from mapmore_cli.annexes.exporting.fmu import unit_file
+from mapmore_cli.annexes.exporting.fmu import input_names, unit_file
+from mapmore_cli.annexes.exporting.matlab import matlab_file
 from mapmore_cli.annexes.exporting.python_module import module_file
 from mapmore_cli.annexes.exporting.table import lookup_table, table_files, tex_equations
-from mapmore_cli.annexes.exporting.templates import Wanted, Warn
+from mapmore_cli.annexes.exporting.templates import (
+    Wanted,
+    Warn,
+    identifier,
+    names_of_inputs,
+    rendered_template,
+    word,
+)
+from mapmore_cli.annexes.exporting.verifying import middle
+from mapmore_cli.domain import plugins
+from mapmore_cli.domain.errors import UsageError
+from mapmore_cli.domain.foreign import identifiers
 from mapmore_cli.domain.models import Model
+from mapmore_cli.modelling.program.model import program_of
 
 Exporter = Callable[[Model, Wanted], Mapping[str, str | bytes]]
 
 EXPORTERS: dict[str, Exporter] = {
     "c": c_files,
     "fmu": unit_file,
+    "fmu3": partial(unit_file, standard=3),
     "csv": lookup_table,
     "tex": tex_equations,
     "py": partial(module_file, plain=True),
     "numpy": module_file,
     "table": table_files,
+    "matlab": matlab_file,
     "mujoco": mujoco_files,
     "simulink": simulink_files,
 }
+EXPORTERS = {part.name: part.value for part in plugins.parts("exports", Callable)} | EXPORTERS
+
+
+SNIPPETS = {
+    **{"c": "c.sh", "fmu": "fmu.py", "fmu3": "fmu.py", "py": "py.py", "numpy": "numpy.py"},
+    **{"matlab": "matlab.m", "mujoco": "mujoco.py", "simulink": "simulink.m", "table": "table.m"},
+    "tex": "tex.tex",
+}
+"""Templates of `sources/snippets/` that call an export, by its word."""
+
+
+def snippet(model: Model, to: str, files: Sequence[str]) -> str:
+    """Return lines that call what was exported to the `files`, in the middle of its training range;
+    nothing where there is nothing to call.
+    """
+    if to not in SNIPPETS:
+        return ""
+    places, kept = middle(model), program_of(model).kept
+    return rendered_template(
+        f"snippets/{SNIPPETS[to]}",
+        name=identifier(model.name),
+        files=files,
+        output=word(identifiers([model.output.name])[0]),
+        places={own: places[name] for name, own in names_of_inputs(model.inputs).items()},
+        unit_inputs=input_names(model),
+        step=kept.step,
+        fed_back=bool(kept.fed_back),
+    )
 
 
 def exported(
@@ -51,5 +94,7 @@ def exported(
     that has no letter; DataError where a part of the model is no closed expression; MapmoreError
     where the code that was written has other numbers than `predict`.
     """
+    if to not in EXPORTERS:
+        raise UsageError(f"nothing is exported to {to!r}", f"choose one of {', '.join(EXPORTERS)}")
     files = EXPORTERS[to](model, Wanted(single, grid, verify, warn))
     return {name: data.encode() if isinstance(data, str) else data for name, data in files.items()}

@@ -1,4 +1,4 @@
-"""A model as a functional mock-up unit: FMI 2.0 co-simulation around its C source, with
+"""A model as a functional mock-up unit: FMI 2.0 or 3.0 co-simulation around its C source, with
 `modelDescription.xml` and units.
 """
 
@@ -26,8 +26,11 @@ from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.recording import BaseUnits, Quantity
 from mapmore_cli.spec.units import base_units
 
-WRAPPER = ("co-simulation.h", "co-simulation.c")
-"""The files around every model; a hyphen keeps their names apart from those of models."""
+WRAPPERS = {
+    2: ("unit.h", "co-simulation.h", "co-simulation.c"),
+    3: ("unit.h", "co-simulation-3.c"),
+}
+"""The files around every model by standard, which no model is called; the last one is compiled."""
 
 BITS = "outside_range"
 """The integer output: bit i for input i outside of its training range, and one more where a model
@@ -37,14 +40,21 @@ with memory has no value.
 
 @dataclass(frozen=True)
 class UnitSources:
-    """What a unit is made of: its identifier, its description, its C by name, and the files that
-    its binary is compiled from.
+    """What a unit is made of: its identifier, its description, its sources by name, and the files
+    that its binary is compiled from.
     """
 
     name: str
     description: str
     sources: dict[str, str]
     compiled: tuple[str, ...]
+    standard: int
+
+    @property
+    def verifier(self) -> dict[str, str]:
+        """A program that runs the unit, by name."""
+        name = "verify-unit.c" if self.standard == 2 else "verify-unit-3.c"
+        return {name: source(name)}
 
 
 class Variable(NamedTuple):
@@ -58,18 +68,19 @@ class Variable(NamedTuple):
     start: float | None = None
 
 
-def unit_file(model: Model, wanted: Wanted) -> dict[str, bytes]:
+def unit_file(model: Model, wanted: Wanted, standard: int = 2) -> dict[str, bytes]:
     """Return a functional mock-up unit, a zip file without dates: its sources, and the binary of
     this machine where there is a compiler.
     """
-    unit = fmu_sources(model, f"mapmore {__version__}")
+    unit = fmu_sources(model, f"mapmore {__version__}", standard)
     files = {"modelDescription.xml": unit.description.encode()}
     files |= {f"sources/{name}": text.encode() for name, text in unit.sources.items()}
     try:
         if wanted.verify:
-            verifier = {"verify-unit.c": source("verify-unit.c")}
-            verify_program(model, {**unit.sources, **verifier}, [*unit.compiled, *verifier])
-        files[library_place(unit.name)] = built(unit.sources, unit.compiled)
+            # the program of FMI 3 has the functions in itself
+            others = unit.compiled if standard == 2 else unit.compiled[:1]
+            verify_program(model, {**unit.sources, **unit.verifier}, [*others, *unit.verifier])
+        files[library_place(unit.name, standard)] = built(unit.sources, unit.compiled)
     except CompilerMissing as reason:
         wanted.warn(
             f"{reason}: the unit has sources and no binary, so that the tool that imports it "
@@ -83,22 +94,23 @@ def unit_file(model: Model, wanted: Wanted) -> dict[str, bytes]:
             entry.create_system = 3  # Unix, wherever it is written
             entry.external_attr = (0o755 if name.startswith("binaries/") else 0o644) << 16
             archive.writestr(entry, data)
-    return {f"{unit.name}.fmu": stream.getvalue()}
+    return {f"{unit.name}{'' if standard == 2 else '_fmi3'}.fmu": stream.getvalue()}
 
 
-def fmu_sources(model: Model, tool: str) -> UnitSources:
-    """Return the texts of a unit; `tool` says with which version of what it is made.
+def fmu_sources(model: Model, tool: str, standard: int = 2) -> UnitSources:
+    """Return the texts of a unit of FMI 2 or 3; `tool` says with which version of what it is made.
 
     Raises as `c_source.c_source`.
     """
     written = c_source(model)
-    name, compiled = written.name, (f"{written.name}.c", WRAPPER[1])
+    wrapper = WRAPPERS[standard]
+    name, compiled = written.name, (f"{written.name}.c", wrapper[-1])
     texts = {f"{name}.h": written.header(), f"{name}.c": written.source()}
-    texts |= {one: source(one) for one in WRAPPER}
+    texts |= {one: source(one) for one in wrapper}
     about = repr([model.name, model.inputs, model.output, tool, *texts.values()])
     # the same for the same unit, another one for any other
     guid = str(UUID(bytes=hashlib.sha256(about.encode()).digest()[:16]))
-    variables = list(_variables(written))
+    variables = list(_variables(written, [BITS] if standard == 2 else [BITS, "time"]))
     words = {
         **written.words,
         "guid": guid,
@@ -109,8 +121,17 @@ def fmu_sources(model: Model, tool: str) -> UnitSources:
         "inputs": [one for one in variables if one.causality == "input"],
     }
     texts["this-model.h"] = rendered_template("this-model.h", **words)
-    description = rendered_template("modelDescription.xml", **words, about=_about(written))
-    return UnitSources(name, description, texts, compiled)
+    if standard == 3:
+        texts["buildDescription.xml"] = rendered_template("buildDescription.xml", **words)
+    form = "modelDescription.xml" if standard == 2 else "modelDescription3.xml"
+    description = rendered_template(form, **words, about=_about(written))
+    return UnitSources(name, description, texts, compiled, standard)
+
+
+def input_names(model: Model) -> list[str]:
+    """Return what the inputs of a unit are called, in their order."""
+    written = c_source(model)
+    return [one.name for one in _variables(written, [BITS, "time"]) if one.causality == "input"]
 
 
 def _about(written: CSource) -> str:
@@ -134,14 +155,16 @@ def _powers(base: BaseUnits | None) -> dict[str, float] | None:
     return {**base.powers, **{name: value for name, value, default in scale if value != default}}
 
 
-def _variables(written: CSource) -> Iterator[Variable]:
-    """Yield inputs, the measured output that the model goes on from, the output, and the bits."""
+def _variables(written: CSource, taken: list[str]) -> Iterator[Variable]:
+    """Yield inputs, the measured output that the model goes on from, the output, and the bits; none
+    of the first has a name that is `taken`.
+    """
     model, memory = written.model, written.with_memory
     measured = [
         Quantity(f"{name}_measured", model.output.unit) for name in written.code.kept.fed_back
     ]
     given = (*model.inputs, *measured)
-    names = [*identifiers([*(one.name for one in given), model.output.name], [BITS]), BITS]
+    names = [*identifiers([*(one.name for one in given), model.output.name], taken), BITS]
     changes = "discrete" if memory else "continuous"
     for quantity, name in zip(given, names, strict=False):
         about, start = _range_and_start(written, quantity)

@@ -9,7 +9,7 @@ MuJoCo); for whole arrays NumPy is many times faster.
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from mapmore_cli.annexes.exporting.dialect import NUMPY, SCALAR, Expressions, Statements
 from mapmore_cli.annexes.exporting.templates import (
@@ -20,7 +20,7 @@ from mapmore_cli.annexes.exporting.templates import (
     identifier,
     lines_of_code,
     names_of_inputs,
-    renaming_notes,
+    notes_of,
     rendered_template,
     word,
 )
@@ -57,24 +57,14 @@ def python_module(model: Model, plain: bool = False) -> tuple[str, str]:
     functions = [function.name for function in program.functions]
     names = names_of_inputs(model.inputs, functions)
     taken = [*PYTHON, "outside_range", "derivatives", "reset", "math", *functions]
-    words = {
-        "model": model,
-        "names": names,
-        "plain": plain,
-        "renamed": renaming_notes(names),
-        "tolerance": OUTSIDE_TOLERANCE,
-    }
-    words |= {"output": word(identifiers([model.output.name], taken)[0]), "kept": program.kept}
-    words |= {"memory": program.step is not None, "step": program.step}
+    statements = PythonStatements(program, dialect, "s.")
+    words = {**words_of(model, statements, names, taken), "plain": plain}
     arrays = [
         code("{}{} = np.asarray({}, dtype=float)", INPUT, name, own) for name, own in names.items()
     ]
     finite = [code("np.isfinite({}{})", INPUT, name) for name in names]
     words |= {"arrays": arrays, "finite": Code(" & ".join(finite) or "np.True_")}
-    statements = PythonStatements(program, dialect, "s.")
     words["functions"] = statements.functions()
-    words["lines"], words["result"] = statements.coded(program.body)
-    words["range_lines"], words["checks"] = statements.checks()
     if plain and program.step is None:
         slopes = PythonStatements(with_slopes(program), dialect, "s.")
         words["slope_functions"] = slopes.functions()
@@ -82,8 +72,35 @@ def python_module(model: Model, plain: bool = False) -> tuple[str, str]:
     return f"{stem}.py", rendered_template("module.py", **words)
 
 
+def words_of(
+    model: Model, statements: PythonStatements, names: Mapping[str, str], taken: Sequence[str]
+) -> dict[str, object]:
+    """Return what the templates of a module or a function know; `names` are those of the inputs in
+    code, `taken` those that the output must not have.
+    """
+    program = statements.program
+    lines, result = statements.coded(program.body)
+    range_lines, checks = statements.checks()
+    return {
+        "model": model,
+        "names": names,
+        "notes": notes_of(model, names),
+        "tolerance": OUTSIDE_TOLERANCE,
+        "output": word(identifiers([model.output.name], taken)[0]),
+        "kept": program.kept,
+        "step": program.step,
+        "memory": program.step is not None,
+        "lines": lines,
+        "result": result,
+        "range_lines": range_lines,
+        "checks": checks,
+    }
+
+
 class PythonStatements(Statements):
     """Writes statements in Python; all cases of a choice are worked out for all rows."""
+
+    beyond, between, nowhere = "_beyond", "np.interp", "np.False_"
 
     def coded(self, block: Block) -> tuple[list[Code], list[Code]]:
         """Return the lines of a block and its results."""
@@ -117,8 +134,10 @@ class PythonStatements(Statements):
             ],
             expressions,
         )
-        checks = [f"_beyond({self._limit(limit, expressions)})" for limit in self.program.limits]
-        return lines_of_code(expressions.lines), Code(" | ".join(checks) or "np.False_")
+        checks = [
+            f"{self.beyond}({self._limit(limit, expressions)})" for limit in self.program.limits
+        ]
+        return lines_of_code(expressions.lines), Code(" | ".join(checks) or self.nowhere)
 
     def _limit(self, limit: Limit, expressions: Expressions) -> str:
         value = expressions.text(limit.value)
@@ -126,7 +145,7 @@ class PythonStatements(Statements):
             return f"{value}, {float(limit.low[0])!r}, {float(limit.high[0])!r}"
         at = expressions.text(limit.at)
         ends = [
-            f"np.interp({at}, {limit.levels.tolist()}, {values.tolist()})"
+            f"{self.between}({at}, {limit.levels.tolist()}, {values.tolist()})"
             for values in (limit.low, limit.high)
         ]
         return f"{value}, {', '.join(ends)}"

@@ -25,9 +25,11 @@ from mapmore_cli.domain.arrays import Array, BoolArray
 from mapmore_cli.domain.errors import UsageError
 from mapmore_cli.domain.foreign import csv_cell, identifiers
 from mapmore_cli.domain.models import Model
-from mapmore_cli.modelling.kinds import equations, outside_range, predict, runs_over_time
+from mapmore_cli.modelling.kinds import equations, outside_range, predict, rules, runs_over_time
 from mapmore_cli.modelling.program.model import program_of
 from mapmore_cli.pipeline.records import grid_axes
+from mapmore_cli.reporting.table import to_latex
+from mapmore_cli.reporting.tables import limits_tables
 
 POINTS = 41
 """Places along every input, where no grid is given."""
@@ -80,6 +82,7 @@ def table_files(model: Model, wanted: Wanted) -> dict[str, str | bytes]:
     }
     if len(grid.places) == 2:
         files[f"{stem}.txt"] = _combi_table(model, grid)
+        files[f"{stem}.mo"] = _modelica(model, stem)
     return files
 
 
@@ -179,14 +182,43 @@ def _combi_table(model: Model, grid: Grid) -> str:
     return "\n".join([*lines, ""])
 
 
+def _modelica(model: Model, stem: Code) -> str:
+    """Return a block of Modelica that reads the text: both inputs, the output, and `valid`."""
+    names = names_of_inputs(model.inputs, [*MODELICA.split(), _output(model)])
+    about = f"{model.output.name} by a table, linear between its points"
+    return rendered_template(
+        "table.mo",
+        model=model,
+        name=stem,
+        about=about,
+        names=list(names.values()),
+        output=_output(model),
+    )
+
+
+MODELICA = (
+    "algorithm block class connector constant each end equation extends external final flow "
+    "function initial inner input model outer output package parameter protected public record "
+    "replaceable stream then type when within time der valid fileName values validity"
+)
+"""Words of Modelica, and names within the block."""
+
+
 def tex_equations(model: Model, _wanted: Wanted) -> dict[str, str]:
     """Return a file for `\\input`: one equation each, in the model's units, with what it is called
-    before it.
+    and where it counts before it; then how they are put together, and the limits. It needs
+    booktabs.
     """
     units = ", ".join(
         f"{quantity.name} in {quantity.unit}" for quantity in (model.output, *model.inputs)
     )
     # printed from names that are identifiers
-    typeset = [(one.id, Code(one.latex)) for one in equations(model)]
-    text = rendered_template("equations.tex", about=f"{model.name}: {units}", equations=typeset)
+    typeset = [(one.id, one.weight, Code(one.latex)) for one in equations(model)]
+    text = rendered_template(
+        "equations.tex",
+        about=f"{model.name}: {units}",
+        equations=typeset,
+        rules=rules(model),
+        limits=[Code(to_latex(table)) for table in limits_tables(model)],
+    )
     return {f"{identifier(model.name)}.tex": text}

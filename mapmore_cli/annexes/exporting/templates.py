@@ -6,7 +6,9 @@ language.
 
 from __future__ import annotations
 
+import json
 import re
+import shlex
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
@@ -18,6 +20,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from mapmore_cli.domain.errors import DataError, UsageError
 from mapmore_cli.domain.foreign import WORDS, c_string, identifiers, plain, tex_text, xml_text
+from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.recording import Quantity
 from mapmore_cli.modelling.expressions.states import IDENTIFIER
 
@@ -116,17 +119,24 @@ def names_of_inputs(inputs: Sequence[Quantity], functions: Sequence[str] = ()) -
     )
 
 
-def renaming_notes(names: Mapping[str, str]) -> list[str]:
-    """Return a line for each input that is called otherwise here."""
-    return [
+def notes_of(model: Model, names: Mapping[str, str]) -> list[str]:
+    """Return a line for each input that is called otherwise here, and for the shape that the model
+    keeps.
+    """
+    renamed = [
         f"The input {name} is called {other} here."
         for name, other in names.items()
         if name != other
     ]
+    kept = [] if model.shape is None or not model.shape.kept else [model.shape.promise]
+    return [*renamed, *(f"The {model.output.name} is {promise}." for promise in kept)]
 
 
 LITERALS: Mapping[str, Callable[[str], str]] = {
     **dict.fromkeys("ch", c_string),
+    "sh": shlex.quote,
+    "m": lambda text: "'" + plain(text).replace("'", "''") + "'",
+    "mo": lambda text: json.dumps(plain(text)),
     "py": repr,
     "tex": tex_text,
     "xml": lambda text: quoteattr(xml_text(text)),

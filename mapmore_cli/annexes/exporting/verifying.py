@@ -14,7 +14,7 @@ import struct
 import subprocess
 import sys
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -37,8 +37,21 @@ LIBRARY = ("-shared", "-fPIC", "-fvisibility=hidden")
 SECONDS = 300
 """After which a compiler, and then the code, is stopped."""
 
-SYSTEMS = {"linux": ("linux", "so"), "darwin": ("darwin", "dylib"), "win32": ("win", "dll")}
-"""What FMI 2.0 calls a system, and how the names of its shared libraries end, by `sys.platform`."""
+SYSTEMS = {
+    "linux": ("linux", "linux", "so"),
+    "darwin": ("darwin", "darwin", "dylib"),
+    "win32": ("win", "windows", "dll"),
+}
+"""What FMI 2.0 and 3.0 call a system, and how the names of its shared libraries end, by
+`sys.platform`.
+"""
+
+MACHINES = {
+    **dict.fromkeys(("x86_64", "amd64"), "x86_64"),
+    **dict.fromkeys(("i386", "i686"), "x86"),
+    **dict.fromkeys(("arm64", "aarch64"), "aarch64"),
+}
+"""What FMI 3.0 calls a processor."""
 
 
 class CompilerMissing(Exception):
@@ -49,22 +62,19 @@ class CompilerFailed(CompilerMissing):
     """The compiler refuses the files."""
 
 
-def library_place(name: str) -> str:
-    """Return where the shared library of this machine lies in a unit of FMI 2.0; raises
+def library_place(name: str, standard: int = 2) -> str:
+    """Return where the shared library of this machine lies in a unit of FMI 2 or 3; raises
     CompilerMissing where it has no name for it.
     """
-    if sys.platform not in SYSTEMS or platform.machine().lower() not in (
-        "x86_64",
-        "amd64",
-        "i386",
-        "i686",
-        "arm64",
-    ):
+    machine = platform.machine().lower()
+    known = sys.platform in SYSTEMS and machine in MACHINES
+    if not known or (standard == 2 and machine == "aarch64"):
         raise CompilerMissing(
-            f"FMI 2.0 has no name for this machine ({sys.platform}, {platform.machine()})"
+            f"FMI {standard}.0 has no name for this machine ({sys.platform}, {platform.machine()})"
         )
-    system, ending = SYSTEMS[sys.platform]
-    return f"binaries/{system}{8 * struct.calcsize('P')}/{name}.{ending}"
+    old, system, ending = SYSTEMS[sys.platform]
+    place = f"{old}{8 * struct.calcsize('P')}" if standard == 2 else f"{MACHINES[machine]}-{system}"
+    return f"binaries/{place}/{name}.{ending}"
 
 
 def built(
@@ -135,22 +145,32 @@ def verify_module(model: Model, text: str, each: bool = False) -> None:
     """
     memory, count = program_of(model).step is not None, len(model.inputs)
     driver = rendered_template("verify.py", memory=memory, each=each, count=count)
+    call, libraries = [sys.executable, "-I", "-S", "-B"], str(Path(np.__file__).parents[1])
+    files = {"exported.py": text, "verify.py": driver}
+    verify_files(model, files, lambda own: [*call, f"{own}/verify.py", own, libraries])
+
+
+def verify_files(
+    model: Model, files: Mapping[str, str], command: Callable[[str], Sequence[str]]
+) -> None:
+    """Write files into a folder and compare what a command there answers; it is given the folder,
+    and raises as `verify_program`.
+    """
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
-        for name, code in (("exported.py", text), ("verify.py", driver)):
+        for name, code in files.items():
             (Path(folder) / name).write_text(code, encoding="utf-8")
-        libraries = str(Path(np.__file__).parents[1])
-        command = [sys.executable, "-I", "-S", "-B", f"{folder}/verify.py", folder, libraries]
-        _verify(model, command, CLOSE)
+        _verify(model, command(folder), CLOSE, folder)
 
 
-def _verify(model: Model, command: Sequence[str], close: float) -> None:
+def _verify(model: Model, command: Sequence[str], close: float, folder: str | None = None) -> None:
     """Compare a program that reads inputs and measured outputs a line, and prints the output and
     the bits of inputs outside of their range.
     """
     columns, count = points(model), len(model.inputs)
     names = [*(quantity.name for quantity in model.inputs), *fed_back(model)]
     rows = np.column_stack([np.empty((POINTS, 0)), *(columns[name] for name in names)]).tolist()
-    answers = _answers(model, command, "".join(" ".join(map(repr, row)) + "\n" for row in rows))
+    given = "".join(" ".join(map(repr, row)) + "\n" for row in rows)
+    answers = _answers(model, command, given, folder)
     # one line where there is no input
     values, bits = np.broadcast_to(answers.reshape(-1, 2), (POINTS, 2)).T
     outside = bits.astype(int) & ((1 << count) - 1) != 0
@@ -167,13 +187,19 @@ def _verify(model: Model, command: Sequence[str], close: float) -> None:
         )
 
 
-def _answers(model: Model, command: Sequence[str], given: str) -> Array:
+def _answers(model: Model, command: Sequence[str], given: str, folder: str | None) -> Array:
     """Return the numbers that code says in a process of its own; raises MapmoreError where it
     fails.
     """
     try:
         done = subprocess.run(
-            command, input=given, capture_output=True, text=True, check=True, timeout=SECONDS
+            command,
+            input=given,
+            capture_output=True,
+            text=True,
+            check=True,
+            timeout=SECONDS,
+            cwd=folder,
         )
         return np.array(done.stdout.split(), dtype=np.float64)
     except subprocess.CalledProcessError as fault:
@@ -191,19 +217,39 @@ def points(model: Model) -> Columns:
     """
     rng, code = np.random.default_rng(1), program_of(model)
     columns = {"time": (code.step or 1.0) * np.arange(float(POINTS))}
-    for quantity in model.inputs:
-        known = [limit for limit in code.limits if limit.inputs == {quantity.name}]
-        # and not of what follows from it
-        known = [
-            limit for limit in known if limit.value == Name(f"{INPUT}{quantity.name}")
-        ] or known
-        low = min((float(limit.low.min()) for limit in known), default=-1.0)
-        high = max((float(limit.high.max()) for limit in known), default=1.0)
-        if quantity.name != "time" or code.step is None:  # the clock of a recording is even
-            columns[quantity.name] = low + (high - low) * rng.uniform(-0.2, 1.2, POINTS)
+    for name, ends in _ends(model).items():
+        low, high = min(ends[0], default=-1.0), max(ends[1], default=1.0)
+        if name != "time" or code.step is None:  # the clock of a recording is even
+            columns[name] = low + (high - low) * rng.uniform(-0.2, 1.2, POINTS)
     for memory in model.memories:
         columns.setdefault(memory.output, rng.uniform(*memory.limits, POINTS))
     return columns
+
+
+def middle(model: Model) -> dict[str, float]:
+    """Return the middle of the training range that all levels have of each input, of four
+    digits.
+    """
+    return {
+        name: float(f"{np.mean([max(low, default=0.0), min(high, default=0.0)]):.4g}")
+        for name, (low, high) in _ends(model).items()
+    }
+
+
+def _ends(model: Model) -> dict[str, tuple[list[float], list[float]]]:
+    """Return where the training range of each input begins and ends, at every level; nothing where
+    it is not known.
+    """
+    limits, ends = program_of(model).limits, {}
+    for name in (quantity.name for quantity in model.inputs):
+        known = [limit for limit in limits if limit.inputs == {name}]
+        # and not of what follows from it
+        known = [limit for limit in known if limit.value == Name(f"{INPUT}{name}")] or known
+        ends[name] = (
+            [place for limit in known for place in limit.low.tolist()],
+            [place for limit in known for place in limit.high.tolist()],
+        )
+    return ends
 
 
 def _unequal(model: Model, what: str) -> MapmoreError:

@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 
 from mapmore_cli.annexes.motion.body import FALL, MotionFit
 from mapmore_cli.reporting.figures.drawing import DOUBLE, Drawing, Layout, Panel
-from mapmore_cli.reporting.figures.panels import key, plain_logarithm, shorten
+from mapmore_cli.reporting.figures.panels import key, plain_logarithm
 from mapmore_cli.reporting.figures.style import BLACK, GREY
 from mapmore_cli.reporting.inputs import ReportInputs
 
@@ -34,16 +34,15 @@ def draw(inputs: ReportInputs) -> list[Drawing]:
         }
         labels = ("Iteration", (f"Lowest RMSE ({unit})",))
         on = partial(draw_searches, fit=fit)
-        panels.append(Panel(name, on, *labels, data, shorten(name, 24)))
+        panels.append(Panel(name, on, *labels, data, name))
     handles = (key("section", color=BLACK), key("of a falling input", color=GREY, linestyle="--"))
     caption = (
         "Lowest RMSE of every section over its own training samples, after so many iterations "
         "(of least squares: simulations). Where the "
         "sections share a state, before they were joined."
     )
-    alt = f"Convergence of the searches of {len(panels)} models of motion."
     grid = Layout(columns=3, width=DOUBLE)
-    return [Drawing("convergence", caption, alt, tuple(panels), grid, handles)]
+    return [Drawing("convergence", caption, tuple(panels), grid, handles)]
 
 
 def draw_searches(ax: Axes, fit: MotionFit) -> None:

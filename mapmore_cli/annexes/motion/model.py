@@ -106,6 +106,22 @@ def equations(model: Model, units: Mapping[str, float]) -> tuple[Equation, ...]:
     return tuple(printed(name, add(*terms)) for name, terms in sums.items())
 
 
+def rules(model: Model) -> tuple[str, ...]:
+    """Return how the sections are run."""
+    motion = _motion(model)
+    ways = {
+        "hard": "every section runs, the active one's output is taken",
+        "carried": "sections hand one state on",
+        "bumpless": "sections share one state, and meet at their boundaries",
+    }
+    at = ", ".join(f"{boundary:g}" for boundary in motion.boundaries)
+    places = f"Sections meet at {motion.input} {at}. " if at else ""
+    return (
+        f"{places}Switching: {motion.switching} ({ways[motion.switching]}), at steps of "
+        f"{motion.step:.6g} s, from {motion.start}.",
+    )
+
+
 def parameters(model: Model) -> int:
     """P1, P2 and the weights of every section."""
     return sum(2 + len(section.weights) for section in _motion(model).sections)

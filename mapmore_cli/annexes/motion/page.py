@@ -15,8 +15,7 @@ from mapmore_cli.reporting.inputs import ReportInputs
 from mapmore_cli.reporting.table import MODEL, Cell, Column, Columns, Table
 
 TITLE = "Models of motion"
-TABLES = ("waveforms", "sections")
-"""Heading of the tables on a page, and their order."""
+"""Heading of the tables on a page."""
 
 
 def show(
@@ -25,7 +24,7 @@ def show(
     """Return what `mapmore show` has of a model: a document, tables, and lines."""
     body = model.body
     assert isinstance(body, StateSpace)
-    return {"motion": _document(body.motion)}, (), (_line(body.motion),)
+    return {"motion": _document(body.motion)}, (), ()
 
 
 def show_fit(fit: MotionFit) -> tuple[dict[str, Any], tuple[Table, ...]]:
@@ -40,7 +39,7 @@ def tables(inputs: ReportInputs) -> list[Table]:
     if not fits:
         return []
     motion = next(iter(fits.values())).model
-    return [sections_table(fits, inputs.target.unit), waveforms_table(inputs, motion)]
+    return [waveforms_table(inputs, motion), sections_table(fits, inputs.target.unit)]
 
 
 def _document(motion: Motion) -> dict[str, Any]:
@@ -52,21 +51,6 @@ def _document(motion: Motion) -> dict[str, Any]:
         poles = [[pole.real, pole.imag] for pole in section.poles]
         sections.append({**asdict(section), "poles": poles, "gain": section.gain})
     return {**asdict(motion), "sections": sections}
-
-
-def _line(motion: Motion) -> str:
-    """How the model is run."""
-    ways = {
-        "hard": "every section runs, the active one's output is taken",
-        "carried": "sections hand one state on",
-        "bumpless": "sections share one state, and meet at their boundaries",
-    }
-    at = ", ".join(f"{boundary:g}" for boundary in motion.boundaries)
-    places = f"Sections meet at {motion.input} {at}. " if at else ""
-    return (
-        f"{places}Switching: {motion.switching} ({ways[motion.switching]}), at steps of "
-        f"{motion.step:.6g} s, from {motion.start}."
-    )
 
 
 def sections_table(fits: Mapping[str, MotionFit], unit: str) -> Table:

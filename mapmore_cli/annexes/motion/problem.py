@@ -20,11 +20,14 @@ QUARTER = 0.25  # of the longest piece: the longest time constant that is looked
 
 @dataclass(frozen=True)
 class Bounds(Settings):
-    """Where the particles of `solver: swarm` begin for P1, P2, P3; without `p3`, four times the
-    spans' ratio, either sign.
+    """Where the particles of `solver: swarm` begin.
 
     The default holds every stable section: there P1 lies in -1..1 and P2 in -2..2, and `|1 - P1 -
     P2| < 4`.
+
+    - `p1`: P1, as `[-1, 1]`
+    - `p2`: P2, as `[-2, 2]`
+    - `p3`: P3; four times the spans' ratio, either sign, by default, as `[-4, 4]`
     """
 
     p1: Pair = (-1.0, 1.0)
@@ -47,18 +50,22 @@ class Bounds(Settings):
 class MotionSettings(Settings):
     """The keys of a model of motion.
 
-    - `sections`: the inner boundaries in the input's unit, or how many sections with equal shares
-      of the samples.
-    - `direction`: whether rise and fall of the input have sections of their own.
-    - `offset`, `load`: whether a section has a constant of its own; the quantity that P3 and the
-      constant depend on, where there is one.
-    - `slowest`: longest time constant of a section, s; None for a quarter of the longest piece of a
-      training record, which cannot tell a
-      slower one from a drift. The swarm as published has no such bound.
-    - `start`: where a run begins: `rest` or `zero`.
-    - `mask`: `input` or `displacement`: the quantity whose direction says which training samples
-      are those of rise and of fall.
-    - `begin`: where the particles of the published swarm begin; None for everywhere.
+    - `input`: the quantity that drives, as `voltage`
+    - `sections`: inner boundaries along the input, or how many sections with equal shares of the
+      samples, as `4`
+    - `direction`: whether rise and fall of the input have sections of their own, as `true`
+    - `switching`: `hard` runs every section on the whole input, `carried` passes the state on,
+      `bumpless` also joins the sections and turns after `dead_band`, as `bumpless`
+    - `start`: where a run begins, as `zero`
+    - `mask`: the quantity whose direction says which training samples are those of rise and of
+      fall, as `displacement`
+    - `dead_band`: rate of the input up to which the last direction holds, as `0.05`
+    - `offset`: whether a section has a constant of its own, as `true`
+    - `load`: the quantity that P3 and the constant depend on, where there is one, as `load`
+    - `solver`: how sections are fitted: `swarm` is the particle swarm as published, as `swarm`
+    - `slowest`: longest time constant of a section; a quarter of the longest training piece by
+      default, which cannot tell a slower one from a drift, as `5 s`
+    - `begin`: where the particles of the swarm begin; everywhere by default, as `{p1: [-1, 1]}`
     """
 
     input: str | None = None

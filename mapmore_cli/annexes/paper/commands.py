@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from mapmore_cli.cli import console
 from mapmore_cli.cli.progress import Reporter
 from mapmore_cli.storage.atomic import refusals_told, write_text
+
+if TYPE_CHECKING:
+    from mapmore_cli.annexes.paper.paper import Told
 
 
 def paper(
@@ -36,7 +39,7 @@ def paper(
         page,
         verdicts_table,
     )
-    from mapmore_cli.spec.campaign import load_paper
+    from mapmore_cli.spec.paper import load_paper
 
     loaded = [load_paper(config) for config in configs]
     with Reporter(quiet) as reporter:
@@ -45,7 +48,7 @@ def paper(
     target = out or runs / "paper.html"
     with refusals_told(target):
         target.parent.mkdir(parents=True, exist_ok=True)
-        write_text(target, page(compared))
+        write_text(target, page(compared, target))
     documents = [
         {
             "paper": one.loaded.spec.paper,
@@ -57,9 +60,14 @@ def paper(
                 {
                     **console.picked(result.item, "id", "status", "place"),
                     "verdicts": result.verdicts,
+                    "because": [_told(reason) for reason in result.reasons],
                     "failed": result.failed or None,
                 }
                 for result in one.results
+            ],
+            "claims": [
+                {**_told(claim), **console.picked(claim.shown, "of", "place")}
+                for claim in one.claims
             ],
         }
         for one in compared
@@ -71,3 +79,7 @@ def paper(
     )
     if code := max(code for _, code in ended):
         raise typer.Exit(code)
+
+
+def _told(one: Told) -> dict[str, str]:
+    return {"says": one.shown.says, "verdict": one.verdict, "numbers": one.numbers}

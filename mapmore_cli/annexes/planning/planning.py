@@ -228,7 +228,7 @@ def plan(
             )
         planned = _of_levels(loaded.spec.name, whole, prices)
     else:
-        planned = _of_points(loaded.spec.name, choices, dataset, points or 5, wanted, prices)
+        planned = _of_points(choices, whole, points or 5, wanted, prices)
     quantities = {name: dataset.quantities[name] for name in planned[0][0].at}
     return Plan(loaded.spec.name, dataset.quantities[dataset.target], quantities, largest, *planned)
 
@@ -299,14 +299,14 @@ def _of_levels(name: str, whole: Dataset, prices: Mapping[str, float]) -> Planne
 
 
 def _of_points(
-    name: str,
     choices: ModelChoices,
-    dataset: Dataset,
+    whole: Dataset,
     count: int,
     wanted: float | None,
     prices: Mapping[str, float],
 ) -> Planned:
-    """Return the next points."""
+    """Return the next points; none lies where a sample was measured, held out or not."""
+    name, dataset = choices.name, training_only(whole)
     columns = pooled_training(dataset.curves)
     inputs = [quantity.name for quantity in refit(choices, dataset).inputs]
     names = tuple(one for one in inputs if np.ptp(columns[one]) > 0)
@@ -324,11 +324,19 @@ def _of_points(
         np.column_stack([columns[one] for one in names]), columns[dataset.target]
     )
     measured = of_points.MeasuredMap(names, x, y)
-    places = measured.grid(STEPS[len(names)])
+    steps = STEPS[len(names)]
+    places = measured.grid(steps)
+    known = [np.concatenate([curve.columns[one] for curve in whole.curves]) for one in names]
+    free = measured.unmeasured(places, np.column_stack(known), steps)
+    if not free.any():
+        raise DataError(
+            f"{name}: there are samples at every place of a grid of {steps} steps",
+            "widen a range, or measure the same places again",
+        )
     formulas = formulas_of(dataset, measured, places)
 
     planned = of_points.Committee(measured, places, formulas)
-    next_ones, halves = of_points.next_points(planned, names, count, prices)
+    next_ones, halves = of_points.next_points(planned, names, count, prices, free)
     notes = [MAP] if len(names) == 2 else []
     forecast = (
         None

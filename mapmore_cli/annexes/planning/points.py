@@ -15,9 +15,9 @@ from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial import Delaunay, QhullError
+from scipy.spatial import Delaunay, KDTree, QhullError
 
-from mapmore_cli.domain.arrays import Array
+from mapmore_cli.domain.arrays import Array, BoolArray
 from mapmore_cli.domain.results import Candidate, Picture, Until
 from mapmore_cli.modelling.validation.gaussian_process import GaussianProcess, most_likely
 from mapmore_cli.modelling.validation.intervals import NORMAL
@@ -56,6 +56,13 @@ class MeasuredMap:
             if len(self.names) > 1:
                 every = every[Delaunay(self.scaled(self.x)).find_simplex(every, tol=1e-9) >= 0]
         return np.asarray(self.x.min(axis=0) + every * np.ptp(self.x, axis=0))
+
+    def unmeasured(self, places: Array, samples: Array, steps: int) -> BoolArray:
+        """Return which places of a grid no sample lies at, (m,): within half a step along every
+        input. Of `samples`, (n, d), held-out ones count as well.
+        """
+        nearest, _ = KDTree(self.scaled(samples)).query(self.scaled(places), p=np.inf)
+        return np.asarray(nearest > 0.5 / (steps - 1))
 
 
 def spread_out(x: Array, y: Array) -> tuple[Array, Array]:
@@ -137,13 +144,17 @@ class Committee:
 
 
 def next_points(
-    committee: Committee, names: Sequence[str], count: int, prices: Mapping[str, float]
+    committee: Committee,
+    names: Sequence[str],
+    count: int,
+    prices: Mapping[str, float],
+    free: BoolArray | None = None,
 ) -> tuple[tuple[Candidate, ...], tuple[Array, Array]]:
     """Return the next points, in the order in which they are worth most, and the half widths at all
     places before and after them.
 
     Worth is divided by cost. The first time that a quantity takes a value costs its price; at the
-    least, a point costs the lowest price.
+    least, a point costs the lowest price. Only `free` places are taken, (m,), all without it.
     """
     before, places, next_ones, numbers = (
         committee.half,
@@ -160,7 +171,8 @@ def next_points(
             ]
         )
         cost = np.maximum(new @ each, each.min()) if prices else np.ones(len(places))
-        number = int(np.argmax(committee.score / cost))
+        worth = committee.score / cost
+        number = int(np.argmax(worth if free is None else np.where(free, worth, -1.0)))
         numbers.append(number)
         error, half = float(committee.error[number]), float(committee.half[number])
         committee.add(number)

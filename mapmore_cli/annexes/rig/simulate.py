@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from decimal import Decimal
-from importlib.resources import files
+from importlib.resources import as_file, files
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -45,6 +45,7 @@ from mapmore_cli.domain.errors import WriteError
 from mapmore_cli.fitting.stage import Progress
 from mapmore_cli.spec.fields import Section
 from mapmore_cli.spec.loader import load_as
+from mapmore_cli.spec.schema import write_schema_beside
 from mapmore_cli.storage.atomic import refusals_told, write_text
 
 KPA = 1e3  # Pa
@@ -290,12 +291,23 @@ def write_example(folder: Path, progress: Progress) -> list[Path]:
         raise WriteError(f"{folder}: is not an empty folder", "name a new folder")
     with refusals_told(folder):
         folder.mkdir(parents=True, exist_ok=True)
-        for name in ("rig.yaml", "study.yaml"):
+        for name in ("rig.yaml", "study.yaml", "search.yaml", "paper.yaml"):
             write_text(
                 folder / name,
                 files("mapmore_cli.annexes.rig")
                 .joinpath("example_study", name)
                 .read_text(encoding="utf-8"),
             )
+    write_schema_beside(folder / "study.yaml")
     recordings = simulate(load_as(folder / "rig.yaml", SimulationSpec, ()).spec, folder, progress)
     return [folder / "study.yaml", folder / "rig.yaml", *recordings]
+
+
+def example_recordings() -> list[Columns]:
+    """Return the recordings of the example study, in the units of the files; without that of the
+    vented muscle, which the study leaves out.
+    """
+    study = files("mapmore_cli.annexes.rig").joinpath("example_study", "rig.yaml")
+    with as_file(study) as path:
+        spec = load_as(path, SimulationSpec).spec
+    return [recording(spec, cause) for cause in causes_of(spec) if cause]

@@ -7,15 +7,20 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
 from mapmore_cli.annexes.search.situation import Situation
-from mapmore_cli.domain.arrays import Array, BoolArray, IntArray
-from mapmore_cli.domain.recording import Dataset
-from mapmore_cli.fitting.refitting import contiguous, training_only
+from mapmore_cli.domain.arrays import Array, BoolArray, IntArray, extremes
+from mapmore_cli.domain.errors import DataError
+from mapmore_cli.domain.recording import Curve, Dataset
+from mapmore_cli.fitting.baselines import even_share
+from mapmore_cli.fitting.refitting import contiguous
 from mapmore_cli.modelling.pieces.cross_validation import BLOCKS
 from mapmore_cli.modelling.pieces.recipe import Fuse
+from mapmore_cli.modelling.simple import polynomial_fit
 from mapmore_cli.spec.sections.data import Between, Holdout, Levels
 from mapmore_cli.spec.sections.model import ModelChoice
 
@@ -31,13 +36,14 @@ MOST_PARTS = 6
 """Levels or recordings that are left out in turn, evenly chosen of more."""
 
 FAIR = (0.2, 1.2)
-"""Times an even share of the training samples that a recording has, which is left out: without a
-larger one too little is learnt, and a smaller one says nothing."""
-
-MOST_SAMPLES, MOST_STEPS = 6_000, 12_000
-"""Training samples that structures without memory are tried on, of more an even share; and those of
-any, in long pieces.
+"""Of the size of the recording that a training sample lies in on the average: what a recording has,
+which is left out. Without a larger one too little is learnt, and a smaller one says nothing; the
+average over recordings would be that of fragments.
 """
+
+MOST_SAMPLES = 12_000
+"""Training samples that structures are tried on: of more an even share of every curve, or of
+recordings that models with a past run along, long pieces."""
 
 Masks = tuple[BoolArray, ...]
 """For every curve the samples that a fold leaves out."""
@@ -62,78 +68,75 @@ class Bench:
     turn.
 
     The first `blocks` of the folds are stretches of curves, the others whole levels, recordings or
-    ends of them. `weights` (f,) add up to 1. `thinned` are the same with an even share of the
-    samples, for models without memory. Errors are divided by `scale`.
+    ends of them. `weights` (f,) add up to 1. Of the `study`, an even share of all that there is,
+    what is held out included, the inputs alone are looked at.
     """
 
     dataset: Dataset
+    study: Dataset
+    situation: Situation
     folds: tuple[Masks, ...]
-    thinned: Dataset
-    thinned_folds: tuple[Masks, ...]
     blocks: int
     weights: Array
     left_out: str
     parts_left_out: str
-    scale: float
     part: Slice
     asks_parts: bool
 
     @classmethod
     def of(cls, training: Dataset, situation: Situation, part: Slice, study: Dataset) -> Bench:
-        """Return the folds of training samples, which resemble what the `study` holds out."""
-        timed = "time" in training.curves[0].columns
-        of = "training samples of every recording" if timed else "training samples of every curve"
-        left_out = f"each of {BLOCKS} {'' if timed else 'inner '}stretches of the {of}"
-        blocks = () if situation.timed else _bands(training, part.held_out, situation.moving)
-        if blocks:
-            left_out = f"each of {len(blocks)} bands of an input, as wide as those held out"
-        else:
-            run = held_run(study)
-            blocks = _stretch_folds(training, situation.moving or situation.inputs, run)
+        """Return the folds of training samples, which resemble what the `study` holds out. Raises
+        DataError where no sample can be left out.
+        """
+        left_out, blocks = _stretches(training, situation, part.held_out, held_run(study))
         ends, asked = _holds_out(study)
         if ends:
-            parts, which = _end_folds(training), f"each of {len(BEHIND)} ends of recordings"
+            parts, name = _end_folds(training), "ends of recordings"
+        elif training.level is not None:
+            parts, name = _neighbouring_levels(training, study), "levels"
         else:
-            parts, which = _part_folds(training)
+            parts, name = _recording_folds(training, part.held_out), "recordings"
         asked = len(parts) > 0 and (asked or part.by_level or ends)
         weight = (2 / 3 if asked else 1 / 2 if situation.timed else 1 / 4) * bool(parts)
         if len(parts) == 1:  # the only inner level
             weight = 1 / 2
         weight = weight if blocks else 1.0  # recordings that are too short for stretches
+        if not blocks and not parts:
+            raise DataError("too few samples train: none can be left out", "keep more samples")
         shares = [(1 - weight) / max(len(blocks), 1), weight / max(len(parts), 1)]
-        thinning = thinning_of(training)
-        thinned = tuple(c.at(rows) for c, rows in zip(training.curves, thinning, strict=True))
-        folds = (*blocks, *parts)
-        values = np.concatenate(
-            [curve.columns[training.target][curve.training] for curve in training.curves]
-        )
+        most = max(MOST_SAMPLES // len(study.curves), 1)
+        shown = [curve.at(even_share(np.arange(curve.size), most)) for curve in study.curves]
         return cls(
             training,
-            folds,
-            replace(training, curves=thinned),
-            tuple(
-                tuple(mask[rows] for mask, rows in zip(fold, thinning, strict=True))
-                for fold in folds
-            ),
+            replace(study, curves=tuple(shown)),
+            situation,
+            (*blocks, *parts),
             len(blocks),
             np.repeat(shares, [len(blocks), len(parts)]),
             left_out,
-            which,
-            float(np.ptp(values)) or 1.0,
+            f"each of {len(parts)} {name}" if parts else "",
             part,
             asked,
         )
 
+    @cached_property
+    def range(self) -> tuple[float, float]:
+        """Least and largest output: measured in training, and of a plane through these at all
+        inputs of the study, since what lies beyond is to be foretold.
+        """
+        target = self.study.target
+        plane = polynomial_fit(1, self.study, self.situation.inputs) or ()
+        every = [curve.columns[target][curve.training] for curve in self.study.curves]
+        return extremes(np.concatenate([*every, *plane]))
+
 
 def searchable(dataset: Dataset) -> Dataset:
-    """Return the training samples; in recordings, with the inputs between them, which states
-    follow, but without the held-out outputs.
+    """Return the training samples with the inputs between them, which states follow, but without
+    the held-out outputs.
 
     Without these inputs, whatever follows slowly would begin anew behind every piece that is held
     out, and look worse than it is.
     """
-    if "time" not in dataset.curves[0].columns:
-        return training_only(dataset)
     curves = []
     for curve in dataset.curves:
         between = np.zeros(curve.size, dtype=np.bool_)
@@ -142,61 +145,68 @@ def searchable(dataset: Dataset) -> Dataset:
             if len(own):
                 between[log[own[0] : own[-1] + 1]] = True
         output = np.where(curve.held_out, np.nan, curve.columns[dataset.target])
-        if curve.training.any():
+        if between.any():
             columns = {**curve.columns, dataset.target: output}
             curves.append(replace(curve, columns=columns).at(between))
     return replace(dataset, curves=tuple(curves))
 
 
-def cut_short(dataset: Dataset, run: int) -> Dataset:
-    """At most so many samples, where recordings are longer: of each one some even pieces, which are
-    no shorter than a held-out `run`.
+def cut_short(dataset: Dataset, run: int, timed: bool) -> Dataset:
+    """Return at most so many samples: an even share of every curve, or of recordings in time some
+    even pieces, which are no shorter than a held-out `run`.
 
     Each piece begins from measured outputs: shorter ones would flatter models that feed their
     output back.
     """
-    total = sum(curve.size for curve in dataset.curves)
-    if total <= MOST_STEPS or "time" not in dataset.curves[0].columns:
-        return dataset
-    share, curves = MOST_STEPS / total, []
-    for curve in dataset.curves:
-        mask = np.zeros(curve.size, dtype=np.bool_)
-        for log in curve.logs:
-            count = int(np.clip(share * len(log) // max(run, 1), 1, BLOCKS))
-            for piece in np.array_split(log, count):
-                mask[piece[: int(np.ceil(share * len(piece)))]] = True
-        curves.append(curve.at(mask))
-    return replace(dataset, curves=tuple(curves))
+    most = max(MOST_SAMPLES // len(dataset.curves), 1)
+    share = min(MOST_SAMPLES / sum(curve.size for curve in dataset.curves), 1.0)
+
+    def kept(curve: Curve) -> IntArray:
+        if not timed:
+            return even_share(np.flatnonzero(curve.training), most)
+        pieces = [
+            piece[: math.ceil(share * len(piece))]
+            for log in curve.logs
+            for piece in np.array_split(
+                log, int(np.clip(share * len(log) // max(run, 1), 1, BLOCKS))
+            )
+        ]
+        return np.sort(np.concatenate(pieces))
+
+    return replace(dataset, curves=tuple(curve.at(kept(curve)) for curve in dataset.curves))
 
 
-def thinning_of(dataset: Dataset) -> list[BoolArray]:
-    """Return an even share of the samples of every curve."""
-    most = max(MOST_SAMPLES // max(len(dataset.curves), 1), 1)
-    return [
-        curve.training & ((np.cumsum(curve.training) - 1) % -(-curve.training.sum() // most) == 0)
-        for curve in dataset.curves
-    ]
+def _stretches(
+    dataset: Dataset, situation: Situation, held_out: Holdout | None, run: int
+) -> tuple[str, tuple[Masks, ...]]:
+    """Return what is left out of every curve, in words and masks: of recordings at even steps
+    stretches of time as long as the longest `run` that is held out; else bands of an input, as wide
+    as those that are held out, or stretches along each input.
 
-
-def _stretch_folds(dataset: Dataset, inputs: Sequence[str], run: int) -> tuple[Masks, ...]:
-    """Stretches of every recording in the order of time; without a clock, inner ones of every curve
-    along each of the inputs.
-
-    In recordings they are as long as the longest `run` that is held out, one or several of each
-    recording. What lies at the end of an input can only be extrapolated: that would decide, and is
-    not what is asked.
+    Time says nothing of a model without a past. What lies at the end of an input can only be
+    extrapolated: that would decide, and is not what is asked.
     """
     curves = dataset.curves
-    if "time" in curves[0].columns:
+    if situation.timed:
         logs = [[log[curve.training[log]] for log in curve.logs] for curve in curves]
         each = [_stretch_masks(of, run, curve.size) for of, curve in zip(logs, curves, strict=True)]
-        return tuple(zip(*each, strict=True))
+        stretches = f"each of {BLOCKS} stretches of the training samples of every recording"
+        return stretches, tuple(zip(*each, strict=True))
+    inputs = situation.moving or situation.inputs
+    if bands := _bands(dataset, held_out, inputs):
+        return f"each of {len(bands)} bands of an input, as wide as those held out", bands
     folds: list[Masks] = []
     for name in inputs:
-        along = [np.argsort(curve.columns[name], kind="stable") for curve in curves]
-        every = [contiguous([rows], BLOCKS + 2, len(rows)) for rows in along]
-        folds += list(zip(*every, strict=True))[1:-1]
-    return tuple(folds)
+        within = []
+        for curve in curves:
+            x = curve.columns[name]
+            rows = np.flatnonzero(curve.training & (np.ptp(x) > 0))
+            rows = rows[np.argsort(x[rows], kind="stable")]
+            end = math.ceil(len(rows) / (BLOCKS + 2))
+            within.append(contiguous([rows[end : len(rows) - end]], BLOCKS, curve.size))
+        folds += zip(*within, strict=True)
+    told = f"each of {BLOCKS} inner stretches of the training samples of every curve"
+    return told, tuple(fold for fold in folds if any(mask.any() for mask in fold))
 
 
 def _stretch_masks(logs: Sequence[IntArray], run: int, size: int) -> list[BoolArray]:
@@ -230,8 +240,8 @@ def held_run(study: Dataset) -> int:
 
 
 def _bands(dataset: Dataset, held_out: Holdout | None, inputs: Sequence[str]) -> tuple[Masks, ...]:
-    """Bands of an input that are as wide as those that the study holds out of it, in the middles of
-    even parts of what trains.
+    """Bands of an input that are as wide as those that the study holds out of it, about even
+    quantiles of what trains; at an end, where those lie beyond that end.
 
     Blocks in the order of time hold every value of an input that was swept more than once: left
     out, they ask for nothing between.
@@ -240,18 +250,21 @@ def _bands(dataset: Dataset, held_out: Holdout | None, inputs: Sequence[str]) ->
     for name, held in ({} if held_out is None else held_out.quantities).items():
         if name not in inputs or not isinstance(held, Between):
             continue
-        bands = np.array(held.between)
+        low, high = np.array(held.between).T
+        half = float(np.median(high - low)) / 2
         values = np.concatenate([curve.columns[name][curve.training] for curve in dataset.curves])
-        half = float(np.median(np.ptp(bands, axis=1))) / 2
-        places = np.linspace(values.min(), values.max(), 1 + 100 * BLOCKS)
-        within = (bands[:, :1] <= places) & (places <= bands[:, 1:])
-        free = places[~within.any(axis=0)]
-        for middle in free[np.linspace(0, len(free) - 1, 2 * BLOCKS + 1)[1::2].astype(int)]:
-            fold = tuple(
+        least, largest = extremes(values)
+        middles = [least + half] * bool(low.min() <= least)
+        middles += [largest - half] * bool(high.max() >= largest)
+        if ((low > least) & (high < largest)).any():
+            middles.extend(np.quantile(values, np.linspace(0, 1, BLOCKS + 2)[1:-1]))
+        folds += [
+            tuple(
                 curve.training & (np.abs(curve.columns[name] - middle) <= half)
                 for curve in dataset.curves
             )
-            folds += [fold] if any(mask.any() for mask in fold) else []
+            for middle in middles
+        ]
     return tuple(folds) if len(folds) > 1 else ()
 
 
@@ -273,33 +286,59 @@ def _holds_out(study: Dataset) -> tuple[bool, bool]:
 
 def _end_folds(dataset: Dataset) -> tuple[Masks, ...]:
     """Return the last shares of the training samples of every recording."""
-    folds = []
-    for share in BEHIND:
-        masks = [np.zeros(curve.size, dtype=np.bool_) for curve in dataset.curves]
-        for curve, mask in zip(dataset.curves, masks, strict=True):
-            for log in curve.logs:
-                rows = log[curve.training[log]]
-                mask[rows[len(rows) - int(share * len(rows)) :]] = True
-        folds.append(tuple(masks))
-    return tuple(folds)
+    masks = []
+    for curve in dataset.curves:
+        left = np.full(curve.size, 1.0)
+        for log in curve.logs:
+            rows = log[curve.training[log]]
+            left[rows] = np.arange(len(rows), 0, -1) / len(rows)
+        masks.append([left <= share for share in BEHIND])
+    return tuple(zip(*masks, strict=True))
 
 
-def _part_folds(dataset: Dataset) -> tuple[tuple[Masks, ...], str]:
-    """Inner levels, or recordings where there are no levels; none where there are fewer than two
-    recordings of a fair size.
+def _neighbouring_levels(dataset: Dataset, study: Dataset) -> tuple[Masks, ...]:
+    """Levels as the study holds them out: inner ones, as many neighbours as its longest row of
+    them, or as many at an end where they lie beyond that end; inner ones one by one where it holds
+    none out. Two levels stay at least.
     """
-    sizes = np.array([curve.training.sum() for curve in dataset.curves])
-    low, high = (bound * sizes.sum() / np.count_nonzero(sizes) for bound in FAIR)
-    if dataset.level is not None:
-        numbers, least, name = np.flatnonzero(sizes)[1:-1], 1, "inner levels"
-    else:
-        numbers, least = np.flatnonzero((low <= sizes) & (sizes <= high)), 2
-        name = "recordings"
-    if len(numbers) < least:
-        return (), ""
-    taken = np.linspace(0, len(numbers) - 1, min(len(numbers), MOST_PARTS)).round().astype(int)
-    folds = tuple(
-        tuple(curve.training & (number == out) for number, curve in enumerate(dataset.curves))
-        for out in numbers[taken]
+    held = np.array([curve.held_out.all() for curve in study.curves])
+    last = len(held) - 1
+    rows = np.split(np.arange(last + 1), np.flatnonzero(np.diff(held)) + 1)
+    gaps = [row for row in rows if held[row[0]]]
+    inner = [len(gap) for gap in gaps if gap[0] > 0 and gap[-1] < last]
+    trained = np.flatnonzero([curve.training.any() for curve in dataset.curves])
+    most = len(trained) - 2
+    if most < 1:
+        return ()
+    out = [trained[:most][: len(gap)] for gap in gaps if gap[0] == 0]
+    out += [trained[2:][-len(gap) :] for gap in gaps if gap[-1] == last]
+    if inner or not out:
+        out += [*sliding_window_view(trained[1:-1], min(max(inner, default=1), most))]
+    return _without(dataset, out)
+
+
+def _recording_folds(dataset: Dataset, held_out: Holdout | None) -> tuple[Masks, ...]:
+    """Return recordings, those together in which what the study holds out stands at one value; none
+    where there are fewer than two of a fair size.
+    """
+    curves = dataset.curves
+    held = () if held_out is None else held_out.quantities
+    still = [
+        one for one in held if all(np.ptp(curve.columns.get(one, [0, 1])) == 0 for curve in curves)
+    ]
+    values = [[c.columns[one][0] for one in still] or [n] for n, c in enumerate(curves)]
+    _, place = np.unique(values, axis=0, return_inverse=True)
+    sizes = np.bincount(place, [curve.training.sum() for curve in curves])
+    low, high = (bound * (sizes @ sizes) / sizes.sum() for bound in FAIR)
+    fair = np.flatnonzero((low <= sizes) & (sizes <= high))
+    return _without(dataset, [np.flatnonzero(place == one) for one in fair[len(fair) < 2 :]])
+
+
+def _without(dataset: Dataset, out: Sequence[IntArray]) -> tuple[Masks, ...]:
+    """Return the masks of the curves of these numbers; of `MOST_PARTS` at most, evenly chosen."""
+    return tuple(
+        tuple(
+            curve.training & (number in out[place]) for number, curve in enumerate(dataset.curves)
+        )
+        for place in even_share(np.arange(len(out)), MOST_PARTS).tolist()
     )
-    return folds, f"each of {len(folds)} {name}"

@@ -10,6 +10,7 @@ from importlib.util import find_spec
 
 import numpy as np
 
+from mapmore_cli.annexes.search.situation import Situation
 from mapmore_cli.domain.arrays import Array, BoolArray
 from mapmore_cli.domain.recording import Dataset
 from mapmore_cli.fitting.baselines import DELAYS, MOST_SAMPLES, even_share, features, learned
@@ -32,35 +33,29 @@ Left = tuple[Array, BoolArray]
 
 
 def black_boxes(
-    dataset: Dataset,
-    folds: Sequence[Sequence[BoolArray]],
-    rows: Sequence[BoolArray],
-    inputs: Sequence[str],
-    past: bool,
+    dataset: Dataset, folds: Sequence[Sequence[BoolArray]], situation: Situation
 ) -> dict[str, list[Left]]:
     """Errors of each black box on the left-out samples of every fold, by its name; without
     scikit-learn of a Gaussian process alone.
 
-    It learns from, and is asked for, some `rows` of every curve. With a `past` it gets delayed
-    inputs as well. The Gaussian process is that of `plan`: loading scikit-learn takes longer than
-    all structures of a small table.
+    With a past it gets delayed inputs as well. The Gaussian process is that of `plan`: loading
+    scikit-learn takes longer than all structures of a small table.
     """
     from mapmore_cli.modelling.validation.gaussian_process import smooth
 
-    if not inputs:
+    if not situation.inputs:
         return {}
-    delays = DELAYS if past else (0,)
-    parts = list(zip(dataset.curves, rows, strict=True))
-    x = np.concatenate([features(curve, inputs, delays)[some] for curve, some in parts])
-    y = np.concatenate([curve.columns[dataset.target][some] for curve, some in parts])
+    delays = DELAYS if situation.timed else (0,)
+    known = np.concatenate([curve.training for curve in dataset.curves])
+    x = np.concatenate([features(curve, situation.inputs, delays) for curve in dataset.curves])
+    y = np.concatenate([curve.columns[dataset.target] for curve in dataset.curves])
     names = ["gaussian_process"] if x.shape[1] <= MOST_INPUTS else []
-    if find_spec("sklearn") is not None and (len(x) >= FEWEST or not names):
-        # a network takes as long as the rest of a search
-        names.append("gradient_boosting" if len(x) >= FEWEST else "mlp")
+    if known.sum() >= FEWEST and find_spec("sklearn") is not None:
+        names.append("gradient_boosting")  # a network takes as long as the rest of a search
     errors: dict[str, list[Left]] = {name: [] for name in names}
     for fold in folds:
-        out = np.concatenate([mask[some] for mask, some in zip(fold, rows, strict=True)])
-        rest = np.flatnonzero(~out)
+        out = np.concatenate(fold)
+        rest = np.flatnonzero(known & ~out)
         for name in names:
             learnt = even_share(rest, min(MOST_IN_A_FOLD, MOST_SAMPLES[name] // 2))
             learner = smooth if name == "gaussian_process" else partial(learned, name)

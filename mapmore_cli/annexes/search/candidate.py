@@ -62,7 +62,7 @@ def offered_structures(family: Mapping[str, Any], of: Situation) -> Iterator[Str
                 key: filled(part, words) for key, part in one.items() if key not in ("when", "for")
             }
             kind, name = parts.pop("kind", family["kind"]), parts.pop("words")
-            if "model" not in parts:
+            if "dictionary" in parts:
                 fit = {**family["fit"], **parts["fit"]}
                 if not of.timed and kind != "simple":
                     fit["max_terms"] = ceil(fit["max_terms"] * max(len(of.inputs) + 1, 3) / 3)

@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 from functools import cache, partial
 from importlib.resources import files
 from math import comb
+from operator import attrgetter
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -22,11 +23,11 @@ from mapmore_cli.annexes.search.bench import (
     cut_short,
     held_run,
     searchable,
-    thinning_of,
 )
 from mapmore_cli.annexes.search.black_boxes import Left, black_boxes
 from mapmore_cli.annexes.search.candidate import Structure, offered_structures
 from mapmore_cli.annexes.search.situation import situation_of
+from mapmore_cli.domain import plugins
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import DataError, FitError, MapmoreError
 from mapmore_cli.domain.models import Model
@@ -112,17 +113,15 @@ def search(
     FitError
         Where no structure could be fitted.
     """
-    whole = searchable(dataset)
-    training = cut_short(whole, held_run(dataset))
+    training = searchable(dataset)
     situation = situation_of(training, part.ignored, part.model.inputs)
-    past = situation.timed
-    uneven = _uneven(dataset) if past else ()
-    if part.by_level or uneven or not past:
-        # a model that runs along recordings cannot be fitted without a level; any other takes its
-        # share from all of their samples
-        training = whole
-        situation = replace(situation_of(whole, part.ignored, part.model.inputs), step=None)
-    listed = [one for name in FAMILIES for one in offered_structures(family(name), situation)]
+    uneven = _uneven(dataset) if situation.timed else ()
+    if part.by_level or uneven:  # a model that runs along recordings cannot be fitted then
+        situation = replace(situation, step=None)
+    training = cut_short(training, held_run(dataset), situation.timed)
+    added = [part.value for part in plugins.parts("families", Mapping)]
+    families = [*map(family, FAMILIES), *added]
+    listed = [one for known in families for one in offered_structures(known, situation)]
     bench = Bench.of(training, situation, part, dataset)
     budget = Budget(part.model.budget)
     jobs: list[Callable[[], Any]] = [
@@ -130,16 +129,12 @@ def search(
         for one in listed
         for fold in [*range(len(bench.folds)), None]
     ]
-    second = min(1, len(jobs))
-    if beside:
-        rows, inputs = thinning_of(bench.dataset), situation.inputs
-        jobs.insert(second, partial(black_boxes, bench.dataset, bench.folds, rows, inputs, past))
-    done = shared_out(
+    jobs.append(partial(black_boxes, training, bench.folds, situation) if beside else dict)
+    *done, boxes = shared_out(
         _called,
         jobs,
         lambda done, total: progress("structures", done * len(listed) // total, len(listed)),
     )
-    boxes: Mapping[str, Sequence[Left]] = done.pop(second) if beside else {}
     size = len(bench.folds) + 1
     fitted = [done[place : place + size] for place in range(0, len(done), size)]
     outcomes = [
@@ -147,19 +142,18 @@ def search(
         for one, folds in zip(listed, fitted, strict=True)
         if all(folds)
     ]
-    notes = [*uneven]
-    if cut := len(listed) - len(outcomes):
-        notes.insert(
-            0,
-            f"the budget of {part.model.budget:g} s ended before {cut} of {len(listed)} "
-            "structures were tried",
-        )
+    cut = len(listed) - len(outcomes)
+    ended = (
+        f"the budget of {part.model.budget:g} s ended before {cut} of {len(listed)} structures "
+        "were tried"
+    )
     outcomes += [
         (Tried(BLACK_BOX, name.replace("_", " "), {}), left) for name, left in boxes.items()
     ]
     most = None if situation.timed else max(MOST_PARAMETERS, comb(len(situation.inputs) + 3, 3))
     result = _choose_structure(outcomes, bench, most)
-    return replace(result, cut=cut, notes=(*notes, *_notes_of(result, bench)))
+    notes = (*[ended] * bool(cut), *uneven, *_notes_of(result, bench))
+    return replace(result, cut=cut, notes=notes)
 
 
 def _called(job: Callable[[], Any]) -> Any:
@@ -211,7 +205,10 @@ def _choose_structure(outcomes: Sequence[Outcome], bench: Bench, most: int | Non
             f"no structure could be fitted without some of the data: {reasons}",
             "name one, or raise `model.budget`",
         )
-    errors = _on_common_rows([outcomes[number][1] for number in usable]) / bench.scale
+    target = bench.dataset.target
+    measured = [curve.columns[target][curve.training] for curve in bench.dataset.curves]
+    scale = float(np.ptp(np.concatenate(measured))) or 1.0
+    errors = _on_common_rows([outcomes[number][1] for number in usable]) / scale
     rank = simplest_of(sizes.tolist(), errors, bench.weights, eligible, median=most is None)
     as_good = eligible & (rank.excess <= WITHIN[0]) & (sizes <= sizes[rank.chosen])
     plain = np.flatnonzero(as_good & np.isin(kinds, PLAIN)).tolist()
@@ -231,10 +228,10 @@ def _choose_structure(outcomes: Sequence[Outcome], bench: Bench, most: int | Non
         )
     return Search(
         "search",
-        bench.dataset.target,
+        target,
         bench.left_out,
         bench.parts_left_out,
-        bench.scale,
+        scale,
         tuple(tried),
         usable[rank.best],
         usable[chosen],
@@ -252,17 +249,15 @@ def _notes_of(result: Search, bench: Bench) -> list[str]:
             f"{own.words} is as good as structures with more parameters: {best.words} adds "
             "nothing that left-out data show"
         )
-    asked = "parts" if bench.asks_parts else "error"
     boxes = [one for one in result.tried if one.family == BLACK_BOX]
-    if boxes:
-        least = min(boxes, key=lambda one: getattr(one, asked))
-        error, mine = getattr(least, asked), getattr(own, asked)
-        where = bench.parts_left_out.rpartition(" ")[2] if bench.asks_parts else "stretches"
-        if error < LESS * mine:
-            notes.append(
-                f"{least.words} errs {mine / error:.2g} times less on left-out {where}: the "
-                "structure lacks something"
-            )
+    asked = attrgetter("parts" if bench.asks_parts else "error")
+    where = bench.parts_left_out.rpartition(" ")[2] if bench.asks_parts else "stretches"
+    least = min(boxes, key=asked, default=own)
+    if asked(least) < LESS * asked(own):
+        notes.append(
+            f"{least.words} errs {asked(own) / asked(least):.2g} times less on left-out {where}: "
+            "the structure lacks something"
+        )
     return notes
 
 
@@ -270,14 +265,12 @@ def _on_common_rows(predicted: Sequence[Sequence[Left]]) -> Array:
     """RMSE of every structure on every fold, on the rows that all structures predict, (s, f);
     infinite where a run diverged.
     """
-    rmse = np.empty((len(predicted), len(predicted[0])))
-    for fold in range(rmse.shape[1]):
-        common = np.logical_and.reduce([one[fold][1] for one in predicted])
-        for number, one in enumerate(predicted):
-            squares = one[fold][0][common] ** 2
-            error = float(np.sqrt(np.mean(squares))) if len(squares) else np.inf
-            rmse[number, fold] = error if np.isfinite(error) else np.inf
-    return rmse
+    rmse = []
+    for fold in zip(*predicted, strict=True):
+        common = np.logical_and.reduce([ready for _, ready in fold])
+        squares = np.array([missed[common] for missed, _ in fold]) ** 2
+        rmse.append(np.sqrt(np.sum(squares, axis=1) / max(common.sum(), 1)))
+    return np.asarray(np.nan_to_num(np.column_stack(rmse), nan=np.inf, posinf=np.inf))
 
 
 @dataclass(frozen=True)
@@ -309,26 +302,21 @@ def _try_structure(
 
 
 def _fitted(choices: ModelChoices, bench: Bench, fold: int | None) -> FoldFit:
-    """Models that run along recordings are fitted to all samples, and score an even share of the
-    left-out ones; others are fitted to that share.
-    """
-    slow = choices.over_time
-    dataset = bench.dataset if slow else bench.thinned
+    """Fit to all samples, or without a fold, and predict that."""
+    dataset = bench.dataset
     if fold is None:
         model = refit(choices, dataset)
         failure = ""
-        if slow and rings(model, dataset):
+        if rings(model, dataset):
             failure = "goes on by itself: its start still rings late in a recording"
+        elif not choices.over_time and astray(model, bench):
+            failure = "goes astray: far beyond all that was measured, at inputs of the study"
         return FoldFit(parameters=parameters(model), failure=failure)
-    masks = (bench.folds if slow else bench.thinned_folds)[fold]
-    rows = thinning_of(dataset) if slow else masks
-    counted = [out & some for out, some in zip(masks, rows, strict=True) if out.any()]
-    every = left_out_of(dataset, masks, partial(refit, choices))
-    errors, ready = [np.zeros(0)], [np.zeros(0, dtype=np.bool_)]
-    for (curve, _, said), some in zip(every, counted, strict=True):
-        errors.append((said.values - curve.columns[dataset.target])[some])
-        ready.append(said.ready[some])
-    return FoldFit(left=(np.concatenate(errors), np.concatenate(ready)))
+    every = left_out_of(dataset, bench.folds[fold], partial(refit, choices))
+    missed = [(said.values - curve.columns[dataset.target])[out] for curve, out, said in every]
+    return FoldFit(
+        left=(np.concatenate(missed), np.concatenate([said.ready[out] for _, out, said in every]))
+    )
 
 
 def _outcome(candidate: Structure, folds: Sequence[FoldFit], blocks: int) -> Outcome:
@@ -337,7 +325,7 @@ def _outcome(candidate: Structure, folds: Sequence[FoldFit], blocks: int) -> Out
     """
     failure = next((fold.failure for fold in folds if fold.failure), "")
     left = [fold.left for fold in folds if fold.left is not None]
-    if not failure and np.concatenate([ready for _, ready in left[:blocks]]).mean() < WHOLE:
+    if not failure and np.concatenate([ready for _, ready in left[:blocks] or left]).mean() < WHOLE:
         failure = "needs a longer past than most left-out samples have"
     tried = Tried(
         candidate.kind,
@@ -376,6 +364,18 @@ def rings(model: Model, dataset: Dataset) -> bool:
     return bool(np.nanstd(late) > SWING * np.nanmax(np.abs(apart)))
 
 
+def astray(model: Model, bench: Bench) -> bool:
+    """Tell whether a model without a past leaves what was measured, and what a plane foretells, by
+    more than their range, at any inputs of the study.
+
+    A steep formula may pass through all training samples, left-out ones too, and explode in a gap
+    between them.
+    """
+    low, high = bench.range
+    values = np.concatenate([forecast(model, curve).values for curve in bench.study.curves])
+    return bool((np.abs(values - (low + high) / 2) > 1.5 * (high - low)).any())
+
+
 _ENTRIES = TypeAdapter(list[DictionaryEntry])
 _CUTS = TypeAdapter(dict[str, Segmented])
 _MODEL = TypeAdapter(ModelChoice)
@@ -408,10 +408,6 @@ def formula_beside(result: Search) -> str | None:
     """Return the formula of the literature that erred least of those tried; None where none was, or
     where it is what was found.
     """
-    formulas = [
-        one
-        for one in result.tried
-        if not one.failure and one.sections.get("model", {}).get("type") == "literature"
-    ]
+    formulas = [one for one in result.tried if one.family == "formula" and not one.failure]
     best = min(formulas, key=lambda one: one.excess, default=None)
     return None if best is None or best is result.found else str(best.sections["model"]["name"])

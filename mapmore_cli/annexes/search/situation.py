@@ -9,9 +9,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import Array, BoolArray
+from mapmore_cli.domain.arrays import Array
+from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.recording import Curve, Dataset
-from mapmore_cli.modelling.signals.sampling import UNEVEN, correlation
+from mapmore_cli.modelling.memory.records import records_of, time_step
+from mapmore_cli.modelling.signals.sampling import correlation
 
 NOT_INPUTS = ("time", "hysteresis")
 """Quantities that are no inputs: the clock, and what `cycles` makes of the target."""
@@ -20,15 +22,10 @@ SAME = 1e-9
 """Of its variance: what another input leaves of one that says the same."""
 
 FEWEST_IN_A_RECORD = 60
-"""Samples of the longest recording, from which on a model with memory is tried."""
+"""Steps of the longest recording, from which on a model with memory is tried."""
 
 WITHIN = (1, 3)
 """Steps over which changes are told."""
-
-FEWEST_IN_ORDER = 0.5
-"""Share of the training samples that lie in recordings at even steps, from which on a model with
-memory is tried.
-"""
 
 
 @dataclass(frozen=True)
@@ -44,8 +41,8 @@ class Situation:
         The quantity that is held within a curve; None without levels.
     samples, curves
         Training samples, and curves that have some.
-    step, longest
-        Time between samples and duration of the longest recording, s; None where recordings are not
+    step, steps
+        Time between samples, s, and how many the longest recording has; None where they are not
         at even steps, so that nothing can be said of the past.
     around_zero
         Inputs that take both signs, each with its root mean square.
@@ -60,7 +57,7 @@ class Situation:
     samples: int
     curves: int
     step: float | None = None
-    longest: float = 0.0
+    steps: int = 0
     around_zero: Mapping[str, float] = field(default_factory=dict)
     changes: Mapping[tuple[str, int], float] = field(default_factory=dict)
 
@@ -78,11 +75,6 @@ class Situation:
     def swept(self) -> str:
         """The input that moves most."""
         return (self.moving or self.inputs)[0]
-
-    @property
-    def steps(self) -> int:
-        """Steps of the longest recording."""
-        return 0 if self.step is None else round(self.longest / self.step)
 
 
 def situation_of(
@@ -110,7 +102,7 @@ def situation_of(
     ordered = sorted(
         apart, key=lambda name: (name == dataset.level, -round(spread[name], 3), apart.index(name))
     )
-    step, longest = _even_step(training) if "time" in pooled else (None, 0.0)
+    step, steps = _even_step(training) if "time" in pooled else (None, 0)
     changes = {
         (name, steps): size
         for name in ordered
@@ -126,7 +118,7 @@ def situation_of(
         samples=len(pooled[dataset.target]),
         curves=len(training),
         step=step,
-        longest=longest,
+        steps=steps,
         around_zero={
             name: float(np.sqrt(np.mean(pooled[name] ** 2)))
             for name in ordered
@@ -159,25 +151,13 @@ def _different(names: Sequence[str], pooled: Mapping[str, Array], level: str | N
     return [name for name in names if name in kept]
 
 
-def _even_step(curves: Sequence[Curve]) -> tuple[float | None, float]:
-    """Return the even time step and the longest uninterrupted recording, s; None where the most
-    samples are not in order at even steps.
+def _even_step(curves: Sequence[Curve]) -> tuple[float | None, int]:
+    """Return the even time step, s, and the most steps without interruption; None where samples are
+    not in order at even steps.
     """
-    steps = [np.diff(curve.columns["time"][log]) for curve in curves for log in curve.logs]
-    every = np.concatenate(steps) if steps else np.zeros(0)
-    if not len(every) or (usual := float(np.median(every))) <= 0:
-        return None, 0.0
-    latest = max(float(np.abs(curve.columns["time"]).max()) for curve in curves)
-    slack = UNEVEN * usual + 4 * np.finfo(np.float64).eps * latest
-    early = (every >= 0) & (every < usual - slack)
-    longest = max(_longest_run(np.abs(one - usual) <= slack) for one in steps)
-    even = np.mean(np.abs(every - usual) <= slack)
-    if early.any() or even < FEWEST_IN_ORDER or longest < FEWEST_IN_A_RECORD:
-        return None, 0.0
-    return usual, usual * longest
-
-
-def _longest_run(true: BoolArray) -> int:
-    """Return the most samples in a row for which something is true."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], true.astype(int), [0]])))
-    return int((edges[1::2] - edges[::2]).max(initial=0))
+    try:
+        step = time_step(curves)
+        most = max(record.size for record in records_of(curves, step)) - 1
+    except DataError:
+        return None, 0
+    return (step, most) if most >= FEWEST_IN_A_RECORD else (None, 0)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 from mapmore_cli.annexes.sums.body import Part
 from mapmore_cli.annexes.sums.joint import (
@@ -14,7 +15,7 @@ from mapmore_cli.annexes.sums.joint import (
     sum_of,
 )
 from mapmore_cli.domain.arrays import Array, extremes
-from mapmore_cli.domain.errors import FitError
+from mapmore_cli.domain.errors import FitError, SpecError
 from mapmore_cli.domain.fits import FormulaFit
 from mapmore_cli.domain.models import CurveRange, Formula, Model
 from mapmore_cli.domain.recording import Dataset, Quantity
@@ -23,7 +24,9 @@ from mapmore_cli.fitting.kinds import Given
 from mapmore_cli.fitting.kinds.choices import ModelChoices
 from mapmore_cli.modelling.expressions import Name, parse
 from mapmore_cli.modelling.literature.backbone import pooled_training
+from mapmore_cli.modelling.tendon import Tendon
 from mapmore_cli.spec.sections import model as sections
+from mapmore_cli.spec.units import convert
 
 
 def fit(part: ModelChoices, given: Given) -> FitResult:
@@ -61,12 +64,31 @@ def build(part: ModelChoices, given: Given, result: FitResult) -> Model:
             quantities,
         )
     parts = [
-        Part(model_of(str(one.model)), float(one.sign), dict(one.inputs)) for one in part.model.sum
+        Part(behind_tendon(model_of(str(one.model)), one.tendon), float(one.sign), dict(one.inputs))
+        for one in part.model.sum
     ]
     refuse_shared_names(
         [(one.model.name, [q.name for q in one.model.inputs], one.inputs) for one in parts]
     )
     return sum_of(part.name, parts, output, quantities)
+
+
+def behind_tendon(muscle: Model, tendon: sections.TendonSettings | None) -> Model:
+    """Return the model of a muscle behind a tendon, where there is one.
+
+    Raises SpecError where the muscle is no function of its length, or not in units of m and N.
+    """
+    if tendon is None:
+        return muscle
+    length = next((one for one in muscle.inputs if one.name == "length"), None)
+    if length is None:
+        raise SpecError(
+            f"{muscle.name} is no function of `length`, which a tendon changes",
+            "call the length of the muscle so where it is fitted",
+        )
+    stiffness = convert(tendon.stiffness, "N/m", f"{muscle.output.unit}/({length.unit})")
+    body = Tendon(muscle, stiffness, convert(tendon.force, "N", muscle.output.unit))
+    return replace(muscle, name=f"{muscle.name}-behind-a-tendon", body=body)
 
 
 def fit_and_predict(

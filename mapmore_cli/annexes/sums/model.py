@@ -87,6 +87,13 @@ def equations(model: Model, units: Mapping[str, float]) -> tuple[Equation, ...]:
     )
 
 
+def rules(model: Model) -> Iterator[str]:
+    """Yield how the parts are put together, each by its name."""
+    for part in _body(model).parts:
+        for one in part.models:
+            yield from (f"{one.name}: {rule}" for rule in kinds.rules(one))
+
+
 def faults(model: Model) -> Iterator[str]:
     """Yield why a stored sum is refused."""
     if not _body(model).parts:

@@ -100,6 +100,20 @@ def terms_of(dictionary: Sequence[DictionaryEntry], clock: Clock | None = None) 
     )
 
 
+def bounds_of(
+    dictionary: Sequence[DictionaryEntry], clock: Clock | None = None
+) -> dict[str, tuple[float, float]]:
+    """Return the least and the greatest coefficient of terms that have some, in the target's unit;
+    of a term of several entries, those of the first.
+    """
+    return {
+        term: entry.limits
+        for entry in reversed(dictionary)
+        if entry.bounded
+        for term in _terms(entry, clock, constant=True)
+    }
+
+
 def _terms(entry: DictionaryEntry, clock: Clock | None, *, constant: bool) -> Sequence[str]:
     """Return the terms of one family; within products, where `constant` is false, without the
     constant.

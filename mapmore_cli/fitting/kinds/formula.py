@@ -11,6 +11,7 @@ from mapmore_cli.fitting.kinds import Given
 from mapmore_cli.fitting.kinds.choices import ModelChoices, level_of
 from mapmore_cli.modelling.literature import model as formula
 from mapmore_cli.modelling.literature.backbone import fit_formula
+from mapmore_cli.modelling.shape.violations import verified
 
 
 def fit(part: ModelChoices, given: Given) -> FitResult:
@@ -24,7 +25,7 @@ def build(part: ModelChoices, given: Given, result: FitResult) -> Model:
     assert result.formula is not None
     quantities = given.dataset.quantities
     level = level_of(part.levels, part.segment)
-    return formula.build(
+    model = formula.build(
         part.name,
         quantities[given.dataset.target],
         result.formula,
@@ -32,6 +33,7 @@ def build(part: ModelChoices, given: Given, result: FitResult) -> Model:
         given.segmentation,
         quantities,
     )
+    return verified(model, given.dataset.curves, part.fit)
 
 
 def fitted(name: str, part: ModelChoices, dataset: Dataset) -> FormulaFit:

@@ -14,7 +14,7 @@ from mapmore_cli.fitting.kinds.choices import (
     by_trial,
     level_of,
 )
-from mapmore_cli.fitting.kinds.dictionary import terms_of
+from mapmore_cli.fitting.kinds.dictionary import bounds_of, terms_of
 from mapmore_cli.fitting.kinds.formula import fitted
 from mapmore_cli.modelling.pieces.recipe import Cut, Recipe
 from mapmore_cli.modelling.pieces.segmentation import trained_at
@@ -45,6 +45,7 @@ def recipe_of(target: str, part: ModelChoices) -> Recipe:
         pooled=None if part.levels is None or level is not None else part.levels.of,
         fit=part.fit,
         fuse=part.fuse,
+        bounds={} if remembers(part.dictionary) else bounds_of(part.dictionary),
     )
 
 
@@ -112,12 +113,17 @@ def build(part: ModelChoices, given: Given, result: FitResult) -> Model:
     """Fuse; on a backbone, keep as much of the residual as left-out training data support."""
     from mapmore_cli.modelling.pieces import build as method
     from mapmore_cli.modelling.pieces.cross_validation import with_trusted_residual
+    from mapmore_cli.modelling.pieces.shaped import shaped
 
     quantities = given.dataset.quantities
     curves, recipe = _trained(part, given.dataset)
     model = method.fuse(part.name, curves, given.segmentation, result, recipe, quantities)
-    if result.backbone is None:
-        return model
-    return with_trusted_residual(
-        model, curves, recipe, quantities, lambda done, total: given.progress("folds", done, total)
-    )
+    if result.backbone is not None:
+        model = with_trusted_residual(
+            model,
+            curves,
+            recipe,
+            quantities,
+            lambda done, total: given.progress("folds", done, total),
+        )
+    return shaped(model, curves, given.segmentation, recipe)

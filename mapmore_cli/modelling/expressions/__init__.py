@@ -9,9 +9,10 @@ from mapmore_cli.modelling.expressions.evaluation import (
     dictionary_blocks,
     dictionary_matrix,
     evaluate,
+    folded,
 )
 from mapmore_cli.modelling.expressions.parsing import candidate, parse
-from mapmore_cli.modelling.expressions.printing import to_latex, to_text
+from mapmore_cli.modelling.expressions.printing import to_latex, to_mathml, to_text
 from mapmore_cli.modelling.expressions.states import ExpressionError, Operated, state
 from mapmore_cli.modelling.expressions.syntax import (
     Expression,
@@ -40,11 +41,13 @@ __all__ = [
     "dictionary_matrix",
     "evaluate",
     "exponents",
+    "folded",
     "multiply",
     "parse",
     "power",
     "state",
     "substitute",
     "to_latex",
+    "to_mathml",
     "to_text",
 ]

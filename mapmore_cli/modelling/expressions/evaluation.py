@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import lru_cache
 
@@ -19,6 +20,10 @@ from mapmore_cli.modelling.expressions.syntax import (
     Power,
     Product,
     Sum,
+    add,
+    call,
+    multiply,
+    power,
 )
 
 
@@ -58,6 +63,32 @@ def evaluate(expression: Expression, columns: Columns, n: int | None = None) -> 
     with np.errstate(all="ignore"):
         (value,) = compiled((expression,))(values)
         return np.array(np.broadcast_to(value, (n,)), dtype=float)
+
+
+def folded(expression: Expression) -> Expression:
+    """`expression` with its numbers computed, but for those that it divides by.
+
+    Examples
+    --------
+    >>> from mapmore_cli.modelling.expressions import parse, to_text
+    >>> to_text(folded(parse("3*exp(-(x - 1)/0.03)/tan(0.5)^2 - (1 - 0.925396)*y/620")), digits=6)
+    '10.0521*exp(-(x - 1)/0.03) - 0.074604*y/620'
+    """
+    match expression:
+        case Number() | Power(Number(), -1.0):
+            return expression
+        case _ if not expression.names:
+            value = float(evaluate(expression, {}, 1)[0])
+            return Number(value) if math.isfinite(value) else expression
+        case Sum(terms):
+            return add(*map(folded, terms))
+        case Product(factors):
+            return multiply(*map(folded, factors))
+        case Power(base, exponent):
+            return power(folded(base), exponent)
+        case Call(function, argument):
+            return call(function, folded(argument))
+    return expression
 
 
 def dictionary_matrix(terms: Sequence[Expression], columns: Columns, n: int) -> Array:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from typing import ClassVar
 
 from mapmore_cli.modelling.expressions.operator import FUNCTIONS
 from mapmore_cli.modelling.expressions.operators import OPERATORS
@@ -40,12 +41,21 @@ def to_latex(expression: Expression, digits: int | None = None) -> str:
     return _Latex(digits).printed(expression)[0]
 
 
+def to_mathml(expression: Expression, digits: int | None = None) -> tuple[str, ...]:
+    """Presentation MathML that looks as the LaTeX: an `<mrow>` for each term of a sum, so that a
+    line may end between them.
+    """
+    terms = expression.terms if isinstance(expression, Sum) else (expression,)
+    return tuple(f"<mrow>{term}</mrow>" for term in _MathML(digits).signed(terms))
+
+
 class _Text:
     """How expressions look as text; numbers have so many significant digits, None for all that they
     need.
     """
 
     brackets = "({})"
+    minus, plus, before_first = " - ", " + ", "-"
 
     def __init__(self, digits: int | None) -> None:
         self.digits = digits
@@ -79,14 +89,17 @@ class _Text:
         )
 
     def sum(self, terms: tuple[Expression, ...]) -> str:
+        return "".join(self.signed(terms))
+
+    def signed(self, terms: tuple[Expression, ...]) -> list[str]:
+        """Return the terms of a sum, each with its sign."""
         (first, minus), *rest = [
             (self.operand(size, _PRODUCT), minus) for size, minus in map(_sign, terms)
         ]
-        return (
-            "-" * minus
-            + first
-            + "".join((" - " if minus else " + ") + text for text, minus in rest)
-        )
+        return [
+            self.before_first * minus + first,
+            *((self.minus if minus else self.plus) + text for text, minus in rest),
+        ]
 
     def number(self, value: float) -> _Bound:
         return self.digits_of(value), _ATOM if value >= 0 else _PRODUCT
@@ -117,31 +130,39 @@ class _Latex(_Text):
     """How expressions look as LaTeX."""
 
     brackets = r"\left({}\right)"
+    numeral, scientific = "{}", r"{} \times 10^{{{}}}"
+    quotient, raised = r"\frac{{{}}}{{{}}}", "{}^{{{}}}"
+    beside, before_digit = r" \, ", r" \cdot "
+    underscore = r"\_"
+    upright, letter, indexed, past = r"\mathrm{{{}}}", "{}", "{}_{{{}}}", "{}[k-{}]"
 
     def number(self, value: float) -> _Bound:
         mantissa, _, exponent = self.digits_of(value).partition("e")
-        text = rf"{mantissa} \times 10^{{{int(exponent)}}}" if exponent else mantissa
+        form = self.scientific if exponent else self.numeral
+        text = form.format(mantissa, int(exponent or 0))
         return text, _PRODUCT if value < 0 or exponent else _ATOM
 
     def name(self, name: str) -> _Bound:
-        return _state_latex(state(name))
+        return self.state(state(name))
 
     def call(self, function: str, argument: str) -> _Bound:
         return FUNCTIONS[function].latex.replace("#", argument), _POWER
 
+    def operator(self, name: str) -> str:
+        return OPERATORS[name].latex
+
     def power(self, base: str, exponent: float) -> str:
-        return f"{base}^{{{self.number(exponent)[0]}}}"
+        return self.raised.format(base, self.number(exponent)[0])
 
     def product(self, expression: Expression) -> str:
         factors, minus = _factors(expression)
         below = [inverse for factor in factors if (inverse := _inverse(factor)) is not None]
         above = [factor for factor in factors if _inverse(factor) is None] or [ONE]
-        if not below:
-            return "-" * minus + self._side_by_side(above)
-        numerator, denominator = (
-            self.printed(f[0])[0] if len(f) == 1 else self._side_by_side(f) for f in (above, below)
-        )
-        return "-" * minus + rf"\frac{{{numerator}}}{{{denominator}}}"
+        sides = [
+            self.printed(f[0])[0] if below and len(f) == 1 else self._side_by_side(f)
+            for f in (above, below)
+        ]
+        return self.before_first * minus + (self.quotient.format(*sides) if below else sides[0])
 
     def _side_by_side(self, factors: list[Expression]) -> str:
         text = ""
@@ -149,8 +170,47 @@ class _Latex(_Text):
             latex = self.operand(
                 factor, _PRODUCT if isinstance(factor, Number) and not text else _POWER
             )
-            text += (r" \cdot " if latex[0].isdigit() else r" \, ") * bool(text) + latex
+            digit = re.match(r"(<\w+>)*\d", latex)
+            text += (self.before_digit if digit else self.beside) * bool(text) + latex
         return text
+
+    def state(self, found: State) -> _Bound:
+        """Return a quantity or a state; numbers of an operator are its index."""
+        match found:
+            case Measured(name):
+                if indexed := re.fullmatch(r"([A-Za-z])([0-9]*)", name):
+                    letter, number = (self.letter.format(indexed[1]), indexed[2])
+                    return self.indexed.format(letter, number) if number else letter, _ATOM
+                return self.upright.format(name.replace("_", self.underscore)), _ATOM
+            case Lagged(source, steps):
+                return self.past.format(self.state(source)[0], steps), _ATOM
+        index = ", ".join(f"{number:g}" for number in found.numbers)
+        name = self.operator(found.operator)
+        head = self.indexed.format(name, index) if index else name
+        return head + self.brackets.format(self.state(found.source)[0]), _POWER
+
+
+class _MathML(_Latex):
+    """How expressions look as MathML."""
+
+    brackets = "<mrow><mo>(</mo>{}<mo>)</mo></mrow>"
+    before_first = "<mo>−</mo>"
+    minus, plus = '<mo form="infix">−</mo>', '<mo form="infix">+</mo>'
+    numeral = "<mn>{}</mn>"
+    scientific = "<mn>{}</mn><mo>·</mo><msup><mn>10</mn><mn>{}</mn></msup>"
+    quotient = "<mfrac><mrow>{}</mrow><mrow>{}</mrow></mfrac>"
+    raised = "<msup><mrow>{}</mrow><mrow>{}</mrow></msup>"
+    beside, before_digit = '<mspace width="0.17em"/>', "<mo>·</mo>"
+    underscore, upright, letter = "_", "<mi>{}</mi>", "<mi>{}</mi>"
+    indexed, past = "<msub>{}<mn>{}</mn></msub>", "<mrow>{}<mo>[k−{}]</mo></mrow>"
+    functions: ClassVar = {"sqrt": "<msqrt>{}</msqrt>", "abs": "<mo>|</mo>{}<mo>|</mo>"}
+
+    def call(self, function: str, argument: str) -> _Bound:
+        form = self.functions.get(function, f"<mi>{function}</mi>{self.brackets}")
+        return f"<mrow>{form.format(argument)}</mrow>", _POWER
+
+    def operator(self, name: str) -> str:
+        return self.upright.format(name)
 
 
 def _sign(expression: Expression) -> tuple[Expression, bool]:
@@ -173,19 +233,3 @@ def _inverse(factor: Expression) -> Expression | None:
         if isinstance(factor, Power) and factor.exponent < 0
         else None
     )
-
-
-def _state_latex(found: State) -> _Bound:
-    """Return the numbers of an operator as an index."""
-    match found:
-        case Measured(name):
-            indexed = re.fullmatch(r"([A-Za-z])([0-9]*)", name)
-            if indexed is None:
-                return rf"\mathrm{{{name.replace('_', chr(92) + '_')}}}", _ATOM
-            return indexed[1] + f"_{{{indexed[2]}}}" * bool(indexed[2]), _ATOM
-        case Lagged(source, steps):
-            return f"{_state_latex(source)[0]}[k-{steps}]", _ATOM
-    index = ", ".join(f"{number:g}" for number in found.numbers)
-    return OPERATORS[found.operator].latex + f"_{{{index}}}" * bool(
-        index
-    ) + rf"\left({_state_latex(found.source)[0]}\right)", _POWER

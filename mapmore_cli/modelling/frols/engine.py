@@ -5,7 +5,7 @@ digits. Its triangular factor may stand for it.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -19,6 +19,7 @@ from mapmore_cli.modelling.frols.moments import (
     divided,
     gram,
     safe_scale,
+    weighted,
 )
 from mapmore_cli.modelling.frols.select import (
     RANK_TOLERANCE,
@@ -28,6 +29,7 @@ from mapmore_cli.modelling.frols.select import (
     Stopping,
     selected,
 )
+from mapmore_cli.modelling.frols.weighing import Weighing
 
 # a downdated `q'q` below this fraction of `p'p` has lost too many digits (anything of 1e-4..1e-10
 # would serve)
@@ -213,6 +215,7 @@ def frols(
     *,
     stop: str = "tolerance",
     names: Sequence[str] = (),
+    weighing: Weighing | None = None,
 ) -> Selection:
     """Select the few columns of `P` that explain `y`, one after the other by error reduction ratio.
 
@@ -236,6 +239,7 @@ def frols(
       best by that criterion.
     - `names` of the candidates, (M,), for tables and messages; `p0`, `p1`, ... where they have
       none.
+    - `weighing`: how samples weigh, where not all alike: their uncertainty, a robust loss.
 
     Raises DataError where `P` or `y` has a value that is not finite, with its column and row;
     ValueError where the shapes or the names do not fit, or `max_terms` is below one.
@@ -259,16 +263,27 @@ def frols(
     n, M = P.shape
     if len(names) not in (0, M):
         raise ValueError(f"{len(names)} names for {M} candidates")
-    found = (
-        _by_gram(blocks_of_rows(P, y), stopping)
-        if reads_once(n, M, stopping.limit(n, M))
-        else _by_basis(P, y, stopping)
-    )
+
+    def select(sigma: Array | None) -> Selection:
+        if reads_once(n, M, stopping.limit(n, M)):
+            return _by_gram(blocks_of_rows(P, y), stopping, sigma)
+        if sigma is None:
+            return _by_basis(P, y, stopping)
+        return _by_basis(P / sigma[:, None], y / sigma, stopping, sigma)
+
+    weighing = weighing or Weighing()
+    found = weighing.selection(select, lambda chosen: blocks_of_rows(P[:, chosen], y))
     return replace(found, candidates=tuple(names)) if names else found
 
 
 def frols_streamed(
-    blocks: Blocks, max_terms: int | None = None, tolerance: float = 0.0, *, stop: str = "tolerance"
+    blocks: Blocks,
+    max_terms: int | None = None,
+    tolerance: float = 0.0,
+    *,
+    stop: str = "tolerance",
+    weighing: Weighing | None = None,
+    only: Callable[[IntArray], Blocks] | None = None,
 ) -> Selection:
     """`frols` of a dictionary that comes in row blocks and never as a whole: memory O(M^2 + block),
     whatever n is.
@@ -277,12 +292,14 @@ def frols_streamed(
     thousand rows. Most records need one pass. There is another where the normal equations lose
     digits (an ill-conditioned or dependent dictionary, a residual sum of squares below 1e-9 of
     `y'y`), two where squares of the values overflow or vanish, and one where a tolerance may end
-    the choice.
+    the choice. `weighing` may ask for the blocks of some candidates, which `only` gives sooner.
 
     Raises DataError where a value is not finite, with its column and its row counted over all
     blocks; ValueError where there is no row or no column, or `max_terms` is below one.
     """
-    return _by_gram(blocks, Stopping(max_terms, tolerance, stop))
+    stopping, weighing = Stopping(max_terms, tolerance, stop), weighing or Weighing()
+    of = only or (lambda chosen: lambda: ((P[:, chosen], y) for P, y in blocks()))
+    return weighing.selection(lambda sigma: _by_gram(blocks, stopping, sigma), of)
 
 
 def reads_once(n: int, M: int, terms: int) -> bool:
@@ -295,11 +312,12 @@ def reads_once(n: int, M: int, terms: int) -> bool:
     return n * M > SMALL and n > M and GRAM_COLUMNS_PER_TERM * (terms + 2) >= M
 
 
-def _by_gram(blocks: Blocks, stopping: Stopping) -> Selection:
+def _by_gram(blocks: Blocks, stopping: Stopping, sigma: Array | None = None) -> Selection:
     """On the Gram matrix as long as it has the digits, otherwise on explicit remainders."""
+    blocks = blocks if sigma is None else weighted(blocks, sigma)
     matrix, scale, samples = gram(blocks)
     rows, limit = divided(blocks, scale), stopping.limit(samples, len(scale) - 1)
-    rest = (stopping, limit, scale, samples, blocks)
+    rest = (stopping, limit, scale, samples, blocks, sigma)
     try:
         return selected(GramRemainders(matrix, rows), *rest)
     except DigitsLost:
@@ -311,14 +329,15 @@ def _by_gram(blocks: Blocks, stopping: Stopping) -> Selection:
         return selected(BasisRemainders(P, y, limit), *rest)
 
 
-def _by_basis(P: Array, y: Array, stopping: Stopping) -> Selection:
+def _by_basis(P: Array, y: Array, stopping: Stopping, sigma: Array | None = None) -> Selection:
     blocks, limit = blocks_of_rows(P, y), stopping.limit(*P.shape)
     with np.errstate(over="ignore", invalid="ignore"):  # `safe_scale` looks for the cause
         squares = np.append(_column_squares(P), y @ y)
     scale = safe_scale(squares, blocks)
     if (scale != 1.0).any():
         P, y = P / scale[:-1], y / scale[-1]
-    return selected(BasisRemainders(P, y, limit), stopping, limit, scale, len(y), blocks)
+    basis = BasisRemainders(P, y, limit)
+    return selected(basis, stopping, limit, scale, len(y), blocks, sigma)
 
 
 def triangle(blocks: Blocks) -> tuple[Array, Array]:

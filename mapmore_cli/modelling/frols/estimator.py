@@ -126,7 +126,7 @@ class FROLS:
     @property
     def table_(self) -> list[dict[str, Any]]:
         """A row for each term, in the order of selection: `{"term", "coefficient",
-        "standard_error", "err"}`.
+        "standard_error", "t", "err"}`.
         """
         self._check_fitted()
         return self.selection_.table()

@@ -40,6 +40,19 @@ def divided(blocks: Blocks, scale: Array) -> Blocks:
     return standardised(blocks, Standard(np.zeros(len(scale)), scale))
 
 
+def weighted(blocks: Blocks, uncertainty: Array) -> Blocks:
+    """Return the blocks with each row divided by its `uncertainty`, (n,)."""
+
+    def passed() -> Iterator[tuple[Array, Array]]:
+        start = 0
+        for P, y in blocks():
+            own = uncertainty[start : start + len(y)]
+            yield P / own[:, None], y / own
+            start += len(y)
+
+    return passed
+
+
 def safe_scale(squares: Array, blocks: Blocks) -> Array:
     """Powers of two, (M+1,), that bring the columns of `Z` near one where their sums of `squares`,
     (M+1,), left the safe range; else one.

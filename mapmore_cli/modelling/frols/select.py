@@ -13,7 +13,7 @@ import numpy as np
 
 from mapmore_cli.domain.arrays import Array, IntArray
 from mapmore_cli.domain.fits import Selection
-from mapmore_cli.modelling.frols.moments import Blocks, divided, standard
+from mapmore_cli.modelling.frols.moments import Blocks, divided, standard, weighted
 
 # candidates whose ERR lies within this fraction of the best are tied; the lower dictionary index
 # wins
@@ -145,19 +145,22 @@ def _highest(err: Array) -> IntArray:
     )
 
 
-def to_explain(blocks: Blocks, samples: int, yy: float) -> float:
+def to_explain(blocks: Blocks, samples: int, yy: float, uncertainty: Array | None = None) -> float:
     """Sum of squares that a tolerance is a fraction of: `y'y`; less what the constant explains
     where a candidate is constant.
 
     A constant explains nearly all of a target that stands far from zero, as a length does, and
     nothing of what it does. A target that is constant itself is explained by one. Reads the blocks
-    once.
+    once; twice where they are weighted by an `uncertainty`, (n,).
     """
-    known = standard(blocks)
+    known = standard(blocks if uncertainty is None else weighted(blocks, 1 / uncertainty))
     constant = np.isinf(known.spread) & (known.centre != 0)
     if constant[-1] or not constant.any():
         return yy
-    return samples * float(known.spread[-1]) ** 2
+    if uncertainty is None:
+        return samples * float(known.spread[-1]) ** 2
+    y = np.concatenate([y for _, y in blocks()])
+    return yy - float(y @ (1 / uncertainty)) ** 2 / float(np.sum(uncertainty**-2.0))
 
 
 # floor of the unexplained fraction: below it the residual is rounding error, and more terms explain
@@ -211,14 +214,16 @@ def selected(
     scale: Array,
     samples: int,
     blocks: Blocks,
+    uncertainty: Array | None = None,
 ) -> Selection:
     """Return the greedy choice, at the number of terms that the stop rule prefers. Raises
     DigitsLost as `greedy`.
 
     The remainders are of columns of `Z = [P y]` divided by `scale`, (M+1,); `blocks` are the rows
-    of `Z`, read for `press`, and where the tolerance may end the choice.
+    of `Z`, read for `press`, and where the tolerance may end the choice. They are weighted by the
+    `uncertainty`, (n,), where there is one.
     """
-    whole = cache(lambda: to_explain(divided(blocks, scale), samples, remainders.yy))
+    whole = cache(lambda: to_explain(divided(blocks, scale), samples, remainders.yy, uncertainty))
     steps, stop = greedy(remainders, stopping, limit, whole)
     best = k = len(steps)
     if k and stopping.criterion == "press":

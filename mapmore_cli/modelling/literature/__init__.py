@@ -1,7 +1,7 @@
 """Models of the literature, selectable by name and fitted on the same training data as MAPMORE.
 
 Adding a formula is one file in `formulas/`, with a `FORMULA`, or with `FORMULAS` where some are
-nearly the same.
+nearly the same; or an entry point that names such a file.
 """
 
 from __future__ import annotations
@@ -36,12 +36,12 @@ __all__ = [
 @cache
 def _published() -> dict[str, Formula]:
     """Return the formulas of all files by name, in alphabetical order."""
-    by_name: dict[str, Formula] = {}
-    for module in plugins.modules(formulas.__name__):
-        for formula in getattr(module, "FORMULAS", None) or (module.FORMULA,):
-            by_name[formula.name] = replace(
-                formula, about=(formula.about or module.__doc__ or "").strip()
-            )
+    by_name = {
+        part.name: replace(
+            part.value, about=(part.value.about or part.source.__doc__ or "").strip()
+        )
+        for part in plugins.parts("formulas", Formula, formulas.__name__)
+    }
     return dict(sorted(by_name.items()))
 
 

@@ -53,6 +53,7 @@ def linearised(q: Array, p: Array, x: Array) -> tuple[Array, Array]:
 
 
 STARTS = (-8.0, -4.0, -2.0, -0.7, 1.5)  # of a3
+FIRST = 100  # evaluations of each start, of which the lowest end is followed on
 START_W = 0.02
 # normalised targets above and below which the starts of `hi` and `lo` are fitted
 UPPER, FOOT = 0.12, 0.06
@@ -109,14 +110,17 @@ def fit_hinge(columns: Columns, y: Array) -> FormulaFit:
     inputs = columns["pressure"], columns["strain"], y
     scales = [float(np.abs(column).max()) or 1.0 for column in inputs]
     problem = _normalised(columns, y, *scales)
-    ends = descend(problem.system, [_start_at(problem, a3) for a3 in STARTS], (LOWEST, HIGHEST))
+    starts, bounds = [_start_at(problem, a3) for a3 in STARTS], (LOWEST, HIGHEST)
+    ends = descend(problem.system, starts, bounds, evaluations=FIRST)
     if not ends:
         raise FitError(
             "the formula has no finite value at any start of its fit",
             "look at the units of its quantities",
         )
     best = min(ends, key=lambda end: end.cost)
-    q, touched = onto_bounds(best.x, (LOWEST, HIGHEST))
+    if not best.converged:
+        (best,) = descend(problem.system, [best.x], bounds)
+    q, touched = onto_bounds(best.x, bounds)
     residual, slopes = problem.of_data(q)
     _, rank, condition = linear.parameter_errors(slopes, 0.0)
     freedom = float(problem.root @ problem.root) - len(NAMES)

@@ -15,14 +15,14 @@ from mapmore_cli.domain.models import CurveRange, Equation, Formula, Model
 from mapmore_cli.domain.recording import Quantity
 from mapmore_cli.domain.results import Run
 from mapmore_cli.modelling import literature
+from mapmore_cli.modelling.equations import written
 from mapmore_cli.modelling.expressions import (
     Expression,
     Name,
     Number,
+    folded,
     multiply,
     substitute,
-    to_latex,
-    to_text,
 )
 from mapmore_cli.modelling.literature.formula import with_numbers
 from mapmore_cli.modelling.program.writing import Inputs, Writer, limit
@@ -91,8 +91,8 @@ def formula_equations(fit: FormulaFit | None, units: Mapping[str, float]) -> tup
 
 
 def printed(name: str, expression: Expression) -> Equation:
-    """Return an equation as text and as LaTeX."""
-    return Equation(name, to_text(expression, DIGITS), to_latex(expression, DIGITS))
+    """Return an equation whose numbers have six digits, computed as far as they can be."""
+    return written(name, folded(expression), DIGITS)
 
 
 def where_finite(

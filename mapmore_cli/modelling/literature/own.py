@@ -19,11 +19,11 @@ from mapmore_cli.modelling.literature.problem import Nonlinear
 
 @dataclass(frozen=True, kw_only=True)
 class FamilySettings(Settings):
-    """What specimens of a family differ in: the quantity `of`, one value for each, as the rest
-    length.
+    """What specimens of a family differ in, from which their largest force follows.
 
-    The largest force follows from it: `scale: saturating` is `a atan(b (l - 7.5 mm))` of a length,
-    without its fittings; `power` is `a l^b`.
+    - `of`: the quantity, one value for each, as `rest_length`
+    - `scale`: `saturating` is `a atan(b (l - 7.5 mm))` of a length, without its fittings; `power`
+      is `a l^b`, as `power`
     """
 
     of: str

@@ -75,11 +75,13 @@ def descend(
     starts: Sequence[Array],
     bounds: Bounds = (-np.inf, np.inf),
     method: Literal["trf", "lm"] = "trf",
+    evaluations: int = EVALUATIONS,
 ) -> list[End]:
     """Return the nearest minimum of `|r(x)|^2` from every start in which it is finite, in their
     order, by SciPy's least squares.
 
-    `bounds` are the lowest and the highest coordinates, each `(k,)`; `lm` takes none.
+    `bounds` are the lowest and the highest coordinates, each `(k,)`; `lm` takes none. Each start
+    has so many `evaluations`.
     """
     from scipy.optimize import least_squares
 
@@ -101,7 +103,7 @@ def descend(
         assert both is not None
         return both[1]
 
-    limits: Any = {"xtol": TOLERANCE, "ftol": TOLERANCE, "gtol": TOLERANCE, "max_nfev": EVALUATIONS}
+    limits: Any = dict.fromkeys(("xtol", "ftol", "gtol"), TOLERANCE) | {"max_nfev": evaluations}
     ends = []
     for start in starts:
         x = np.clip(start, *bounds)

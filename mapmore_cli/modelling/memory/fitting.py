@@ -45,6 +45,12 @@ def fit_with_memory(
     fed back, the dictionary needs more memory than there is, or no model's free run stays finite.
     """
     numbers = left_open(records, recipe.dictionary, recipe.step)
+    if numbers.states and recipe.loss != "squares":
+        raise DataError(
+            f"{numbers.states[0].name}: its numbers are found by squares, and the loss is "
+            f"`{recipe.loss}`",
+            "write the numbers, as `slow(pressure, 0.3)`, or remove `fit.loss`",
+        )
     start = _start(records, recipe, numbers) if numbers.states else np.empty(0)
     training, held_out = TrainingData(records, recipe, numbers.numbers(start)), None
     if recipe.stop == "free_run":

@@ -104,6 +104,18 @@ def equations(model: Model, units: Mapping[str, float]) -> tuple[Equation, ...]:
     )
 
 
+def rules(model: Model) -> Iterator[str]:
+    """Yield how the model is run."""
+    body = _memory_of(model)
+    memory = body.model
+    if body.backbone is not None:
+        yield f"{model.output.name} is {body.backbone.name} plus what has memory."
+    most = max(fed_back_states(memory.states, memory.output).values(), default=0)
+    first = f"the first {most} measured samples" if most > 1 else "the first measured sample"
+    start = f"from {first} of {memory.output}" if most else f"without measured {memory.output}"
+    yield f"Runs free {start}, at steps of {memory.states.step:.6g} s."
+
+
 def parameters(model: Model) -> int:
     """Return the coefficients of the terms, with the model's own constant where it has one, and the
     parameters of the backbone.

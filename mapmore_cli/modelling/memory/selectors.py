@@ -14,9 +14,10 @@ import numpy as np
 from mapmore_cli.domain.arrays import Array, Columns, IntArray
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.fits import Selection, StateSet
+from mapmore_cli.domain.recording import uncertainty_of
 from mapmore_cli.modelling.expressions import Expression, dictionary_blocks, dictionary_matrix
 from mapmore_cli.modelling.expressions.families import fits_whole, refuse_beyond_memory
-from mapmore_cli.modelling.frols import frols, frols_streamed
+from mapmore_cli.modelling.frols import Weighing, frols, frols_streamed
 from mapmore_cli.modelling.frols.moments import moments, standard, standardised
 from mapmore_cli.modelling.frols.ridge import Regularised, choose_ridge, prune, ridge_press, select
 from mapmore_cli.modelling.frols.select import fewest_terms, in_units, widened
@@ -28,12 +29,13 @@ from mapmore_cli.modelling.selection import MemoryRecipe, Stop
 @dataclass(frozen=True)
 class Regressors:
     """States and output on the n training samples that have a history, (n,) each, in the order of
-    the recordings.
+    the recordings, and the uncertainty of the output where it is known, (n,).
     """
 
     terms: tuple[Expression, ...]
     states: Columns
     y: Array
+    uncertainty: Array | None = None
 
     @property
     def samples(self) -> int:
@@ -45,6 +47,10 @@ class Regressors:
         return Regressors(
             self.terms, {name: values[part] for name, values in self.states.items()}, self.y[part]
         )
+
+    def of_terms(self, among: IntArray) -> Regressors:
+        """Return the same with some of the terms."""
+        return replace(self, terms=tuple(self.terms[i] for i in among))
 
     def blocks(self) -> Iterator[tuple[Array, Array]]:
         """Yield the dictionary and the output, block by block."""
@@ -60,6 +66,7 @@ def regressors(
     Raises DataError where there are none, or the output is missing.
     """
     parts: list[tuple[Columns, Array]] = []
+    unsure, sigma = uncertainty_of(target), list[Array]()
     for record in records:
         if target not in record.columns:
             raise DataError(
@@ -67,6 +74,7 @@ def regressors(
             )
         values = evaluate_states(states, record.columns)
         known = record.training & complete(values.values(), record.size)
+        sigma += [record.columns[unsure][known]] if unsure in record.columns else []
         parts.append(
             (
                 {name: column[known] for name, column in values.items()},
@@ -80,7 +88,7 @@ def regressors(
             "no training sample has a history as long as the delays ask for",
             "use fewer steps of delay, or longer recordings",
         )
-    return Regressors(tuple(terms), pooled, y)
+    return Regressors(tuple(terms), pooled, y, np.concatenate(sigma) if sigma else None)
 
 
 FOLDS = 4  # blocks of samples that are left out in turn where the ridge is chosen
@@ -138,15 +146,20 @@ class _Plain:
     def _selected(
         self, among: IntArray, terms: int, tolerance: float = 0.0, stop: Stop = "tolerance"
     ) -> TermChoice:
+        data, recipe = self.data, self.recipe
+        weighing = Weighing(data.uncertainty, recipe.loss, recipe.known_scale)
         if self.whole is None:
             selection = frols_streamed(
-                lambda: ((P[:, among], y) for P, y in self.data.blocks()),
+                lambda: ((P[:, among], y) for P, y in data.blocks()),
                 terms,
                 tolerance,
                 stop=stop,
+                weighing=weighing,
+                only=lambda chosen: data.of_terms(among[chosen]).blocks,
             )
         else:
-            selection = frols(self.whole[:, among], self.data.y, terms, tolerance, stop=stop)
+            P = self.whole[:, among]
+            selection = frols(P, data.y, terms, tolerance, stop=stop, weighing=weighing)
         selection = widened(selection, among, len(self.data.terms))
         return TermChoice(selection, 0.0, 0.0, selection.chosen)
 

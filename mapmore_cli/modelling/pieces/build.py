@@ -7,7 +7,10 @@ calls them in one go.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from functools import partial
 from itertools import product
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -34,7 +37,7 @@ from mapmore_cli.domain.fits import (
     Selection,
 )
 from mapmore_cli.domain.models import CurveFunction, Fusion, Model, Pieces, SegmentFunction, Side
-from mapmore_cli.domain.recording import Curve, Quantity
+from mapmore_cli.domain.recording import Curve, Quantity, uncertainty_of
 from mapmore_cli.domain.results import FitResult, PiecesFit
 from mapmore_cli.modelling import literature
 from mapmore_cli.modelling.expressions import (
@@ -46,10 +49,22 @@ from mapmore_cli.modelling.expressions import (
     parse,
 )
 from mapmore_cli.modelling.expressions.ranged import placed
-from mapmore_cli.modelling.frols import TIE_TOLERANCE, frols, frols_streamed, reads_once
+from mapmore_cli.modelling.frols import (
+    TIE_TOLERANCE,
+    Weighing,
+    frols,
+    frols_streamed,
+    reads_once,
+)
 from mapmore_cli.modelling.literature.backbone import residual_of
 from mapmore_cli.modelling.pieces.recipe import Recipe
-from mapmore_cli.modelling.pieces.segmentation import samples_at, segment_curve, training_curves
+from mapmore_cli.modelling.pieces.segmentation import (
+    samples_at,
+    scaled_inputs,
+    segment_curve,
+    training_curves,
+)
+from mapmore_cli.modelling.pieces.shaped import shaped
 from mapmore_cli.modelling.signals.sampling import even_share
 
 # share of the segment whose mean stands for an end of the trend, so that the anchor does not hang
@@ -59,9 +74,14 @@ END_FRACTION = 0.05
 EVERY_CORNER_UP_TO = 3
 
 
-def placements(rule: str, X: Array, y: Array, variables: Sequence[str]) -> tuple[Scaling, ...]:
+Middle = Callable[[Array], Any]
+
+
+def placements(
+    rule: str, X: Array, y: Array, variables: Sequence[str], middle: Middle = np.mean
+) -> tuple[Scaling, ...]:
     """Return all scalings of the samples `X`, (n, v), and `y`, (n,), that satisfy a rule; the
-    caller keeps the one that errs least.
+    caller keeps the one that errs least. `middle` makes one anchor of several samples.
 
     - `unit_square`: x and y span one unit and the trend passes through the origin, which lies at
       the left or at the right end of each
@@ -77,7 +97,7 @@ def placements(rule: str, X: Array, y: Array, variables: Sequence[str]) -> tuple
             if count <= EVERY_CORNER_UP_TO
             else [(False,) * count, (True,) * count]
         )
-        return tuple(_anchored(X, y, names, right) for right in every)
+        return tuple(_anchored(X, y, names, right, middle) for right in every)
     slope, y_slope = np.ones(count), 1.0
     if rule == "max_abs":
         slope, y_slope = 1 / _span(np.abs(X).max(axis=0)), float(_span(np.abs(y).max()))
@@ -86,11 +106,13 @@ def placements(rule: str, X: Array, y: Array, variables: Sequence[str]) -> tuple
     return (Scaling(rule, "-", names, slope, np.zeros(count), y_slope, 0.0),)
 
 
-def _anchored(X: Array, y: Array, variables: tuple[str, ...], right: tuple[bool, ...]) -> Scaling:
+def _anchored(
+    X: Array, y: Array, variables: tuple[str, ...], right: tuple[bool, ...], middle: Middle
+) -> Scaling:
     low, high = np.array([extremes(x) for x in X.T]).reshape(-1, 2).T
     slope, anchor = 1 / _span(high - low), np.where(right, high, low)
     y_anchor = 0.0
-    # mean over the samples nearest to the anchor; all at the same distance count, so the order of
+    # middle of the samples nearest to the anchor; all at the same distance count, so the order of
     # rows does not matter
     if variables:
 
@@ -100,7 +122,7 @@ def _anchored(X: Array, y: Array, variables: tuple[str, ...], right: tuple[bool,
         far = farthest(*(X.T if y.nbytes <= LONG else map(even_share, X.T)))
         nearest = max(1, int(np.ceil(END_FRACTION * len(far))))
         limit = np.partition(far, nearest - 1)[nearest - 1]
-        y_anchor = float(by_blocks(lambda y, *x: y[farthest(*x) <= limit], y, *X.T).mean())
+        y_anchor = float(middle(by_blocks(lambda y, *x: y[farthest(*x) <= limit], y, *X.T)))
     place = ",".join("right" if r else "left" for r in right) or "-"
     y_span = float(_span(np.ptp(extremes(y))))
     return Scaling(
@@ -119,14 +141,6 @@ def _span(width: ArrayLike) -> Array:
     return np.where(np.asarray(width) > 0, width, 1.0)
 
 
-def scaled_inputs(scaling: Scaling, columns: Columns) -> dict[str, Array]:
-    """Return independent variables in scaled coordinates, `z = slope x + intercept` (M2 eq 8)."""
-    return {
-        name: columns[name] * m + c
-        for name, m, c in zip(scaling.variables, scaling.slope, scaling.intercept, strict=True)
-    }
-
-
 def quantities_in(terms: Iterable[Expression]) -> tuple[str, ...]:
     """Return the quantities that occur in some terms, in the order of their names."""
     return tuple(sorted(frozenset[str]().union(*(term.names for term in terms))))
@@ -141,6 +155,8 @@ def segment(
     Raises DataError where a segment holds no sample, or a curve has too few for the cut.
     """
     terms = [candidate(text) for text in recipe.dictionary]
+    # losses that leave samples out do not compare
+    recipe = replace(recipe, fit=replace(recipe.fit, loss="squares", scale="auto"))
     training = training_curves(curves, recipe.level is not None)
     fitted = {curve.id: residual_of(curve, recipe.target, backbone) for curve in training}
 
@@ -173,21 +189,36 @@ def fit(
     terms = [candidate(text) for text in recipe.dictionary]
     fits = []
     for segmented in segmentation:
+        curve = fitted[segmented.curve]
         for one in segmented.segments:
-            fits.append(fit_segment(one, fitted[segmented.curve].columns, terms, recipe))
+            origin = _labels_of_curves(one.rows, curves, curve)
+            fits.append(fit_segment(one, curve.columns, terms, recipe, origin))
             tick()
     return tuple(fits)
 
 
+def _labels_of_curves(rows: IntArray, curves: Sequence[Curve], curve: Curve) -> IntArray | None:
+    """Return which residuals go together, (n,): those of a curve where several are pooled, else
+    those of a recording; None where all are of one.
+    """
+    if all(one.id != curve.id for one in curves):
+        return np.searchsorted(np.cumsum([one.size for one in curves]), rows, side="right")
+    return None if curve.origin is None or len(curve.recordings) < 2 else curve.origin[rows]
+
+
 def fit_segment(
-    segment: Segment, columns: Columns, terms: Sequence[Expression], recipe: Recipe
+    segment: Segment,
+    columns: Columns,
+    terms: Sequence[Expression],
+    recipe: Recipe,
+    origin: IntArray | None = None,
 ) -> SegmentFit:
     """Choose and fit the terms of one segment, for every placement of its scaling; the least
     training SSE wins, the first of equals. `columns` are those of its curve.
 
     All placements share the slope of y, so their scaled SSE compare. Rows are sorted first: the
     numbers then do not depend on the order in which a logger wrote them; more than a million are
-    not.
+    not. `origin` says which residuals go together, (n,), for the rows of the segment.
     """
     n, most = len(segment.rows), recipe.fit.max_terms
     if n <= most:
@@ -197,15 +228,26 @@ def fit_segment(
         )
         what = f"segment {segment.id}: {n} training sample(s), too few for {most} term(s)"
         raise DataError(what, f"{ways}, or set fit.max_terms below {max(2, n)}")
-    variables = quantities_in(terms)
-    samples = samples_at(columns, segment.rows, (*variables, recipe.target))
+    variables, unsure = quantities_in(terms), uncertainty_of(recipe.target)
+    given = [unsure] if unsure in columns else []
+    samples = samples_at(columns, segment.rows, (*variables, recipe.target, *given))
     if segment.rows.nbytes <= LONG:
-        order = np.lexsort([samples[name] for name in (recipe.target, *variables[::-1])])
+        order = np.lexsort([samples[name] for name in (*given, recipe.target, *variables[::-1])])
         samples = {name: values[order] for name, values in samples.items()}
+        origin = None if origin is None else origin[order]
     y, parts = samples[recipe.target], [samples[name] for name in variables]
     X = joined(parts).reshape(-1, n).T if parts else np.empty((n, 0))
+    weighing = Weighing(
+        samples[unsure] if given else None,
+        recipe.fit.loss,
+        recipe.fit.known_scale,
+        origin,
+        recipe.fit.weight == "curve",
+    )
     best: SegmentFit | None = None
-    for scaling in placements(recipe.fit.scaling, X, y, variables):
+    robust = recipe.fit.loss != "squares"
+    middle = np.median if robust else np.mean
+    for scaling in placements(recipe.fit.scaling, X, y, variables, middle):
         inputs = dict(zip(variables, X.T, strict=True))
         ends = {name: np.array(extremes(x)) for name, x in inputs.items()}
         written = placed(
@@ -219,6 +261,7 @@ def fit_segment(
                 inputs,
                 y,
                 recipe,
+                weighing.in_unit(scaling.y_slope),
             )
         except NotFinite as error:
             remedy = (
@@ -226,14 +269,22 @@ def fit_segment(
                 "none, or leave the term out"
             )
             raise DataError(f"segment {segment.id}: {error}", remedy) from error
-        if best is None or selection.sse < best.selection.sse * (1 - TIE_TOLERANCE):
+        errs = "scale" if robust else "sse"  # weighted sums of squares do not compare
+        if best is None or getattr(selection, errs) < getattr(best.selection, errs) * (
+            1 - TIE_TOLERANCE
+        ):
             best = SegmentFit(segment.id, segment.curve, segment.cell, written, scaling, selection)
     assert best is not None
     return best
 
 
 def _selected_terms(
-    terms: Sequence[Expression], scaling: Scaling, inputs: Columns, y: Array, recipe: Recipe
+    terms: Sequence[Expression],
+    scaling: Scaling,
+    inputs: Columns,
+    y: Array,
+    recipe: Recipe,
+    weighing: Weighing,
 ) -> Selection:
     """FROLS on the dictionary, which is never there as a whole where it need not be read more than
     once or twice.
@@ -244,18 +295,25 @@ def _selected_terms(
         z = scaled_inputs(scaling, {name: x[rows] for name, x in inputs.items()})
         return z, (y[rows] - scaling.y_intercept) / scaling.y_slope
 
-    def blocks() -> Iterator[tuple[Array, Array]]:
+    def blocks(some: Sequence[Expression]) -> Iterator[tuple[Array, Array]]:
         for rows in row_blocks(n):
             z, target = scaled(rows)
-            for part, P in dictionary_blocks(terms, z, len(target)):
+            for part, P in dictionary_blocks(some, z, len(target)):
                 yield P, target[part]
             for column in (y, *inputs.values()):
                 give_back(column)
 
     if reads_once(n, len(terms), recipe.fit.max_terms):
-        return frols_streamed(blocks, *how, stop=recipe.fit.stop)
+        return frols_streamed(
+            partial(blocks, terms),
+            *how,
+            stop=recipe.fit.stop,
+            weighing=weighing,
+            only=lambda chosen: partial(blocks, [terms[i] for i in chosen]),
+        )
     z, target = scaled(slice(0, n))
-    return frols(dictionary_matrix(terms, z, n), target, *how, stop=recipe.fit.stop)
+    P = dictionary_matrix(terms, z, n)
+    return frols(P, target, *how, stop=recipe.fit.stop, weighing=weighing)
 
 
 def fuse(
@@ -316,14 +374,9 @@ def build(
 ) -> Model:
     """Return a model from curves in one go."""
     segmentation = segment(curves, recipe, backbone)
-    return fuse(
-        name,
-        curves,
-        segmentation,
-        FitResult(PiecesFit(fit(curves, segmentation, recipe, backbone)), backbone),
-        recipe,
-        quantities,
-    )
+    result = FitResult(PiecesFit(fit(curves, segmentation, recipe, backbone)), backbone)
+    model = fuse(name, curves, segmentation, result, recipe, quantities)
+    return shaped(model, curves, segmentation, recipe)
 
 
 def _segment_function(fit: SegmentFit, samples: Columns) -> SegmentFunction:
@@ -368,10 +421,10 @@ def _remarks(
     ):
         where = f"{', '.join(explosive)} on {', '.join(several)}"
         return (
-            f"segments of several terms continue beyond their data along {where}: polynomials "
-            "explode there; consider saturate",
+            f"segments of several terms continue beyond their data along {where}, where "
+            "polynomials explode: remove `continue`, or write `saturate` (fuse.extrapolation)",
         )
     return (
-        "segments have several terms, so each curve saturates at the ends of its own range "
-        "(fuse.extrapolation)",
+        "segments have several terms, so each curve is held at the ends of its own range; "
+        "`fuse: {extrapolation: continue}` goes on beyond them",
     )

@@ -242,25 +242,30 @@ def with_trusted_residual(
     errors = (
         f"on {left_out.folds} left-out part(s) it errs by {without:.4g} {unit} alone, by "
         f"{whole:.4g} {unit} with all of the residual, by {left_out.rmse(share):.4g} {unit} with "
-        "that share"
+        f"{share:.0%} of it"
     )
+    as_good = f"`model: {{type: literature, name: {name}}}` is as good"
     shares, note = {BACKBONE: 0.0, RESIDUAL: 1.0}, ""
     if inner_level_count(curves, recipe):
         shares[SHRUNKEN] = share
         body = replace(body, fusion=replace(body.fusion, shrink=share))
         note = f"midway between levels, {share:.0%} of the residual on {name} is carried: {errors}"
+        if share == 0:
+            note = (
+                f"the residual on {name} is not carried between levels, where {as_good}: {errors}"
+            )
     elif body.level is None and share > 0:
         shares[SHRUNKEN] = share
         body = _times(body, share)
-        note = f"{share:.0%} of the residual on {name} counts: {errors}"
+        note = f"the pieces on {name} count by {share:.0%}: {errors}"
     elif body.level is None or not whole < without:
         body = _times(body, 0.0)
-        note = f"cross-validation keeps {name} alone: {errors}"
+        note = f"the pieces on {name} are left out, {as_good}: {errors}"
     elif len(body.curves) == 2:
         body = replace(body, fusion=replace(body.fusion, shrink=0.0))
         note = (
-            f"two levels: midway between them {name} stands alone, since no inner level says "
-            "how its residual runs there"
+            f"midway between the two levels {name} stands alone: measure a level between them, "
+            "which says how its residual runs there"
         )
     tried = tuple(
         FoldError(choice, left_out.rmse(share), left_out.folds) for choice, share in shares.items()

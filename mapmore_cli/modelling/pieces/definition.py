@@ -391,20 +391,31 @@ def _reached(
     data, where a polynomial explodes. Segments of one width that are full of samples are not held.
     The outer ends of a curve are left to `extrapolation`.
     """
+    held = {}
+    for name, (below, above) in held_between(segment, curve, body).items():
+        m.knot(name, *(edge for edge in (below, above) if edge is not None))
+        held[name] = m.clip(x[name], below, above, f"reached_{name}")
+    return held
+
+
+def held_between(
+    segment: SegmentFunction, curve: CurveFunction, body: Pieces
+) -> dict[str, tuple[float | None, float | None]]:
+    """Return by variable between which values a segment function is held, None for a side at which
+    it is not; nothing with `hold: none`.
+    """
     if body.fusion.hold == "none":
         return {}
-    held = {}
+    between = {}
     for name, boundaries, place in zip(body.variables, curve.boundaries, segment.cell, strict=True):
         low, high = segment.limits.get(name, (-inf, inf))
         reach = body.fusion.z_s * (high - low)
         start, end = zones(boundaries, body.fusion.z_s)
-        below = low - reach if place > 1 and low - reach > start[place - 2] else None
-        above = (
-            high + reach if place < len(boundaries) - 1 and high + reach < end[place - 1] else None
+        between[name] = (
+            low - reach if place > 1 and low - reach > start[place - 2] else None,
+            high + reach if place < len(boundaries) - 1 and high + reach < end[place - 1] else None,
         )
-        m.knot(name, *(edge for edge in (below, above) if edge is not None))
-        held[name] = m.clip(x[name], below, above, f"reached_{name}")
-    return held
+    return between
 
 
 def pieces_program(body: Pieces, names: Sequence[str]) -> Program:

@@ -8,7 +8,7 @@ from functools import lru_cache
 import numpy as np
 
 from mapmore_cli.domain.arrays import Array, Columns
-from mapmore_cli.domain.models import Equation, Model, Pieces
+from mapmore_cli.domain.models import CurveFunction, Equation, Model, Pieces, SegmentFunction
 from mapmore_cli.domain.results import Run
 from mapmore_cli.modelling.equations import equation
 from mapmore_cli.modelling.expressions import Expression, parse
@@ -18,9 +18,33 @@ from mapmore_cli.modelling.literature.model import (
     formula_value,
     where_finite,
 )
-from mapmore_cli.modelling.pieces.definition import pieces_program, pieces_value
+from mapmore_cli.modelling.pieces.definition import (
+    held_between,
+    pieces_program,
+    pieces_value,
+    zones,
+)
 from mapmore_cli.modelling.program.values import evaluator
 from mapmore_cli.modelling.program.writing import Inputs, Writer, limit
+
+TRANSITION_WORDS = {
+    "linear": "w = t",
+    "quadratic": "w = 2*t^2 up to t = 1/2, then 1 - 2*(1 - t)^2",
+    "cubic": "w = 3*t^2 - 2*t^3",
+}
+OUTSIDE = {
+    "continue": "the equations go on",
+    "saturate": "it is held at the limit",
+    "continue_linear": "the equations go on straight, with their slope at the limit",
+    "zero": "the pieces are 0",
+}
+OUTER_LEVEL = {
+    "continue": "the outermost curve counts alone",
+    "saturate": "the outermost curve counts alone, at its level",
+    "continue_linear": "the curves go on straight, with the slope between levels there",
+    "zero": "the pieces are 0",
+}
+"""What is said of the steps of `definition`."""
 
 
 def simulate(model: Model, columns: Columns) -> Run:
@@ -50,14 +74,68 @@ def _ready(body: Pieces, names: tuple[str, ...]) -> Callable[[Columns], list[Arr
 def equations(model: Model, units: Mapping[str, float]) -> tuple[Equation, ...]:
     """Return the backbone first, then every segment function, in the model's units or in others."""
     body = _pieces_body(model)
-    segments = (
-        (one, {**curve.limits, **one.limits}) for curve in body.curves for one in curve.segments
-    )
     pieces = (
-        equation(one.id, one.terms, one.theta, one.scaling, limits, units)
-        for one, limits in segments
+        equation(
+            *(one.id, one.terms, one.theta, one.scaling, {**curve.limits, **one.limits}, units),
+            weight=_weight(one, curve, body, units),
+        )
+        for curve in body.curves
+        for one in curve.segments
     )
     return *formula_equations(body.backbone, units), *pieces
+
+
+def _weight(
+    segment: SegmentFunction, curve: CurveFunction, body: Pieces, units: Mapping[str, float]
+) -> str:
+    """Return where the weight of a segment rises and falls, and between which values the segment
+    is held.
+    """
+    words = []
+    held = held_between(segment, curve, body)
+    for name, boundaries, place in zip(body.variables, curve.boundaries, segment.cell, strict=True):
+        ways = np.array(zones(boundaries, body.fusion.z_s)).T / units.get(name, 1.0)
+        told = [
+            f"{verb} {start:.6g} to {end:.6g}"
+            for verb, at in (("rises", place - 2), ("falls", place - 1))
+            if 0 <= at < len(ways)
+            for start, end in [ways[at]]
+        ]
+        ends = zip(("below", "above"), held.get(name, ()), strict=False)
+        told += [f"held {s} {v / units.get(name, 1.0):.6g}" for s, v in ends if v is not None]
+        words += [f"{name} {', '.join(told)}"] if told else []
+    return "; ".join(words)
+
+
+def rules(model: Model) -> Iterator[str]:
+    """Yield how the pieces are put together, and what holds beyond the limits (M2 eq 9-12)."""
+    body = _pieces_body(model)
+    fusion, level = body.fusion, body.level
+    if not body.segments:
+        return
+    if body.backbone is not None:
+        yield f"{model.output.name} is {body.backbone.name} plus the pieces."
+    if any(len(ends) > 2 for curve in body.curves for ends in curve.boundaries):
+        yield (
+            f"The weight of a piece is w where it rises and 1 - w where it falls, 1 between and 0 "
+            f"beyond; {TRANSITION_WORDS[fusion.transition]}, t from 0 to 1 along the way "
+            f"(z_s = {fusion.z_s:g}). Pieces of one curve are multiplied by their weights and "
+            "added; of several variables the weights are multiplied."
+        )
+    if level is not None and len(body.curves) > 1:
+        between = "(1 - t) times the lower curve plus t times the upper"
+        if fusion.levels == "pchip":
+            between = "the cubic of Fritsch and Butland (PCHIP) through the values of the curves"
+        carried = f", all times {fusion.shrink:.6g} + {1 - fusion.shrink:.6g}*(1 - 2*t)^2"
+        yield (
+            f"Between two levels of {level}, at the share t of the way: {between}"
+            f"{carried * (fusion.shrink < 1.0)}."
+        )
+    for name, sides in fusion.extrapolation.items():
+        known = OUTER_LEVEL if name == level else OUTSIDE
+        below, above = (known.get(str(side), f"it is taken to be {side}") for side in sides)
+        told = f"below its limits {below}, above {above}"
+        yield f"{name}: {f'beyond its limits {below}' if below == above else told}."
 
 
 def parameters(model: Model) -> int:

@@ -38,12 +38,15 @@ CELLS = 20
 class Cuts(Settings):
     """How one variable is cut into segments.
 
-    - `even` needs `count`; `breakpoints` needs the inner boundaries, `at`. Neighbours along
-      the variable are joined until each holds `min_samples`.
-    - `gradient` puts boundaries where the slope of the target changes most, a tenth of each curve's
-      range apart.
-    - `optimal` puts them where the fits leave the least, on a grid of 20 equal cells with
-      `min_samples` in each segment (10).
+    - `even`: so many of equal width; `breakpoints`: at given places. Neighbours are joined until
+      each holds `min_samples`.
+    - `gradient`: where the slope of the target changes most, a tenth of each curve's range apart.
+    - `optimal`: where the fits leave the least, on a grid of 20 equal cells.
+
+    - `method`: one of these, as `even`
+    - `count`: number of segments (not for `breakpoints`), as `4`
+    - `at`: the inner boundaries of `breakpoints`, as `[0.05, 0.1]`
+    - `min_samples`: samples that each segment holds at least (`optimal`: 10), as `20`
     """
 
     method: Literal["even", "breakpoints", "gradient", "optimal"]
@@ -93,8 +96,10 @@ class Cuts(Settings):
 
 @dataclass(frozen=True)
 class CutByDirection(Settings):
-    """Segments for rise and fall: by the sign of the rate `of` a quantity, with a `dead_band` in
-    which the last direction holds.
+    """Segments for rise and fall.
+
+    - `of`: the quantity whose rate has the sign that decides, as `strain`
+    - `dead_band`: rate up to which the last direction holds, as `0.002`
     """
 
     of: str
@@ -114,6 +119,9 @@ WordOrValue = Annotated[Beyond | OfKey, Either()]
 class BelowAbove(Settings):
     """Extrapolation of one variable on each side: a word, or the value that the variable takes (M2
     eq 12).
+
+    - `below`: below its limit, as `saturate`
+    - `above`: above its limit, as `zero`
     """
 
     below: WordOrValue | None = None
@@ -124,14 +132,9 @@ class BelowAbove(Settings):
 class Fuse(Joining):
     """How pieces are joined (M2 eq 9-12).
 
-    - Transition zones reach `z_s` of a segment's width to each side of a boundary.
-    - Curves are interpolated between levels by triangles (`levels: linear`) or keeping their shape
-      (`pchip`).
-    - `extrapolation` is a word, or a mapping from variable to word or `{below, above}`. The default
-      is `continue` for one-term fits, else
-      `saturate`. It begins at each curve's ends (M2 eq 12).
-    - `hold: samples` holds a segment function beyond its samples by more than `z_s` of their width;
-      `none` is M2 eq 9-11.
+    - `extrapolation`: what happens beyond each curve's ends (M2 eq 12): a word, or a mapping from
+      variable to word or `{below, above}`; `continue` by default for one-term fits, else
+      `saturate`, as `{strain: {above: zero}}`
     """
 
     extrapolation: (
@@ -159,6 +162,7 @@ class Recipe:
     - `level`: quantity whose curves are interpolated; None pools all curves into one. It is
       constant within a curve, or the pressure of
       step responses, whose curves stand at the pressure of their plateau (M2 figure 3h).
+    - `bounds`: least and greatest coefficient of terms, in the target's unit, by their text.
     - `pooled`: quantity whose levels the curves have, where they are pooled into one surface all
       the same.
     """
@@ -170,3 +174,4 @@ class Recipe:
     pooled: str | None = None
     fit: Fit = field(default_factory=Fit)
     fuse: Fuse = field(default_factory=Fuse)
+    bounds: Mapping[str, tuple[float, float]] = field(default_factory=dict)

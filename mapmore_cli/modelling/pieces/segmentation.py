@@ -20,7 +20,7 @@ from mapmore_cli.domain.arrays import (
     row_numbers,
 )
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.domain.fits import Segment, SegmentedCurve
+from mapmore_cli.domain.fits import Scaling, Segment, SegmentedCurve
 from mapmore_cli.domain.recording import DIRECTION, Curve, united
 from mapmore_cli.modelling.frols.select import TIE_TOLERANCE
 from mapmore_cli.modelling.pieces.recipe import CELLS, Cut, CutByDirection, Cuts
@@ -128,6 +128,14 @@ def optimal_partition(
 def samples_at(columns: Columns, rows: IntArray, names: Iterable[str]) -> dict[str, Array]:
     """Return some columns of a curve at the given rows."""
     return {name: picked(columns[name], rows) for name in names}
+
+
+def scaled_inputs(scaling: Scaling, columns: Columns) -> dict[str, Array]:
+    """Return independent variables in scaled coordinates, `z = slope x + intercept` (M2 eq 8)."""
+    return {
+        name: columns[name] * m + c
+        for name, m, c in zip(scaling.variables, scaling.slope, scaling.intercept, strict=True)
+    }
 
 
 IntervalCost = Callable[[Curve, IntArray], float]

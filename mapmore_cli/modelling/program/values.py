@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import operator
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from functools import cache
+from functools import cache, reduce
 from typing import Any
 
 import numpy as np
@@ -52,8 +52,8 @@ Step = Callable[[Values, Shared, int], None]
 
 
 def evaluator(program: Program) -> Callable[[Columns], list[Array]]:
-    """Return a function of the model's inputs, (n,) each by name, for many calls: the results of
-    the program, (n,) each.
+    """Return a function of the model's inputs by name, (n,) for the first and (n,) or a number for
+    each other, for many calls: the results of the program, (n,) each.
 
     They are NaN where an input is not finite.
     """
@@ -64,7 +64,7 @@ def evaluator(program: Program) -> Callable[[Columns], list[Array]]:
             f"{INPUT}{name}": np.asarray(columns[name], dtype=np.float64) for name in program.inputs
         }
         n = len(columns[program.inputs[0]])
-        finite = np.logical_and.reduce([np.isfinite(x) for x in given.values()])
+        finite = reduce(np.logical_and, map(np.isfinite, given.values()))
         with np.errstate(all="ignore"):
             return [np.where(finite, value, np.nan) for value in run(given, n)]
 

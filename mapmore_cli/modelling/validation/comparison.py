@@ -27,6 +27,7 @@ each.
 """
 
 CHANGED, SAME, UNCLEAR = "changed", "same", "cannot tell"  # answers of a comparison
+OF_SETTINGS = "settings"  # where both models are of the same recordings
 # relative change of force that is of no interest: repeats of one measurement differ by about as
 # much
 MARGIN = 0.01
@@ -112,6 +113,8 @@ class Comparison:
     small for a small p. `narrow` is the interval of the level `EQUIVALENCE`. `resolution` is the
     smallest relative change that these curves tell from none: half of the interval, and no less
     than the uncertainty of the models where they are interpolated to a level of the other.
+    `settings` are keys of the spec that differ, with both values; with `same_recordings` nothing
+    else can differ.
     """
 
     before: str
@@ -126,22 +129,31 @@ class Comparison:
     margin: float
     resolution: float
     terms: tuple[TermChange, ...] = ()
+    settings: tuple[str, ...] = ()
+    same_recordings: bool = False
 
     @property
     def changed(self) -> bool:
-        """Whether there is a change that is both certain (the interval excludes one) and of
-        interest (larger than the margin).
+        """Whether there is a change of the muscle that is both certain (the interval excludes one)
+        and of interest (larger than the margin).
         """
         low, high = self.interval
-        return (low > 1 or high < 1) and abs(self.ratio - 1) > max(self.margin, self.resolution)
+        large = abs(self.ratio - 1) > max(self.margin, self.resolution)
+        return not self.same_recordings and (low > 1 or high < 1) and large
+
+    def moved(self, limit: float | None) -> bool:
+        """Whether the muscle's force changed by more than a share, where one is given."""
+        return limit is not None and not self.same_recordings and abs(self.ratio - 1) > limit
 
     @property
     def answer(self) -> str:
         """`changed`; `same`, where two one-sided tests show that the change is within the margin;
-        or that the data `cannot tell`.
+        that the data `cannot tell`; or `settings`, where both models are of the same recordings.
         """
         if self.changed:
             return CHANGED
+        if self.same_recordings:
+            return OF_SETTINGS
         low, high = self.narrow
         # else it is that of models between their levels
         sure = self.resolution <= max(np.ptp(self.interval) / 2, self.margin)

@@ -21,7 +21,7 @@ from mapmore_cli.domain.arrays import (
     in_blocks,
     row_blocks,
 )
-from mapmore_cli.domain.recording import DIRECTION, Curve, Dataset
+from mapmore_cli.domain.recording import DIRECTION, Curve, Dataset, uncertainty_of
 from mapmore_cli.domain.results import ErrorBand, Forecast
 from mapmore_cli.domain.scores import Score
 from mapmore_cli.modelling.signals.rates import FALL, RISE
@@ -117,12 +117,16 @@ class Sums(NamedTuple):
     worst: float
     given: int  # samples with an interval
     inside: int  # those within it
+    chi2: float  # sum of squared errors over that of the uncertainty, NaN where none is known
+    weight: float  # sum of the inverse of its square
     widths: Array  # of all intervals, or of an even share
 
     @classmethod
-    def of(cls, measured: Array, forecast: Forecast, every: int = 1) -> Sums:
-        """Sum up `measured` samples, (n,), and what a model forecasts of them; one in `every` width
-        of an interval is kept.
+    def of(
+        cls, measured: Array, forecast: Forecast, every: int = 1, sigma: Array | None = None
+    ) -> Sums:
+        """Sum up `measured` samples, (n,), of the uncertainty `sigma` where it is known, and what a
+        model forecasts of them; one in `every` width of an interval is kept.
         """
         known = forecast.ready
         y, predicted = measured[known], forecast.values[known]
@@ -139,6 +143,8 @@ class Sums(NamedTuple):
             float(np.abs(error).max(initial=0.0)),
             int(np.count_nonzero(given)),
             int(np.count_nonzero(np.abs(error[given]) <= half[given])),
+            math.nan if sigma is None else float(np.sum((error / sigma[known]) ** 2)),
+            math.nan if sigma is None else float(np.sum(sigma[known] ** -2.0)),
             half[np.flatnonzero(given)[::every]],
         )
 
@@ -153,6 +159,8 @@ class Sums(NamedTuple):
             float(np.maximum(self.worst, other.worst)),
             self.given + other.given,
             self.inside + other.inside,
+            self.chi2 + other.chi2,
+            self.weight + other.weight,
             np.concatenate([self.widths, other.widths]),
         )
 
@@ -166,12 +174,21 @@ class Sums(NamedTuple):
         return (1 + size**2 - error) / (2 * size) if size > 0 else math.nan
 
 
-def score(model: str, target: str, split: str, curve: str, sums: Sums, scale: Normaliser) -> Score:
+def score(
+    model: str,
+    target: str,
+    split: str,
+    curve: str,
+    sums: Sums,
+    scale: Normaliser,
+    free: int = 0,
+) -> Score:
     """One row of the score table over n pooled samples y, and as a model forecasts them.
 
     `RMSE = sqrt(mean (y - yhat)^2)`, `NRMSE = RMSE / scale` (M2 eq 13), `R^2 = 1 - SSE / sum (y -
     mean y)^2`, which is NaN for a constant y, and `RRSE = sqrt(SSE / sum (y - mean y)^2)`. `scale`
-    is the normaliser over all samples of the split, so that the rows of its curves can be compared.
+    is the normaliser over all samples of the split, so that the rows of its curves can be compared;
+    `free` are the numbers that were fitted to them.
     """
     n, errors, spread = sums.errors.n, sums.errors, sums.all_measured
     rmse = errors.root_mean
@@ -195,6 +212,8 @@ def score(model: str, target: str, split: str, curve: str, sums: Sums, scale: No
         interval_coverage=sums.inside / sums.given if given else math.nan,
         interval_half_width=float(np.median(sums.widths)) if given else math.nan,
         nrmse_range=rmse / scale.extent if scale.extent > 0 else math.nan,
+        rmse_weighted=math.sqrt(sums.chi2 / sums.weight),
+        chi2_dof=sums.chi2 / (n - free) if n > free else math.nan,
     )
 
 
@@ -203,6 +222,17 @@ def relative(error: Array, measured: Array) -> float:
     NaN for a constant y.
     """
     return math.sqrt(Squares.of(error).over(Squares.of(measured, True)))
+
+
+def information_criteria(n: int, rmse: float, parameters: int) -> tuple[float, float]:
+    """Return AIC `n ln(SSE/n) + 2k` and BIC `n ln(SSE/n) + k ln n` of a fit to n samples by k
+    parameters, with `SSE/n = rmse^2` (Akaike 1974; Schwarz 1978).
+
+    They compare models of the same samples: constants of the likelihood are left out. Minus
+    infinity for an error of zero.
+    """
+    fit = 2 * n * math.log(rmse) if rmse > 0 else -math.inf
+    return fit + 2 * parameters, fit + parameters * math.log(n)
 
 
 def _unit_of(values: Array) -> float:
@@ -312,13 +342,14 @@ def score_rows(
     *,
     partial: bool = False,
     group: str | None = None,
+    free: int = 0,
 ) -> Iterator[Score]:
     """Rows of one model, whose `forecasts` are those of the dataset's curves; with `partial`, of
     the samples that it predicts.
 
     Of each split: all samples, those of each curve, of each direction of a curve, and of each value
     of the quantity `group`. What has no sample that could be predicted has no row. `scale` is the
-    `divisor` of the study.
+    `divisor` of the study, `free` are the numbers that were fitted to all training samples.
     """
     every = 1 + sum(curve.size for curve in dataset.curves) // MOST_WIDTHS
     for split, held in SPLITS:
@@ -332,7 +363,9 @@ def score_rows(
         whole = [own[0] for (kind, _), (_, own) in parts.items() if kind == 0]
         for name, own in [("all", whole), *(parts[place] for place in sorted(parts))]:
             if own:
-                yield score(model, target, split, name, reduce(Sums.with_more, own), scale)
+                fitted = free if split == "train" and own is whole else 0
+                sums = reduce(Sums.with_more, own)
+                yield score(model, target, split, name, sums, scale, fitted)
 
 
 def _parts_of(
@@ -355,11 +388,14 @@ def _parts_of(
 
 def summed(curve: Curve, target: str, said: Forecast, every: int, wanted: BoolArray) -> Sums:
     """Return the sums over the `wanted` samples of a curve, (n,), block by block."""
-    y, whole = curve.columns[target], Sums.of(np.empty(0), said.at(slice(0)))
+    y, sigma = curve.columns[target], curve.columns.get(uncertainty_of(target))
+    nothing = None if sigma is None else np.empty(0)
+    whole = Sums.of(np.empty(0), said.at(slice(0)), every, nothing)
     for rows in row_blocks(curve.size):
         where = wanted[rows]
         if where.any():
-            block = Sums.of(y[rows][where], said.at(rows).at(where), every)
+            unsure = None if sigma is None else sigma[rows][where]
+            block = Sums.of(y[rows][where], said.at(rows).at(where), every, unsure)
             whole = whole.with_more(block)
         give_back(y)
         give_back(said.values)

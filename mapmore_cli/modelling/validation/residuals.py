@@ -25,11 +25,12 @@ from mapmore_cli.domain.arrays import (
     row_by_row,
 )
 from mapmore_cli.domain.models import Model, Pieces
-from mapmore_cli.domain.recording import Curve, Dataset
+from mapmore_cli.domain.recording import Curve, Dataset, uncertainty_of
 from mapmore_cli.domain.results import AUTOCORRELATION, ResidualTest
 from mapmore_cli.domain.scores import OWN, Score
 from mapmore_cli.modelling import literature
-from mapmore_cli.modelling.kinds import outside_range
+from mapmore_cli.modelling.kinds import outside_range, predict, runs_over_time
+from mapmore_cli.modelling.literature.backbone import pooled_training
 from mapmore_cli.modelling.signals.sampling import MANY, PART
 from mapmore_cli.modelling.validation.intervals import NORMAL
 from mapmore_cli.modelling.validation.metrics import judged
@@ -61,7 +62,10 @@ def residual_tests(
             if len(piece) and _finite([piece])[0]:
                 residuals.append(piece)
                 for name in columns.keys() & curve.columns.keys():
-                    columns[name].append(picked(curve.columns[name], rows))
+                    x = picked(curve.columns[name], rows)
+                    # a level is one value: noise around it is no range
+                    held = name == dataset.level and curve.level is not None
+                    columns[name].append(np.full(len(x), curve.level) if held else x)
     known, low, high = _finite(residuals)
     if max(map(len, residuals), default=0) < FEWEST or known < FEWEST or low == high:
         return ()
@@ -166,6 +170,28 @@ def means_over(name: str, residuals: Array, x: Array) -> ResidualTest:
     bounds = NORMAL * float(e.std()) / np.sqrt([len(part) for part in parts])
     return ResidualTest(name, places, values, bounds)
 
+
+def explained_by_inputs(model: Model, dataset: Dataset) -> Iterator[str]:
+    """Yield for each input of known uncertainty what share of the squared training residual it
+    explains: the slope of the model times the uncertainty. Errors of inputs are no noise of the
+    output, and nothing is done about them.
+    """
+    unsure = [one for one in model.inputs if uncertainty_of(one.name) in dataset.quantities]
+    if not unsure or runs_over_time(model):
+        return
+    columns = pooled_training(dataset.curves)
+    left = columns[model.output.name] - predict(model, columns)
+    for quantity in unsure:
+        x, sigma = columns[quantity.name], columns[uncertainty_of(quantity.name)]
+        up, down = (predict(model, {**columns, quantity.name: x + way * sigma}) for way in (1, -1))
+        share = float(np.mean((up - down) ** 2)) / 4 / max(float(np.mean(left**2)), TINY)
+        yield (
+            f"{quantity.name}: its uncertainty times the slope of the model is "
+            f"{100 * share:.3g} % of the squared training residual"
+        )
+
+
+TINY = float(np.finfo(np.float64).tiny)
 
 SAME = 1e-9  # relative difference of two predictions, below which they say the same
 # share of the held-out samples outside of the training range, above which scores are of

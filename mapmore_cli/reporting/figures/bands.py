@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 
 from mapmore_cli.domain.results import ErrorBand
 from mapmore_cli.reporting.figures.drawing import Drawing, Layout, Panel
-from mapmore_cli.reporting.figures.panels import key, plain_logarithm, shorten
+from mapmore_cli.reporting.figures.panels import key, plain_logarithm, told_apart
 from mapmore_cli.reporting.figures.style import ModelStyle, model_styles
 from mapmore_cli.reporting.inputs import ReportInputs
 from mapmore_cli.reporting.table import title_of
@@ -33,17 +33,16 @@ def draw(inputs: ReportInputs) -> list[Drawing]:
     panel = Panel(
         "", partial(draw_bands, sizes=sizes, looks=looks), label, (f"RMSE ({unit})",), data
     )
+    names = told_apart([title_of(model) for model in looks], 24)
     handles = [
-        key(shorten(title_of(model), 24), marker=look.marker, markersize=3, **look.line)
-        for model, look in looks.items()
+        key(name, marker=look.marker, markersize=3, **look.line)
+        for name, look in zip(names, looks.values(), strict=True)
     ]
     caption = (
         "Root mean square error by the size of what was measured, of held-out data where "
         "there are any."
     )
-    spoken = ", ".join(f"{title_of(model)} {sizes[0].rmse[model]:.3g}" for model in looks)
-    alt = f"RMSE where little is measured, up to {sizes[0].high:.3g} {unit}: {spoken}."
-    return [Drawing("bands", caption, alt, (panel,), Layout(2.3), handles)]
+    return [Drawing("bands", caption, (panel,), Layout(2.3), handles)]
 
 
 def draw_bands(ax: Axes, sizes: Sequence[ErrorBand], looks: Mapping[str, ModelStyle]) -> None:

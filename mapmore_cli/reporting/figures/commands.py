@@ -11,8 +11,9 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 
+from mapmore_cli.domain.arrays import Columns
 from mapmore_cli.domain.models import Formula, Model, Pieces
-from mapmore_cli.domain.recording import Quantity
+from mapmore_cli.domain.recording import Curve, Quantity
 from mapmore_cli.domain.results import Plan
 from mapmore_cli.domain.scores import REPEATABILITY, Tuning
 from mapmore_cli.modelling.kinds import predict
@@ -28,6 +29,7 @@ from mapmore_cli.reporting.inputs import FigureStyle
 
 MARK: dict[str, Any] = panels.DOT | {"markersize": 4}
 RING: dict[str, Any] = MARK | {"markersize": 9, "markerfacecolor": "none", "color": style.GREY}
+HELD_OUT: dict[str, Any] = panels.DOT | {"markersize": 2, "color": style.GREY, "zorder": 0}
 
 POINTS = 201
 
@@ -66,7 +68,7 @@ def tuning_drawing(tuning: Tuning) -> Drawing:
         "data can tell."
     )
     panel = Panel("", on, "Free parameters", ("Left-out NRMSE (%)",))
-    return Drawing("tuning", caption, caption, (panel,), Layout(2.6), handles)
+    return Drawing("tuning", caption, (panel,), Layout(2.6), handles)
 
 
 def plan_drawing(plan: Plan) -> Drawing:
@@ -97,7 +99,7 @@ def plan_drawing(plan: Plan) -> Drawing:
             *handles,
         ]
     panel = Panel("", on, labels[0], (y_label,))
-    return Drawing("plan", caption, caption, (panel,), Layout(height), handles)
+    return Drawing("plan", caption, (panel,), Layout(height), handles)
 
 
 def _label(quantity: Quantity) -> str:
@@ -148,18 +150,21 @@ def drift_drawing(
     def on(ax: Axes) -> None:
         for label, values in outputs.items():
             ax.plot([100 * value / values[0] for value in values], **looks[label])
-        ax.set_xticks(range(len(names)), [panels.shorten(name, 22) for name in names])
+        ax.set_xticks(range(len(names)), panels.told_apart(names, 22))
 
     what = FigureStyle().axis_label(Quantity(output.name, "% of the first"))
     caption = f"{output.name} at reference points over campaigns, in per cent of the first."
     panel = Panel("", on, "Campaign", (what,))
     legend = [key(label, **look) for label, look in looks.items()]
-    return Drawing("drift", caption, caption, (panel,), Layout(2.6), legend)
+    return Drawing("drift", caption, (panel,), Layout(2.6), legend)
 
 
-def draw_model(ax: Axes, model: Model, level: float | None = None) -> None:
+def draw_model(
+    ax: Axes, model: Model, level: float | None = None, held_out: Sequence[Curve] = ()
+) -> None:
     """Draw a line for every training curve, over the input that varies most within it; other inputs
-    are held in the middle of their ranges.
+    are held in the middle of their ranges. Of `held_out` curves, the samples are dots, and the
+    model at them is a dashed line.
 
     With `level`, as 0.95, the band of that interval around each.
 
@@ -171,17 +176,24 @@ def draw_model(ax: Axes, model: Model, level: float | None = None) -> None:
         )
     ranges = model.body.ranges
     along = varying_input(model, [one.limits for one in ranges])
-    for colour, one in zip(style.level_colours(len(ranges)), ranges, strict=True):
-        x = np.linspace(*one.limits[along], POINTS)
-        columns = {name: np.full(POINTS, sum(ends) / 2) for name, ends in one.limits.items()}
-        if model.level is not None and one.level is not None:
-            columns[model.level] = np.full(POINTS, one.level)
-        columns[along] = x
-        y = predict(model, columns)
-        ax.plot(x, y, color=colour, label=one.curve)
+    colours = iter(style.level_colours(len(ranges) + len(held_out)))
+
+    def line(columns: Columns, label: str, dashes: str) -> None:
+        x, y, colour = columns[along], predict(model, columns), next(colours)
+        ax.plot(x, y, dashes, color=colour, label=label)
         if level is not None:
             half = half_widths_of(model, columns, level)
             panels.shade_between(ax, x, (y - half, y + half), colour)
+
+    for one in ranges:
+        columns = {name: np.full(POINTS, sum(ends) / 2) for name, ends in one.limits.items()}
+        if model.level is not None and one.level is not None:
+            columns[model.level] = np.full(POINTS, one.level)
+        line(columns | {along: np.linspace(*one.limits[along], POINTS)}, one.curve, "-")
+    for curve in held_out:
+        ordered = curve.at(np.argsort(curve.columns[along], kind="stable")).columns
+        line(ordered, f"{curve.id}, held out", "--")
+        ax.plot(ordered[along], ordered[model.output.name], **HELD_OUT)
     quantity = next(quantity for quantity in model.inputs if quantity.name == along)
     ax.set_xlabel(FigureStyle().axis_label(quantity))
     ax.set_ylabel(FigureStyle().axis_label(model.output))
@@ -237,7 +249,7 @@ def campaign_figures(scores: CampaignScores) -> list[Drawing]:
         for model in reversed(drawn):  # the own dots over the others
             known = np.isfinite(drawn[model])
             ax.plot(drawn[model][known], rows[known], **looks[model])
-        panels.label_rows(ax, [panels.shorten(name, 40) for name in runs])
+        panels.label_rows(ax, panels.told_apart(runs, 40))
         panels.plain_logarithm(ax.xaxis, (1.0, 2.0, 5.0))
 
     exact = [
@@ -249,8 +261,7 @@ def campaign_figures(scores: CampaignScores) -> list[Drawing]:
     if exact:
         caption += f" Without a dot, since its error is but rounding: {scores.own} in "
         caption += f"{', '.join(exact)}."
-    alt = "NRMSE of every run; the numbers are in the table below."
     panel = Panel("", on, "NRMSE (%)", ("",))
     handles = [key(model, **look) for model, look in looks.items()]
     grid = Layout(0.45 + 0.21 * len(runs), width=DOUBLE)
-    return [Drawing("nrmse", caption, alt, (panel,), grid, handles)]
+    return [Drawing("nrmse", caption, (panel,), grid, handles)]

@@ -12,7 +12,7 @@ from matplotlib.ticker import MaxNLocator
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.recording import Quantity
 from mapmore_cli.reporting.figures.drawing import Drawing, Layout, Panel
-from mapmore_cli.reporting.figures.panels import draw_trace, places, some_of, two_lines
+from mapmore_cli.reporting.figures.panels import draw_trace, places, some_of
 from mapmore_cli.reporting.figures.style import BLUE
 from mapmore_cli.reporting.inputs import ReportInputs
 
@@ -42,18 +42,15 @@ def draw(inputs: ReportInputs) -> list[Drawing]:
         # the axes are low: the unit goes below
         labels = ["\n".join(label.rsplit(" ", 1)) for label in columns]
         labels += [""] * (height - len(columns))
-        title = two_lines(recording.id, 18 if len(shown) > 2 else 40)
         on, data = partial(draw_columns, x=x, columns=columns), {x_label: x, **columns}
-        panels.append(Panel(recording.id, on, x_label, tuple(labels), data, title))
+        panels.append(Panel(recording.id, on, x_label, tuple(labels), data, recording.id))
     caption = (
         "The kept samples of every quantity."
         f"{some_of(len(shown), len(recordings), 'recordings')}"
         " Long records are thinned for drawing to the lowest and highest sample of each short run."
     )
-    names = ", ".join(list(panels[0].data)[1:])
-    alt = f"Traces of {names} for {len(shown)} of {len(recordings)} recordings."
     grid = Layout(0.3 + 0.95 * height, (1.0,) * height, len(shown), common_y="row")
-    return [Drawing("data", caption, alt, tuple(panels), grid)]
+    return [Drawing("data", caption, tuple(panels), grid)]
 
 
 def draw_columns(*axes: Axes, x: Array, columns: Mapping[str, Array]) -> None:

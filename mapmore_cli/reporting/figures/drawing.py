@@ -9,19 +9,22 @@ import math
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cache
 from html import escape
-from importlib import import_module
+from types import ModuleType
 from typing import Any, Literal
 
 import numpy as np
 from matplotlib import rc_context
 from matplotlib.backends.backend_pgf import RendererPgf
+from matplotlib.collections import PathCollection
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 
 from mapmore_cli.domain import plugins
 from mapmore_cli.domain.errors import UsageError
 from mapmore_cli.domain.foreign import tex_label, tex_text, xml_text
+from mapmore_cli.reporting.figures.panels import evenly, titles
 from mapmore_cli.reporting.figures.style import figure_style
 from mapmore_cli.reporting.inputs import SINGLE, FigureStyle, ReportInputs
 from mapmore_cli.reporting.table import title_of
@@ -32,10 +35,13 @@ POINTS = 72
 DOUBLE = 7.16
 """Width of two columns of a journal page, inches."""
 
+BESIDE = 0.5
+"""Inches of a panel's width that its y axis takes."""
+
 Values = Sequence[Any] | np.ndarray
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Panel:
     """Axes below each other with one x axis: the smallest part of a figure that can stand by
     itself.
@@ -54,6 +60,14 @@ class Panel:
     data: Mapping[str, Values] = field(default_factory=dict)
     title: str = ""
 
+    @property
+    def reach(self) -> str:
+        """The least and the greatest number of each column, in a sentence."""
+        columns = ((name, np.asarray(values)) for name, values in self.data.items())
+        known = ((name, x[np.isfinite(x)]) for name, x in columns if x.dtype.kind == "f")
+        words = [f"{name} {x.min():.3g} to {x.max():.3g}" for name, x in known if len(x)]
+        return f"{title_of(self.title)}: {', '.join(words)}.".removeprefix(": ")
+
 
 @dataclass(frozen=True)
 class Layout:
@@ -66,6 +80,7 @@ class Layout:
       else two.
     - `common_x`, `common_y`: whether all panels have one x axis (else each its own); whether those
       of a row, or all, have one y axis.
+    - `projection`: `3d` for axes with three dimensions.
     """
 
     height: float = 2.2
@@ -74,6 +89,7 @@ class Layout:
     width: float = 0.0
     common_x: bool = False
     common_y: Literal["none", "row", "all"] = "none"
+    projection: Literal["3d"] | None = None
 
 
 @dataclass(frozen=True)
@@ -82,16 +98,21 @@ class Drawing:
 
     - `name`: stem of its file, as `fit`.
     - `caption`: what it shows, and what was left out of it.
-    - `alt`: what one would tell somebody who cannot see it.
     - `legend`: handles of the legend above the panels.
     """
 
     name: str
     caption: str
-    alt: str
     panels: tuple[Panel, ...]
     grid: Layout
     legend: Sequence[Any] = ()
+
+    @property
+    def alt(self) -> str:
+        """What one would tell somebody who cannot see it: the caption, and how far the numbers of
+        every panel reach.
+        """
+        return " ".join([self.caption, *(one.reach for one in self.panels if one.data)])
 
 
 def drawings(name: str, inputs: ReportInputs) -> list[Drawing]:
@@ -99,11 +120,24 @@ def drawings(name: str, inputs: ReportInputs) -> list[Drawing]:
 
     They come from `draw` in the module of that name, or of the plug-in.
     """
-    if name in plugins.missing("figures"):
+    try:
+        figures: list[Drawing] = _modules()[name].draw(inputs) if name in _modules() else []
+        if figures and not _modules()[name].__name__.startswith("mapmore_cli."):
+            for drawing in figures:  # what fails as it is drawn is left out as well
+                compose(drawing, inputs.style)
+    except Exception as fault:
+        if plugins.blamed(fault) is None:
+            raise
+        plugins.leave_plugin_out("figures", name, fault)
         return []
-    module = plugins.added("figures").get(name) or import_module(f"{__package__}.{name}")
-    figures: list[Drawing] = module.draw(inputs)
     return figures
+
+
+@cache
+def _modules() -> dict[str, ModuleType]:
+    """Return the modules of the figures by their names, and those that they share."""
+    assert __package__ is not None
+    return {part.name: part.value for part in plugins.parts("figures", ModuleType, __package__)}
 
 
 def panel_of(name: str, inputs: ReportInputs, words: str) -> tuple[Drawing, Panel]:
@@ -153,17 +187,28 @@ def render_figure(drawing: Drawing, style: FigureStyle | None = None) -> Rendere
 
 
 def compose(
-    drawing: Drawing, style: FigureStyle | None = None, panel: Panel | None = None
+    drawing: Drawing,
+    style: FigureStyle | None = None,
+    panel: Panel | None = None,
+    width: float | None = None,
 ) -> Figure:
     """All panels of a figure in the grid of a page; or one `panel` alone, with the legend of the
     figure, as wide as the style says.
+
+    With a `width`, in inches, all panels are as wide as that together, and fewer side by side.
     """
     style, grid, stack = style or FigureStyle(), drawing.grid, len(drawing.grid.stack)
     panels = drawing.panels if panel is None else (panel,)
     columns = min(grid.columns or (2 if len(panels) == 4 else 3), len(panels))
-    width = grid.width or (SINGLE if len(panels) == 1 else DOUBLE)
-    width = width if panel is None else style.width
+    if panel is not None:
+        width = style.width
+    elif width is not None:
+        columns = min(columns, max(1, int(columns * width / DOUBLE)))
+    width = width or grid.width or (SINGLE if len(panels) == 1 else DOUBLE)
     rows = math.ceil(len(panels) / columns)
+    names = [title_of(one.title) for one in drawing.panels]
+    letters = int((width / columns - BESIDE) / _letter(style.size))
+    headings = dict(zip(drawing.panels, titles(names, letters), strict=True))
     room = 0.45 if drawing.legend else 0.2  # above the panels
     figure = Figure(figsize=(width, room + rows * grid.height), dpi=POINTS)
     every = figure.subplots(
@@ -173,6 +218,7 @@ def compose(
         sharex=grid.common_x,
         sharey=grid.common_y,
         squeeze=False,
+        subplot_kw={"projection": grid.projection},
     )
     for number in range(rows * columns):
         row, column = divmod(number, columns)
@@ -181,7 +227,7 @@ def compose(
             for ax in axes:
                 ax.remove()
             continue
-        _fill(axes, panels[number], grid, style, columns)
+        _fill(axes, panels[number], headings[panels[number]], grid, style, columns)
         if column == 0 or grid.common_y == "none":
             for ax, label in zip(axes, panels[number].y_labels, strict=True):
                 ax.set_ylabel(label, parse_math=style.is_own_label(label))
@@ -195,8 +241,10 @@ def compose(
     return figure
 
 
-def _fill(axes: Any, panel: Panel, grid: Layout, style: FigureStyle, columns: int) -> None:
-    """Draw a panel, with its x axis labelled below it."""
+def _fill(
+    axes: Any, panel: Panel, title: str, grid: Layout, style: FigureStyle, columns: int
+) -> None:
+    """Draw a panel, with its title above and its x axis labelled below it."""
     top, bottom = axes[0], axes[-1]
     for ax in axes:
         if ax is not top and not grid.common_x:
@@ -204,19 +252,24 @@ def _fill(axes: Any, panel: Panel, grid: Layout, style: FigureStyle, columns: in
         ax.tick_params(labelbottom=ax is bottom)
     bottom.locator_params(axis="x", nbins=5 if columns < 2 else 4)
     panel.draw(*axes)
-    top.set_title(title_of(panel.title))
+    for ax, label in zip(axes, panel.y_labels, strict=False):  # what `_hovered` says of a place
+        ax.set_label("" if grid.projection else f"{panel.x_label}\n{label}")
+    top.set_title(title)
     bottom.set_xlabel(panel.x_label, parse_math=style.is_own_label(panel.x_label))
 
 
 def _legend_columns(labels: Sequence[str], width: float, size: float) -> int:
     """As many entries side by side as fit, by the length of the longest, and rows of nearly one
     length.
-
-    A letter is about half as wide as high.
     """
-    longest = (max(map(len, labels)) * 0.55 + 4.2) * (size - 1) / POINTS
+    longest = (max(map(len, labels)) + 7.6) * _letter(size)
     rows = math.ceil(len(labels) / max(1, int(width / longest)))
     return math.ceil(len(labels) / rows)
+
+
+def _letter(size: float) -> float:
+    """Return inches of a letter of titles and legends: about half as wide as high."""
+    return 0.55 * (size - 1) / POINTS
 
 
 SVG_PROLOGUE = '<?xml version="1.0" encoding="utf-8"?>\n'
@@ -240,7 +293,31 @@ def to_svg(figure: Figure, name: str, alt: str) -> str:
             metadata={"Date": None, "Creator": None, "Format": None, "Type": None},
         )
     svg = _GROUP_ID.sub("<g", _PROLOGUE.sub("", xml_text(text.getvalue(), "\n")))
+    svg = svg.replace("</svg>", f"{_hovered(figure)}</svg>")
     return svg.replace("<svg ", f'<svg role="img" aria-label="{escape(xml_text(alt))}" ', 1)
+
+
+HOVERED = 80
+"""Dots of each line or cloud that say their numbers."""
+
+
+def _hovered(figure: Figure) -> str:
+    """Return unseen circles over dots, whose titles a browser shows under the pointer."""
+    circles = []
+    for ax in (one for one in figure.axes if one.get_label()):
+        labels = str(ax.get_label()).split("\n")
+        lines = [one for one in ax.lines if one.get_marker() not in ("None", "")]
+        clouds = [one for one in ax.collections if isinstance(one, PathCollection)]
+        drawn = [one.get_xydata() for one in lines] + [one.get_offsets() for one in clouds]
+        for data in (np.asarray(places, dtype=np.float64) for places in drawn):
+            some = data[evenly(len(data), HOVERED)]
+            for numbers, (x, y) in zip(some, ax.transData.transform(some), strict=True):
+                if ax.bbox.contains(x, y):
+                    told = map("{}: {:.4g}".format, labels, numbers)
+                    title = escape(xml_text("\n".join(told), "\n"))
+                    place = f'cx="{x:.1f}" cy="{figure.bbox.height - y:.1f}" r="3"'
+                    circles.append(f"<circle {place}><title>{title}</title></circle>")
+    return f'<g fill-opacity="0">{"".join(circles)}</g>' if circles else ""
 
 
 class _Renderer(RendererPgf):

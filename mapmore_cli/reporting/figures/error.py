@@ -12,7 +12,6 @@ from mapmore_cli.reporting.figures import panels, style
 from mapmore_cli.reporting.figures.drawing import Drawing, Layout, Panel
 from mapmore_cli.reporting.figures.style import ModelStyle
 from mapmore_cli.reporting.inputs import ReportInputs
-from mapmore_cli.reporting.table import title_of
 
 
 def draw(inputs: ReportInputs) -> list[Drawing]:
@@ -49,9 +48,8 @@ def draw(inputs: ReportInputs) -> list[Drawing]:
         f"{what}, all curves pooled; {dots}.{panels.SOME_DOTS if len(x) > panels.DOTS else ''}"
         f"{panels.beyond_scale(inputs.far_off)}"
     )
-    alt = f"{what} for {', '.join(map(title_of, inputs.shown))}."
     grid = Layout(1.75, common_x=True, common_y="all")
-    return [Drawing("error", caption, alt, tuple(drawn), grid)]
+    return [Drawing("error", caption, tuple(drawn), grid)]
 
 
 def draw_errors(

@@ -17,7 +17,9 @@ from matplotlib.axes import Axes
 from matplotlib.patches import Patch
 
 from mapmore_cli.domain.arrays import Array, BoolArray, IntArray
+from mapmore_cli.domain.models import Formula, Pieces
 from mapmore_cli.domain.recording import Curve, Quantity
+from mapmore_cli.domain.scores import OWN
 from mapmore_cli.modelling.signals.sampling import envelope
 from mapmore_cli.reporting.figures import panels, style
 from mapmore_cli.reporting.figures.drawing import DOUBLE, Drawing, Layout, Panel, Values
@@ -181,7 +183,7 @@ def curve_figures(inputs: ReportInputs, name: str, numbers: Sequence[int]) -> li
             inputs.axis_label(_axis(inputs)),
             labels,
             curve_data(inputs, curve),
-            panels.shorten(curve.title, 60 if inputs.timed else 34),
+            curve.title,
         )
         for i, curve in zip(shown, curves, strict=True)
     )
@@ -197,9 +199,21 @@ def curve_figures(inputs: ReportInputs, name: str, numbers: Sequence[int]) -> li
         f"{'' if inputs.timed else panels.thinned([len(curve.x) for curve in curves])}"
         f"{panels.some_of(len(shown), len(numbers), f'{which} {things}')}"
         f"{panels.best_of(len(styles), len(inputs.models))}{panels.beyond_scale(far_off)}"
+        f"{own_words(inputs)}"
     )
-    alt = f"{what} over {_axis(inputs).name}, {which} {things}: {_worst_errors(curves)}."
-    return [Drawing(name, caption, alt, figure, grid, _legend(inputs, curves, styles))]
+    return [Drawing(name, caption, figure, grid, _legend(inputs, curves, styles))]
+
+
+def own_words(inputs: ReportInputs) -> str:
+    """Return what a caption says of `mapmore` where no pieces stand behind the name: a formula that
+    was fitted to this data, or models of other runs.
+    """
+    if inputs.own != OWN or isinstance(inputs.model.body, Pieces):
+        return ""
+    if isinstance(inputs.model.body, Formula):
+        return f" {OWN} is {inputs.model.body.backbone.name}, fitted to the training samples here."
+    others = ", ".join(one.name for one in inputs.model.body.models)
+    return f" {OWN} is made of {others}." if others else ""
 
 
 def _marks(inputs: ReportInputs, curves: Sequence[CurveFit]) -> str:
@@ -226,7 +240,8 @@ def _legend(
         label = "held out" if training else "measured"
         handles.append(panels.key(label, color=style.BLACK, **shape))
     if training:
-        handles.append(panels.key("training", color=style.GREY, **shape, **face))
+        label = "training" if inputs.holds_out else "measured"
+        handles.append(panels.key(label, color=style.GREY, **shape, **face))
     for model, look in styles.items():
         if any(curve.predicted(model) for curve in curves):
             handles.append(panels.key(model, **look.line))
@@ -238,22 +253,6 @@ def _legend(
     if inputs.over_time:
         handles.append(Patch(color=style.SHADE, label="plateau"))
     return handles
-
-
-def _worst_errors(curves: Sequence[CurveFit]) -> str:
-    """Return the largest error of each model, on held-out samples where a curve has some."""
-    words = []
-    for model in curves[0].predictions:
-        errors = np.concatenate(
-            [
-                (curve.predictions[model] - curve.y)[curve.held_out | ~curve.held_out.any()]
-                for curve in curves
-            ]
-        )
-        known = np.abs(errors[np.isfinite(errors)])
-        largest = f"largest error {known.max():.3g}" if len(known) else "no prediction"
-        words.append(f"{title_of(model)}: {largest}")
-    return ", ".join(words)
 
 
 def curve_data(inputs: ReportInputs, curve: CurveFit) -> dict[str, Values]:
@@ -299,16 +298,15 @@ def training_figures(inputs: ReportInputs) -> list[Drawing]:
         data,
     )
     legend = [panels.key(inputs.own, color=own.colour, linewidth=own.width)]
-    for curve, colour in zip(curves, style.level_colours(len(curves)), strict=True):
-        legend.append(panels.key(panels.shorten(curve.title, 24), color=colour, **panels.DOT))
+    names = panels.told_apart([curve.title for curve in curves], 24)
+    for name, colour in zip(names, style.level_colours(len(curves)), strict=True):
+        legend.append(panels.key(name, color=colour, **panels.DOT))
     caption = (
         f"The training curves with {inputs.own} above, its error (predicted minus measured) below."
         f"{panels.thinned([len(curve.x) for curve in curves])}"
-        f"{panels.some_of(len(curves), len(numbers), 'training curves')}"
+        f"{panels.some_of(len(curves), len(numbers), 'training curves')}{own_words(inputs)}"
     )
-    spoken = ", ".join(curve.title for curve in curves)
-    alt = f"Training curves {spoken}, with the predictions of {inputs.own} and their errors."
-    return [Drawing("fit_training", caption, alt, (panel,), Layout(2.95, (2.2, 1.0)), legend)]
+    return [Drawing("fit_training", caption, (panel,), Layout(2.95, (2.2, 1.0)), legend)]
 
 
 def draw_training_curves(
@@ -347,13 +345,12 @@ def loop_figures(inputs: ReportInputs) -> list[Drawing]:
         f"{panels.best_of(len(models), len(inputs.models))}"
         f"{panels.some_of(len(shown), len(numbers), 'recordings with held-out samples')}"
     )
-    alt = f"{what}, held-out samples in the order of time."
     legend = [
         panels.key("measured", color=style.BLACK),
         *(panels.key(model, color=look.colour) for model, look in styles.items()),
     ]
     grid = Layout(2.3, columns=len(models), common_y="row")
-    return [Drawing("loops", caption, alt, loops, grid, legend)]
+    return [Drawing("loops", caption, loops, grid, legend)]
 
 
 def _loop(inputs: ReportInputs, number: int, model: str, colour: str) -> Panel:
@@ -378,7 +375,6 @@ def _loop(inputs: ReportInputs, number: int, model: str, colour: str) -> Panel:
         panels.heading(target): measured[rows],
         f"{model} [{target.unit}]": predicted[rows],
     }
-    name, rival = panels.shorten(inputs.curve_label(curve), 22), title_of(model)
     labels = (inputs.axis_label(along), (inputs.axis_label(target),))
-    title = f"{name}: {panels.shorten(rival, 24)}"
+    title = f"{inputs.curve_label(curve)}: {title_of(model)}"
     return Panel(f"{curve.id} {model}", on, *labels, data, title)

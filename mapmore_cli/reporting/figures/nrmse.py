@@ -12,7 +12,7 @@ from matplotlib.patches import Patch
 
 from mapmore_cli.domain.scores import REPEATABILITY
 from mapmore_cli.reporting.figures.drawing import Drawing, Layout, Panel, Values
-from mapmore_cli.reporting.figures.panels import key, label_rows, two_lines, write_beside
+from mapmore_cli.reporting.figures.panels import key, label_rows, titles, write_beside
 from mapmore_cli.reporting.figures.style import BLACK, GREY, ModelStyle, model_styles
 from mapmore_cli.reporting.inputs import ReportInputs
 from mapmore_cli.reporting.score_tables import full_scale
@@ -64,15 +64,10 @@ def draw(inputs: ReportInputs) -> list[Drawing]:
     if paper is not None and published:
         handles.insert(len(bars), key("published", **DIAMOND))
         caption += f" Diamonds: {paper.source}."
-    spoken = ", ".join(
-        f"{title_of(model)} {'failed' if math.isnan(value) else f'{value:.2f} %'}"
-        for model, value in bars[solid].items()
-    )
-    alt = f"NRMSE on {SPLITS[solid]} data: {spoken}."
     on = partial(draw_nrmse, bars=bars, published=published, floor=floor, styles=styles)
     panel = Panel("", on, "NRMSE (%)", ("",), _bar_numbers(bars, published))
     grid = Layout(0.3 + 0.42 * len(inputs.models))
-    return [Drawing("nrmse", caption, alt, (panel,), grid, handles)]
+    return [Drawing("nrmse", caption, (panel,), grid, handles)]
 
 
 def draw_nrmse(
@@ -104,7 +99,7 @@ def draw_nrmse(
     if published:
         rows = [models.index(model) + first for model in published]
         ax.plot([*published.values()], rows, zorder=5, clip_on=False, **DIAMOND)
-    label_rows(ax, [two_lines(title_of(model), 18) for model in models])
+    label_rows(ax, titles([title_of(model) for model in models], 18))
     ax.set_xlim(left=0)
 
 

@@ -4,6 +4,7 @@ figures share.
 
 from __future__ import annotations
 
+import re
 import textwrap
 from collections.abc import Sequence
 from typing import Any
@@ -168,11 +169,36 @@ def shorten(text: str, length: int) -> str:
     return f"{text[:head]}…{text[head + 1 - length :]}"
 
 
-def two_lines(text: str, length: int) -> str:
-    """Return the text in two lines where it is longer than `length`; longer ones are shorten."""
-    if len(text) <= length:
-        return text
-    return textwrap.fill(shorten(text, 2 * length), length, max_lines=2, placeholder="…")
+def told_apart(names: Sequence[str], length: int) -> list[str]:
+    """Return the names with at most so many letters, different wherever they are.
+
+    Where one is longer, the words that all begin and end with are left out of all, then the middle;
+    what is the same after that gets a number.
+    """
+    if len({*names}) < 2 or max(map(len, names)) <= length:
+        return [shorten(name, length) for name in names]
+    parts = [re.split(r"(?<=[^A-Za-z0-9])", name) for name in names]
+    head, tail = _alike(parts), _alike([one[::-1] for one in parts])
+    cut = ["".join(["…"[:head], *one[head : len(one) - tail], "…"[:tail]]) for one in parts]
+    found = [shorten(name, length) for name in cut]
+    if len({*found}) == len({*names}):
+        return found
+    places = {name: f"{number}: " for number, name in enumerate(dict.fromkeys(names), 1)}
+    numbers = [places[name] for name in names]
+    return [n + shorten(name, length - len(n)) for n, name in zip(numbers, cut, strict=True)]
+
+
+def _alike(parts: Sequence[Sequence[str]]) -> int:
+    """Return with how many parts all names begin; one part of the shortest is never counted."""
+    same = [len({*column}) == 1 for column in zip(*parts, strict=False)]
+    return [*same[:-1], False].index(False)
+
+
+def titles(names: Sequence[str], length: int) -> list[str]:
+    """Return the names told apart, in lines of at most so many letters: two, or three where they
+    break ill.
+    """
+    return [textwrap.fill(name, length) for name in told_apart(names, 2 * length)]
 
 
 # Captions, and what is left out
@@ -203,8 +229,8 @@ def best_of(shown: int, count: int) -> str:
     """Return a sentence about the models that lines are drawn of; nothing where all are."""
     if shown == count:
         return ""
-    others = f"the run's own and the {shown - 1} others with the least error"
-    return f" Of {count} models, {others} are drawn."
+    others = "other" if shown == 2 else f"{shown - 1} others"
+    return f" Of {count} models, the run's own and the best {others} are drawn."
 
 
 def beyond_scale(models: Sequence[str]) -> str:

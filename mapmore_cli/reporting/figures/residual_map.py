@@ -54,9 +54,5 @@ def draw(inputs: ReportInputs) -> list[Drawing]:
         f"Errors of {inputs.own} over its inputs{rimmed}. Patches of one colour are a shape "
         "that the model misses."
     )
-    alt = (
-        f"Errors from {error.min():.3g} to {error.max():.3g} {inputs.target.unit} "
-        f"over {first.name} and {second.name}."
-    )
     panel = Panel("", on, x_label, (y_label,), data)
-    return [Drawing("residual_map", caption, alt, (panel,), Layout(2.4))]
+    return [Drawing("residual_map", caption, (panel,), Layout(2.4))]

@@ -43,8 +43,7 @@ def draw(inputs: ReportInputs) -> list[Drawing]:
         f"Residual tests of {inputs.own} on the {rows} samples. Grey: where 95 % lie if the "
         f"errors are noise. {_sentence(inputs, own)} {_inputs_sentence(inputs, words)}"
     )
-    alt = f"Residual tests: {'; '.join([_sentence(inputs, own), *words])}."
-    return [Drawing("residuals", caption, alt, tuple(panels), Layout(1.9))]
+    return [Drawing("residuals", caption, tuple(panels), Layout(1.9))]
 
 
 def _sentence(inputs: ReportInputs, own: ResidualTest) -> str:

@@ -88,20 +88,16 @@ def _variable_figure(inputs: ReportInputs, fusion: Fusion, variable: int, name: 
             **{f"weight of segment {place}": one for place, one in enumerate(weights, start=1)},
         }
         on = partial(draw_segments, curve=curve, fusion=fusion)
-        drawn.append(Panel(curve.id, on, *labels, data, panels.shorten(curve.title, 34)))
+        drawn.append(Panel(curve.id, on, *labels, data, curve.title))
     caption = (
         f"Training samples by segment of {name}, and the segments' weights within their curve "
         "below: boundaries as lines, transition zones shaded "
         f"({fusion.transition} transitions, z_s = {fusion.z_s:g})."
         f"{panels.some_of(len(shown), len(every), 'curves')}"
     )
-    spoken = "; ".join(
-        f"{curve.title}: boundaries at {', '.join(f'{b:.3g}' for b in curve.boundaries)}"
-        for curve in shown
-    )
     stem = "segments" if variable == 0 else f"segments_{name}"
     grid = Layout(2.2, (2.0, 0.8), common_y="row")
-    return Drawing(stem, caption, f"Segments of {name}. {spoken}.", tuple(drawn), grid)
+    return Drawing(stem, caption, tuple(drawn), grid)
 
 
 def draw_segments(top: Axes, bottom: Axes, curve: SegmentCurve, fusion: Fusion) -> None:
@@ -162,7 +158,7 @@ def level_figures(inputs: ReportInputs, pieces: Pieces) -> list[Drawing]:
             "backbone is carried."
         )
     panel = Panel("", on, inputs.axis_label(level), (inputs.axis_label(output),), data)
-    return [Drawing("segments_levels", caption, f"{what}.", (panel,), Layout(2.0))]
+    return [Drawing("segments_levels", caption, (panel,), Layout(2.0))]
 
 
 def level_courses(inputs: ReportInputs, pieces: Pieces, x: Array) -> dict[float, Array]:

@@ -13,11 +13,12 @@ from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.recording import Quantity
 from mapmore_cli.modelling.kinds import outside_range, predict
 from mapmore_cli.reporting.figures.drawing import Drawing, Layout, Panel, Values
-from mapmore_cli.reporting.figures.panels import DOTS, SOME_DOTS, evenly
+from mapmore_cli.reporting.figures.panels import DOT, DOTS, SOME_DOTS, evenly
+from mapmore_cli.reporting.figures.style import BLACK
 from mapmore_cli.reporting.inputs import ReportInputs
 
-CELLS = 60
-"""Along each input."""
+CELLS, STRIDE = 61, 4
+"""Places along each input, and of how many of them the surface in space has one."""
 
 
 def two_inputs(inputs: ReportInputs) -> tuple[Quantity, Quantity] | None:
@@ -76,7 +77,19 @@ def draw(inputs: ReportInputs) -> list[Drawing]:
         "of what was measured: one that stands out is not "
         f"met.{SOME_DOTS if len(rows) < len(x) else ''}"
     )
-    name, unit = inputs.target.name, inputs.target.unit
-    alt = f"Contours of {name} from {low:.4g} to {high:.4g} {unit}."
-    panel = Panel("", on, x_label, (y_label,), data)
-    return [Drawing("surface", caption, alt, (panel,), Layout(2.4))]
+
+    def on_space(ax: Any) -> None:
+        shown = output.reshape(across.shape)[::STRIDE, ::STRIDE]
+        places = (across[::STRIDE, ::STRIDE], up[::STRIDE, ::STRIDE])
+        ax.plot_surface(*places, shown, cmap="viridis", rstride=1, cstride=1, antialiased=False)
+        ax.plot(x[rows], y[rows], z[rows], color=BLACK, **DOT | {"markersize": 1.2})
+        ax.set_zlabel(label)
+        ax.view_init(elev=28, azim=-60)
+
+    flat, space = (Panel("", draw, x_label, (y_label,), data) for draw in (on, on_space))
+    shape = Layout(2.6, projection="3d")
+    above = f"The same in space, with samples as dots: {inputs.target.name} upwards."
+    return [
+        Drawing("surface", caption, (flat,), Layout(2.4)),
+        Drawing("surface_3d", above, (space,), shape),
+    ]

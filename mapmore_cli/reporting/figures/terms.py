@@ -22,6 +22,7 @@ from mapmore_cli.reporting.figures.panels import (
     plain_logarithm,
     shorten,
     some_of,
+    told_apart,
     write_beside,
 )
 from mapmore_cli.reporting.figures.style import GREY, LIGHT, model_styles
@@ -83,10 +84,6 @@ def draw(inputs: ReportInputs) -> list[Drawing]:
         "of each step would have left: the distance is the margin of the "
         f"choice.{some_of(len(segments), len(fits), 'segments')}"
     )
-    spoken = "; ".join(
-        f"{one.segment}: {one.terms}, {one.left[-1]:.2g} % left" for one in segments[:12]
-    )
-    alt = f"Unexplained sum of squares by segment. {spoken}."
     handles = (
         key("chosen term", **DOT | {"markersize": 4, "color": own}),
         key("its runner-up", **RUNNER_UP),
@@ -94,7 +91,7 @@ def draw(inputs: ReportInputs) -> list[Drawing]:
     on = partial(draw_terms, segments=segments, colour=own)
     panel = Panel("", on, "Sum of squares left unexplained (%)", ("",), data)
     grid = Layout(0.3 + 0.17 * len(segments), width=DOUBLE)
-    return [Drawing("terms", caption, alt, (panel,), grid, handles)]
+    return [Drawing("terms", caption, (panel,), grid, handles)]
 
 
 def draw_terms(ax: Axes, segments: Sequence[TermSteps], colour: str) -> None:
@@ -112,4 +109,4 @@ def draw_terms(ax: Axes, segments: Sequence[TermSteps], colour: str) -> None:
     plain_logarithm(ax.xaxis)
     low, high = np.log10(ax.get_xlim())
     ax.set_xlim(10.0 ** np.floor(low), 10.0 ** np.ceil(high))
-    label_rows(ax, [shorten(one.segment, 40) for one in segments])
+    label_rows(ax, told_apart([one.segment for one in segments], 40))

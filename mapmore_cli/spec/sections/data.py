@@ -10,8 +10,8 @@ from typing import Annotated, Literal
 
 from pydantic import ConfigDict, Field
 
-from mapmore_cli.domain.declared import Contradiction, Either, InUnit, OfKey, Seconds, of_sibling
-from mapmore_cli.spec.fields import PathOrName, Quantity, Section, SignedSeconds
+from mapmore_cli.domain.declared import Contradiction, Either, OfKey, Seconds, always_in, of_sibling
+from mapmore_cli.spec.fields import PathOrName, Quantity, Section, SignedSeconds, Uncertainty
 from mapmore_cli.spec.sections.logs import FileEntry, Join, Keep, Logs
 
 OfLevel = Annotated[float, of_sibling("of")]
@@ -21,8 +21,11 @@ STEP_PRESSURE, STEP_OF = "step_pressure", "pressure"
 
 
 class Rate(Section):
-    """The time derivative of `rate_of`, by a Savitzky-Golay filter of polynomial `order` over
-    `window` seconds.
+    """The time derivative of a quantity, by a Savitzky-Golay filter.
+
+    - `rate_of`: the quantity, as `strain`
+    - `window`: width of the filter, as `30 ms`
+    - `order`: order of its polynomials, as `2`
     """
 
     rate_of: str
@@ -31,10 +34,12 @@ class Rate(Section):
 
 
 class Direction(Section):
-    """The direction of motion, +1 (rise) or -1 (fall): the sign of the rate `direction_of`, where
-    that exceeds the `dead_band`.
+    """The direction of motion, +1 (rise) or -1 (fall): the sign of a rate.
 
     Within the dead band the last direction holds; a recording starts with +1.
+
+    - `direction_of`: the rate, as `strain_rate`
+    - `dead_band`: rate up to which the last direction holds, as `0.002`
     """
 
     direction_of: str
@@ -42,8 +47,10 @@ class Direction(Section):
 
 
 class Cycles(Section):
-    """Split load cycles into branches `over` one quantity, and resample both on `samples` common
-    values.
+    """Split load cycles into branches, and average each rise with the fall beside it.
+
+    - `over`: the quantity that rises and falls, as `strain`
+    - `samples`: common values of it that both branches are resampled on, as `200`
     """
 
     over: str
@@ -51,12 +58,14 @@ class Cycles(Section):
 
 
 class Levels(Section):
-    """The quantity (`of`) held constant within one curve, its values (`at`), and how far a sample
-    may be off (`within`).
+    """The quantity held constant within one curve.
 
-    `within` is half the smallest distance between levels where it is not given. The `value` of a
-    sample is what was `measured`, which surfaces and interpolation between levels use, or the
-    `nominal` one of its level, as where the sensor is noisier than the rig.
+    - `of`: the quantity, as `pressure`
+    - `at`: its values, or `auto` for those that the data show, as `[100 kPa, 2 bar]`
+    - `within`: how far a sample may be off; half the smallest distance between levels by default,
+      as `10 kPa`
+    - `value`: the value of a sample: what was `measured`, or the `nominal` one of its level, as
+      where the sensor is noisier than the rig, as `nominal`
     """
 
     of: str
@@ -92,7 +101,10 @@ class Levels(Section):
 
 
 class Between(Section):
-    """Closed intervals of a quantity."""
+    """Closed intervals of a quantity.
+
+    - `between`: the intervals, lower end first, as `[[100, 200], [300, 350]]`
+    """
 
     between: Annotated[
         list[Annotated[tuple[OfKey, OfKey], Field(strict=False)]], Field(min_length=1)
@@ -108,16 +120,22 @@ class Between(Section):
                 )
 
 
-Part = Annotated[float, Field(gt=0, lt=1), InUnit(lambda _: "1")]
+Part = Annotated[float, Field(gt=0, lt=1), always_in("1")]
 HeldOut = Annotated[Annotated[list[OfKey], Field(min_length=1)] | Between, Either()]
 
 
 class Holdout(Section):
     """Which samples validate. A sample must fulfil every condition that is given.
 
-    `files` and `recordings` are globs; `last` is a share of every recording, `last_cycles` of its
-    cycles, the rises and falls `of` a quantity, and `fraction` of all samples, drawn with `seed`.
     Any other key is a quantity, with values or `{between: [[low, high], ...]}`.
+
+    - `files`: globs of files, as `["*_take2.csv"]`
+    - `recordings`: globs of ids of recordings, as `["log#2"]`
+    - `last`: share at the end of every recording, as `0.3`
+    - `last_cycles`: share of the cycles at the end of every recording, as `0.5`
+    - `of`: the quantity whose rises and falls are those cycles, as `pressure`
+    - `fraction`: share of all samples, drawn by chance, as `0.2`
+    - `seed`: number that the draw begins with, as `1`
     """
 
     model_config = ConfigDict(extra="allow")
@@ -155,8 +173,11 @@ class Holdout(Section):
 class Split(Section):
     """Which data validate. Without it, all data train.
 
-    `leave_one_level_out` and `leave_one_group_out` are cross-validation over levels or
-    `data.groups`: the saved model uses all data.
+    After cross-validation the saved model uses all data.
+
+    - `validate`: which samples are held out, as `{pressure: [250]}`
+    - `leave_one_level_out`: cross-validation over levels, as `true`
+    - `leave_one_group_out`: cross-validation over `data.groups`, as `true`
     """
 
     hold_out: Holdout | None = Field(default=None, alias="validate")
@@ -175,14 +196,16 @@ class Split(Section):
 
 
 class Groups(Section):
-    """What tells specimens or sessions apart: the quantity `of`, one value for each, from a column
-    or `set` beside the files.
+    """What tells specimens or sessions apart.
 
-    Each group is scored by itself, and `split: {leave_one_group_out: true}` leaves each out in
-    turn. With `offset`, what each group adds to the target at equal inputs is estimated on training
-    samples and taken off; the mean of all offsets is zero. With `gain`, so is a factor of each
-    group, near 1 where its samples say little; the geometric mean of all gains is 1. A group that
-    is held out whole has gain 1 and offset 0.
+    Each group is scored by itself. A group that is held out whole has gain 1 and offset 0.
+
+    - `of`: a quantity with one value for each, from a column or `set` beside the files, as
+      `specimen`
+    - `offset`: whether what each group adds to the target at equal inputs is estimated on training
+      samples and taken off; the mean of all offsets is zero, as `true`
+    - `gain`: whether a factor of each group is, too, near 1 where its samples say little; the
+      geometric mean of all gains is 1, as `true`
     """
 
     of: Quantity
@@ -196,10 +219,11 @@ class Groups(Section):
 
 
 class GapRule(Section):
-    """Gaps between samples `longer_than` seconds are an error, or split the recording.
+    """What a recording is where samples are missing in between.
 
-    With `split`, pieces are recordings of their own, `<id>#1`, `<id>#2`, ...; a clock that is set
-    back splits as well.
+    - `longer_than`: time between two samples from which on it is a gap, as `0.5 s`
+    - `action`: `error`, or `split`: pieces are recordings of their own, `<id>#1`, `<id>#2`, ...; a
+      clock that is set back splits as well, as `split`
     """
 
     longer_than: Seconds
@@ -207,8 +231,10 @@ class GapRule(Section):
 
 
 class MissingRule(Section):
-    """Texts and numbers that stand for a missing value, besides an empty cell, `nan`, `NA` and the
-    like; samples without a value are then left out.
+    """What stands for a missing value, besides an empty cell, `nan`, `NA` and the like; samples
+    without a value are then left out.
+
+    - `tokens`: texts and numbers that do, as `[-999, "no signal"]`
     """
 
     tokens: list[Annotated[str | float, Either()]] = []
@@ -235,16 +261,27 @@ recording.
 class Data(Logs):
     """The recordings, and how they become curves.
 
-    - `columns` say which column holds which quantity; `join` adds those of a second log; `derive`
-      adds what follows from them.
-    - `gaps` are where a recording breaks off; `glitches: drop` leaves out stamps that jump back, or
-      ahead and back; `resample` makes even
-      steps; `keep` chooses samples.
-    - `cycles` splits loops into branches, `levels` names what is constant within a curve, `groups`
-      tells specimens apart, `split` holds
-      data out.
-    - `plateau` is where a step response rests, `auto` or `[from, to]`: its mean pressure is
-      `step_pressure`, its samples do not train.
+    - `join`: second logs of the same tests, as `[{files: ["force_*.csv"], columns: {force: {column:
+      F}}, on: row}]`
+    - `derive`: what follows from the columns: an expression, a rate or a direction, as `{strain: "1
+      - length/88"}`
+    - `plateau`: where a step response rests, from when to when: its mean pressure is
+      `step_pressure`, its samples do not train, as `auto`
+    - `keep`: samples to keep, as `[{quantity: force, above: 0}]`
+    - `missing`: an `error`, samples to `drop`, or what else stands for a missing value, as `drop`
+    - `repeated_time`: stamps that repeat: an `error`, the `average` of their samples, or samples
+      `spread` until the next stamp, as `average`
+    - `glitches`: stamps that jump back, or ahead and back: an `error`, or samples to `drop`, as
+      `drop`
+    - `gaps`: what a recording is where it breaks off, as `{longer_than: 0.5 s, action: split}`
+    - `resample`: time between samples, to which all are interpolated, as `10 ms`
+    - `cycles`: loops to split into branches, as `{over: strain}`
+    - `levels`: what is held constant within a curve, as `{of: pressure, at: auto}`
+    - `groups`: what tells specimens or sessions apart, as `{of: specimen, offset: true}`
+    - `split`: which data are held out of training, as `{validate: {pressure: [250]}}`
+    - `uncertainty`: standard deviation of each sample, by quantity: a value, a share of what was
+      measured (`2 %`), the name of a column, or values by `groups`; samples of the target weigh by
+      it, of an input it is told how much of the residual it explains, as `{force: 0.5 N}`
     """
 
     join: list[Join] = []
@@ -259,7 +296,18 @@ class Data(Logs):
     cycles: Cycles | None = None
     levels: Levels | None = None
     groups: Groups | None = None
+    uncertainty: dict[Quantity, Uncertainty] = {}
     split: Split = Split()
+
+    def _contradictions(self) -> Iterator[ValueError]:
+        yield from super()._contradictions()
+        for name, rule in self.uncertainty.items():
+            if isinstance(rule, dict) and self.groups is None:
+                yield Contradiction(
+                    f"the uncertainty of `{name}` is by group, and there are no groups",
+                    "say what tells them apart, as `groups: {of: session}`",
+                    "uncertainty",
+                )
 
     @property
     def measured(self) -> tuple[str, ...]:

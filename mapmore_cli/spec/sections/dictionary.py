@@ -5,15 +5,16 @@ memory.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, Annotated, Any
+from math import inf
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import Field, create_model
 
-from mapmore_cli.domain.declared import Contradiction, Either, InUnit
+from mapmore_cli.domain.declared import Contradiction, Either, ListToo, always_in
 from mapmore_cli.modelling.expressions import ExpressionError, parse, state
 from mapmore_cli.modelling.expressions.operator import Operator
 from mapmore_cli.modelling.expressions.operators import families
-from mapmore_cli.spec.fields import Section
+from mapmore_cli.spec.fields import OfTarget, Section
 from mapmore_cli.spec.tree import Loc
 
 Of = Annotated[list[str], Field(min_length=1)]
@@ -22,7 +23,10 @@ Count = Annotated[int, Field(ge=1, le=100)]
 
 
 class OperatorFamily(Section):
-    """States that one operator makes of the quantities `of`; training finds its numbers."""
+    """States that one operator makes of some quantities; training finds numbers that are not given.
+
+    - `of`: the quantities, or states as `play(pressure, 0.16)`, as `[pressure]`
+    """
 
     of: Of
 
@@ -40,7 +44,9 @@ def _forms() -> Iterator[tuple[str, type[OperatorFamily]]]:
         shape = (*operator.parameters, operator.spread) if len(operator.parameters) == 1 else ()
         shapes.setdefault(shape, []).append(key)
     for shape, keys in shapes.items():
-        told = "\n".join(f"- `{key}`: {families()[key][0].summary}" for key in keys)
+        told = "\n".join(
+            [*map(_about_family, keys), *(_about_numbers(families()[keys[0]][0], shape))]
+        )
         form = create_model(
             "".join(key.title() for key in keys) if shape else "Operators",
             __base__=OperatorFamily,
@@ -51,11 +57,23 @@ def _forms() -> Iterator[tuple[str, type[OperatorFamily]]]:
         yield from ((key, form) for key in keys)
 
 
+def _about_family(key: str) -> str:
+    return f"- `{key}`: {families()[key][0].summary.removesuffix('.')}, as `{{of: [pressure]}}`"
+
+
+def _about_numbers(operator: Operator, shape: tuple[Any, ...]) -> Iterator[str]:
+    """Yield what the docstring of a form says of the keys of `_number_fields`."""
+    for one in operator.parameters if shape else ():
+        yield f"- `{one.key}`: the numbers of its states, as `[{one.example}]`"
+    if shape and operator.spread is not None:
+        yield "- `count`: how many, spread over what the recordings can show, as `4`"
+
+
 def _number_fields(operator: Operator) -> dict[str, Any]:
     """Return the fields for the numbers of an operator with one parameter."""
     (one,) = operator.parameters
     bounds = Field(gt=one.above) if one.below == float("inf") else Field(gt=one.above, lt=one.below)
-    unit_of = InUnit(lambda _place: one.unit)
+    unit_of = always_in(one.unit)
     number: Any = Annotated[float, bounds, unit_of]
     fields: dict[str, Any] = {one.key: (Annotated[list[number], Field(min_length=1)] | None, None)}
     return {**fields, "count": (Count | None, None)} if operator.spread is not None else fields
@@ -84,8 +102,11 @@ Steps = Annotated[int, Field(ge=0, le=1_000_000)]
 
 
 class Polynomial(Section):
-    """Every monomial of the quantities `of` with total degree up to `order`, the constant included
-    unless `constant: false`.
+    """Every monomial of some quantities.
+
+    - `of`: the quantities, as `[strain, pressure]`
+    - `order`: largest total degree, as `4`
+    - `constant`: whether the constant is among them, as `false`
     """
 
     of: Of
@@ -94,8 +115,12 @@ class Polynomial(Section):
 
 
 class Lags(Section):
-    """The quantities `of` as they were some `steps` ago (0 is now), as `force[k-1]`, and their
-    monomials up to `order`.
+    """Quantities as they were some steps ago, as `force[k-1]`, and their monomials.
+
+    - `of`: the quantities, as `[pressure, force]`
+    - `steps`: how many samples ago; 0 is now, as `[0, 1, 2]`
+    - `order`: largest total degree of the monomials, as `2`
+    - `constant`: whether the constant is among them, as `false`
     """
 
     of: Of
@@ -104,13 +129,17 @@ class Lags(Section):
     constant: bool = True
 
 
-Widths = Annotated[list[Annotated[float, Field(gt=0), InUnit(lambda _: "1")]], Field(min_length=1)]
+Widths = Annotated[list[Annotated[float, Field(gt=0), always_in("1")]], Field(min_length=1)]
 """Parts of the training range."""
 Window = Annotated[int, Field(ge=1, le=1_000_000)]
 
 
 class AlongRange(Section):
-    """Functions of one input along its training range, each times 1 and each factor in `with`."""
+    """Functions of one input along its training range, each times 1 and each factor.
+
+    - `of`: the input, as `strain`
+    - `with`: the factors, as `[pressure]`
+    """
 
     of: str
     partners: list[str] = Field(default=[], alias="with")
@@ -122,9 +151,9 @@ class AlongRange(Section):
 
 
 class Spline(AlongRange):
-    """A cubic spline of the quantity `of`, times 1 and each factor in `with`.
+    """A cubic spline of one input, times 1 and each factor in `with`.
 
-    So many `knots` lie evenly inside the training range.
+    - `knots`: knots, evenly inside the training range, as `9`
     """
 
     knots: Annotated[int, Field(ge=2, le=100)]
@@ -145,10 +174,10 @@ class Spline(AlongRange):
 
 
 class Ends(AlongRange):
-    """Exponentials that decay from both ends of the training range of `of`, times 1 and each factor
-    in `with`.
+    """Exponentials that decay from both ends of the training range of an input, times 1 and each
+    factor in `with`.
 
-    `widths` are parts of that range.
+    - `widths`: their widths, as fractions of the range, as `[0.03, 0.1, 0.3]`
     """
 
     widths: Widths
@@ -164,11 +193,13 @@ class Ends(AlongRange):
 
 
 class SmoothSteps(AlongRange):
-    """Smooth steps (tanh) at a `count` of even places of the training range of `of`, times 1 and
-    each factor in `with`.
+    """Smooth steps (tanh) at even places of the training range of an input, times 1 and each factor
+    in `with`.
 
-    `widths` are parts of that range. `change` in `with` is the change of `of` over each `window` of
-    samples, and its square.
+    - `count`: places, as `21`
+    - `widths`: widths of the steps, as fractions of the range, as `[0.03, 0.1]`
+    - `window`: samples over which `change` in `with` is taken: the change of the input, and its
+      square, as `16`
     """
 
     count: Annotated[int, Field(ge=2, le=100)]
@@ -196,10 +227,13 @@ class SmoothSteps(AlongRange):
 
 
 class Products(Section):
-    """Every product of the terms `of` families (or of states by name) with total degree up to
-    `order`, as `polynomial`.
+    """Every product of terms of other families.
 
-    Given `with`, names among `of`, a product holds powers of at most one term besides those.
+    - `of`: families, or states by name, as `[{slow: {of: [pressure]}}, strain]`
+    - `order`: largest total degree, as `2`
+    - `with`: names among `of`: a product then holds powers of at most one term besides those, as
+      `[strain]`
+    - `constant`: whether the constant is among them, as `false`
     """
 
     of: Annotated[list[Annotated[str | DictionaryEntry, Either()]], Field(min_length=1)]
@@ -212,8 +246,27 @@ Family = Polynomial | Lags | OperatorFamily | AlongRange | Products | list[str]
 """One family of terms; a list holds expressions."""
 
 
+LIMITS = ("sign", "bounds")
+"""Keys of an entry that are about the coefficients of its terms."""
+
+
 class Families(Section):
-    """The families that are no operator's."""
+    """The families that are no operator's.
+
+    - `polynomial`: monomials, as `{of: [strain], order: 4}`
+    - `terms`: expressions, as `[strain^2, "exp(-strain/0.02)"]`
+    - `lags`: quantities some steps ago, as `{of: [force], steps: [1, 2]}`
+    - `products`: products of other families, as `{of: [{slow: {of: [pressure]}}, strain], order:
+      2}`
+    - `spline`: a cubic spline along the training range, as `{of: strain, knots: 9}`
+    - `ends`: exponentials from both ends of the training range, as `{of: strain, widths: [0.03,
+      0.1]}`
+    - `steps`: smooth steps along the training range, as `{of: voltage, count: 21, widths: [0.1]}`
+    - `sign`: sign of the coefficient of each of its terms, inputs scaled as `fit.scaling` says, as
+      `negative`
+    - `bounds`: least and greatest coefficient of each of its terms, in the target's unit, as `[0, 5
+      N]`
+    """
 
     polynomial: Polynomial | None = None
     terms: Annotated[list[str], Field(min_length=1)] | None = None
@@ -222,13 +275,27 @@ class Families(Section):
     spline: Spline | None = None
     ends: Ends | None = None
     steps: SmoothSteps | None = None
+    sign: Literal["positive", "negative"] | None = None
+    bounds: Annotated[tuple[OfTarget, OfTarget], ListToo()] | None = None
 
     def _given(self) -> dict[str, Family]:
         return {
             name: family
             for name in type(self).model_fields
-            if (family := getattr(self, name)) is not None
+            if name not in LIMITS and (family := getattr(self, name)) is not None
         }
+
+    @property
+    def bounded(self) -> bool:
+        """Whether something is said of the coefficients of its terms."""
+        return self.sign is not None or self.bounds is not None
+
+    @property
+    def limits(self) -> tuple[float, float]:
+        """The least and the greatest coefficient of the family's terms, in the target's unit."""
+        if self.bounds is not None:
+            return self.bounds
+        return {"positive": (0.0, inf), "negative": (-inf, 0.0)}.get(self.sign or "", (-inf, inf))
 
     @property
     def family(self) -> tuple[str, Family]:
@@ -236,10 +303,15 @@ class Families(Section):
         return next(iter(self._given().items()))
 
     def _contradictions(self) -> Iterator[ValueError]:
+        if self.sign is not None and self.bounds is not None:
+            yield Contradiction("a sign is a bound", "give either `sign` or `bounds`", "sign")
+        if self.bounds is not None and not self.bounds[0] <= self.bounds[1]:
+            yield Contradiction("the bounds do not ascend", "put the lower one first", "bounds")
         if len(self._given()) != 1:
             found = "two families" if self._given() else "no family"
+            names = [name for name in type(self).model_fields if name not in LIMITS]
             remedy = (
-                f"give one of {', '.join(f'`{name}`' for name in type(self).model_fields)}; "
+                f"give one of {', '.join(f'`{name}`' for name in names)}; "
                 "further families are entries of their own"
             )
             yield Contradiction(f"this entry has {found} of terms", remedy)
@@ -256,7 +328,7 @@ else:
         __base__=Families,
         __doc__=(
             "One family of candidate terms: monomials, states with memory, products of both, "
-            "or `terms` written out as expressions."
+            "or `terms` written out as expressions.\n\n" + "\n".join(map(_about_family, FORMS))
         ),
         __module__=__name__,
         **{key: (form | None, None) for key, form in FORMS.items()},

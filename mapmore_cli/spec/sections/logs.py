@@ -24,10 +24,14 @@ Interval = Annotated[tuple[OfQuantity, OfQuantity], Field(strict=False)]
 
 
 class Keep(Section):
-    """Samples to keep: those whose `quantity` fulfils exactly one condition, in the quantity's
-    unit.
+    """Samples to keep: those whose quantity fulfils exactly one condition.
 
-    Both ends of `between` are kept; both ends of `outside` are left out.
+    - `quantity`: the quantity, as `force`
+    - `abs_below`: its absolute value is below, as `5 N`
+    - `below`: it is below, as `500 N`
+    - `above`: it is above, as `0 N`
+    - `between`: it lies between, both ends kept, as `[0, 500]`
+    - `outside`: it lies outside, both ends left out, as `[-1, 1]`
     """
 
     quantity: str
@@ -80,11 +84,14 @@ READERS_OF: Mapping[str, tuple[str, ...]] = {
 
 
 class FileEntry(Section):
-    """A glob (`path`) with quantities that no column holds (`set`), and the recording's `id` where
-    one file matches.
+    """Files with what no column holds.
 
-    `sheet` is that of these workbooks. `keep` chooses samples of these files, besides the `keep` of
-    all.
+    - `path`: a glob, as `cycle_*.csv`
+    - `set`: quantities that are the same throughout, as `{pressure: 2 bar}`
+    - `id`: the recording's id, where one file matches, as `first`
+    - `sheet`: the sheet of these workbooks, as `Data`
+    - `keep`: samples of these files to keep, besides the `keep` of all, as `[{quantity: time,
+      above: 2 s}]`
     """
 
     path: SpecPath
@@ -118,18 +125,20 @@ def possible_format(text: str) -> str:
 
 
 class SourceColumn(Section):
-    """Where a quantity comes from: a `column` by name, 0-based index or address, as `value * scale
-    + offset` in `unit`.
+    """Where a quantity comes from: `value * scale + offset` in `unit`.
 
-    An address leads into MAT and HDF5 files, as `run.P` or `y[:,0]`; a TDMS channel is
-    `Group/Channel`. Where every recording has a zero of its own, `rest` is how long it rests at its
-    beginning: the mean over that time is taken off. `unwrap` is the number at which an encoder
-    begins anew, as 360 or 4096 in the numbers of the file: jumps by more than half of it are such a
-    turn.
-
-    Of `time` alone: `format` says how its stamps are written, in the codes of Python's `strptime`,
-    as `"%m/%d/%Y %I:%M:%S.%f %p"`; and `unwrap: true` goes on where the clock begins anew, at
-    midnight, after an hour, or at 2^32 of its unit.
+    - `column`: name, 0-based index or address: an address leads into MAT and HDF5 files, as `run.P`
+      or `y[:,0]`, and a TDMS channel is `Group/Channel`, as `P [bar]`
+    - `unit`: the column's unit; the model's by default, as `bar`
+    - `scale`: factor of the values, as `-1`
+    - `offset`: what is added to them, as `-101.3 kPa`
+    - `rest`: how long every recording rests at its beginning: the mean over that time is taken off,
+      as `2 s`
+    - `unwrap`: the number at which an encoder begins anew: jumps by more than half of it are such a
+      turn; of `time`, `true` goes on where the clock begins anew, at midnight, after an hour, or at
+      2^32 of its unit, as `4096`
+    - `format`: of `time`, how its stamps are written, in the codes of Python's `strptime`, as
+      `"%m/%d/%Y %I:%M:%S.%f %p"`
     """
 
     column: Annotated[str | int, Either()]
@@ -144,15 +153,22 @@ class SourceColumn(Section):
 class Logs(Section):
     """Files of one kind and the columns in them.
 
-    `files` are globs that start at the folder of the spec. `header` is the number of header lines
-    (`true` is one), the first with the names, after `skip_rows` lines. `delimiter` is a character,
-    `tab` or `whitespace`. `thousands` is what stands between the thousands of its numbers, as `","`
-    in 1,234.5. `sheet` names the sheet of a workbook, of which the first that is not hidden is read
-    without it; with `*` or another glob, every sheet that matches is a recording of its own. `root`
-    is the place in a MAT or HDF5 file from which columns are addressed: with `[*]` at its end every
-    element is a recording of its own, except members that have none of the columns. In a TDMS file
-    it is a group, or `[*]` for all. `sample_time` makes the time where no column
-    holds it. `every: N` reads one sample in N.
+    - `files`: globs that start at the folder of the spec, as `["cycle_*.csv"]`
+    - `reader`: the format, as `xlsx`
+    - `header`: number of header lines, the first with the names; `true` is one, as `2`
+    - `skip_rows`: lines before the header, as `5`
+    - `delimiter`: what separates fields: a character, `tab` or `whitespace`, as `";"`
+    - `decimal`: the decimal point, as `","`
+    - `thousands`: what stands between the thousands of a number, as `"."`
+    - `encoding`: encoding of the text, as `latin-1`
+    - `sheet`: sheet of a workbook, the first that is not hidden by default; of a glob, every sheet
+      that matches is a recording of its own, as `"*"`
+    - `root`: place in a MAT or HDF5 file from which columns are addressed; with `[*]` at its end
+      every element is a recording of its own, except members that have none of the columns; in a
+      TDMS file a group, or `[*]` for all, as `runs[*]`
+    - `columns`: which column holds which quantity, as `{pressure: {column: P, unit: bar}}`
+    - `sample_time`: time between samples, which makes the time where no column holds it, as `1 ms`
+    - `every`: reads one sample in so many, as `10`
     """
 
     files: Annotated[list[Annotated[SpecPath | FileEntry, Either()]], Field(min_length=1)]
@@ -241,8 +257,10 @@ class Logs(Section):
 
 
 class Match(Section):
-    """What tells the shift of a second log: the quantity `first` of the first log and `second` of
-    the second, which change together.
+    """Quantities of two logs that change together, which tell the shift of the second.
+
+    - `first`: the quantity of the first log, as `pressure`
+    - `second`: that of the second, as `valve`
     """
 
     first: Quantity
@@ -252,11 +270,14 @@ class Match(Section):
 class Join(Logs):
     """A second log of the same tests: its quantities are brought onto the samples of the first.
 
-    `on: time` interpolates linearly after `shift` is added; `on: row` puts row beside row. `shift:
-    auto` finds the shift by the cross-correlation of the quantities that `match` names, and refuses
-    where it is not sure. Samples outside of the second log, or in a gap of it longer than
-    `max_gap`, are `missing`. One file serves all recordings; several are paired with those of
-    `data.files` in order.
+    Samples outside of the second log are `missing`. One file serves all recordings; several are
+    paired with those of `data.files` in order.
+
+    - `on`: `time` interpolates linearly after `shift` is added; `row` puts row beside row, as `row`
+    - `shift`: what is added to the time of the second log; `auto` finds it by the cross-correlation
+      of the quantities in `match`, and refuses where it is not sure, as `120 ms`
+    - `match`: the quantities that `shift: auto` goes by, as `{first: pressure, second: valve}`
+    - `max_gap`: gap of the second log from which on its samples are `missing`, as `0.1 s`
     """
 
     on: Literal["time", "row"] = "time"

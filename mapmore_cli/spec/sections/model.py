@@ -8,11 +8,11 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from typing import TYPE_CHECKING, Annotated, Literal
 
-from annotated_types import Len
+from annotated_types import Gt, Len
 from pydantic import Field
 
 from mapmore_cli.domain import plugins
-from mapmore_cli.domain.declared import Contradiction, Pair, Seconds, Settings
+from mapmore_cli.domain.declared import Contradiction, Pair, Seconds, Settings, always_in
 from mapmore_cli.modelling import kinds
 from mapmore_cli.modelling.literature.own import FamilySettings
 from mapmore_cli.spec.fields import Quantity, Section, SpecPath
@@ -21,8 +21,10 @@ from mapmore_cli.spec.fields import Quantity, Section, SpecPath
 
 
 class FormulaParameter(Section):
-    """A parameter: its `unit`, shown beside its value; `bounds` between which it is sought, where
-    the formula is not linear in it.
+    """A parameter of a formula.
+
+    - `unit`: its unit, shown beside its value, as `kPa`
+    - `bounds`: between what it is sought, where the formula is not linear in it, as `[0, 10]`
     """
 
     unit: str | None = None
@@ -38,12 +40,15 @@ class FormulaParameter(Section):
 
 
 class OwnFormula(Section):
-    """A formula by an `expression` of quantities and `parameters`, to be named wherever a formula
-    of the literature may be.
+    """A formula to be named wherever one of the literature may be.
 
-    `units` are those that the expression is written in, by quantity; where nothing is said they are
-    the model's. `source` says where it is from. Every
-    parameter without `bounds` must be one in which the formula is linear.
+    - `name`: its name, as `my_formula`
+    - `expression`: the force, of quantities and parameters, as `a*pressure*(1 - b*strain)^2`
+    - `source`: where it is from, as `my notes`
+    - `units`: units that the expression is written in, by quantity; those of the model by default,
+      as `{pressure: bar}`
+    - `parameters`: its parameters; one without `bounds` must be one in which it is linear, as `{a:
+      {unit: N/kPa}, b: {bounds: [0, 10]}}`
     """
 
     name: Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]*$", max_length=60)]
@@ -85,8 +90,11 @@ class OwnFormula(Section):
 
 @dataclass(frozen=True)
 class Needs(Settings):
-    """Specs of the runs that this one builds on: the `static` model is subtracted to obtain the
-    damping force; `damping` is added to it.
+    """Specs of the runs that this one builds on.
+
+    - `static`: the run whose model is subtracted to obtain the damping force, or is a part of the
+      sum, as `static.yaml`
+    - `damping`: the run whose model is added to it, as `damping.yaml`
     """
 
     static: SpecPath | None = None
@@ -94,21 +102,43 @@ class Needs(Settings):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Summand(Settings):
-    """A part of a sum: the model of another run (the path of its spec), or a `formula`; `sign` is 1
-    or -1.
+class TendonSettings(Settings):
+    """A tendon between a muscle and what is measured.
 
-    `inputs` says what the part's inputs are called in this study, as expressions: `{pressure: p1,
-    strain: "-s"}`. An input that two parts share by name must be renamed for both.
+    - `stiffness`: force for each length that it is stretched by, as `2 kN/m`
+    - `force`: what it carries where the length is zero, as `0.5 N`
+    """
+
+    stiffness: Annotated[float, Gt(0), always_in("N/m")]
+    force: Annotated[float, always_in("N")] = 0.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Summand(Settings):
+    """A part of a sum: the model of another run, or a formula.
+
+    - `model`: the path of the run's spec, as `flexor.yaml`
+    - `formula`: the name of a formula, as `sarosi`
+    - `sign`: 1 or -1, as `-1`
+    - `inputs`: what the part's inputs are called in this study, as expressions; one that two parts
+      share by name must be renamed for both, as `{pressure: p1, strain: "-s"}`
+    - `tendon`: what the model of a muscle is behind, as `{stiffness: 2 kN/m}`
     """
 
     model: SpecPath | None = None
     formula: str | None = None
     sign: Literal[1, -1] = 1
-    inputs: dict[Quantity, str] = field(default_factory=dict)
+    inputs: Annotated[dict[Quantity, str], Field(json_schema_extra={"default": {}})] = field(
+        default_factory=dict
+    )
+    tendon: TendonSettings | None = None
 
     def __post_init__(self) -> None:
-        """Refuse both, and neither."""
+        """Refuse both, and neither; and a formula behind a tendon."""
+        if self.tendon is not None and self.formula is not None:
+            raise Contradiction(
+                "a formula is not fitted behind a tendon", "make a run of it", "tendon"
+            )
         if (self.model is None) == (self.formula is None):
             raise Contradiction(
                 "a part of a sum is a `model` or a `formula`",
@@ -121,8 +151,8 @@ class Summand(Settings):
 FitMethod = Literal["variable_projection", "levenberg_marquardt", "simplex"]
 """How a formula of the literature is fitted."""
 
-Summands = Annotated[Sequence[Summand], Len(2)]
-"""At least two parts: models of runs, or formulas that are fitted together."""
+Summands = Annotated[Sequence[Summand], Len(1)]
+"""The parts: models of runs, or formulas that are fitted together."""
 
 
 def refuse_mixed(parts: Sequence[Summand]) -> None:
@@ -146,24 +176,24 @@ else:  # our words, and those of the kinds that add themselves
 class ModelSettings(Settings):
     """What kind of model the run builds.
 
-    - `mapmore`: with a `backbone`, the pieces explain what that formula leaves. `backbone: auto`
-      takes the formula, or none, whose fused
-      model errs least on left-out training data (with three levels or fewer: `sarosi_hinged`).
-    - `literature` fits the formula `name` alone.
-    - `family` is one formula for specimens that differ `of` a quantity, as the rest length.
-    - `auto` searches the structure on training data. It is the default without `dictionary` and
-      `model`. All quantities that vary are
-      `inputs` unless these are named. The `budget` is computing time of each process. The run
-      folder holds the result as a spec, `found.yaml`.
-    - `sum` adds the static and the damping model that the spec needs (default for `dynamic`), or
-      parts with signs and renamed inputs.
-    - `state_space` is P's model of motion: linear `sections` along an `input`, by boundaries or by
-      number; `direction` parts rise and fall.
-      `switching: hard` runs every section on the whole input, `carried` passes the state on,
-      `bumpless` also joins the sections and turns after `dead_band`. A run begins at `rest` or at
-      `zero` (`start`). `mask` says whose direction parts the training samples. The
-      particles of `swarm` start at `begin`.
-      `slowest` is the longest time constant (a quarter of the longest training piece).
+    - `mapmore`: segment functions of the dictionary, on a backbone or alone.
+    - `literature`: the formula `name` alone, or a `family`.
+    - `auto`: the structure is searched on training data. It is the default without `dictionary` and
+      `model`. The run folder holds the result as a spec, `found.yaml`.
+    - `sum`: the static and the damping model that the spec needs (default for `dynamic`), or parts
+      with signs and renamed inputs.
+    - `state_space`: P's model of motion, linear sections along an input.
+
+    - `type`: one of these, as `literature`
+    - `budget`: computing time of each process of a search, as `5 min`
+    - `inputs`: inputs of what is searched; all quantities that vary by default, as `[pressure,
+      strain]`
+    - `backbone`: formula whose residual the pieces explain; `auto` takes the formula, or none,
+      whose fused model errs least on left-out training data (with three levels or fewer
+      `sarosi_hinged`), as `sarosi`
+    - `name`: the formula of `type: literature`, as `sarosi`
+    - `sum`: the parts of a sum, as `[{model: flexor.yaml}, {model: extensor.yaml, sign: -1}]`
+    - `family`: one formula for specimens that differ in a quantity, as `{of: rest_length}`
     """
 
     type: ModelType = "mapmore"
@@ -176,7 +206,7 @@ class ModelSettings(Settings):
 
     def __post_init__(self) -> None:
         """Refuse keys that the type lacks, or has no use for; a family is a formula."""
-        if self.type in plugins.missing("kinds"):
+        if self.type not in (*_OWN_TYPES, *(kind.name for kind in kinds.kinds())):
             raise Contradiction(f"type `{self.type}` is not installed", "install it", "type")
         if self.family is not None:
             if self.type not in ("mapmore", "literature"):

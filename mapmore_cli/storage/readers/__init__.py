@@ -19,10 +19,7 @@ from mapmore_cli.storage.tables.lines import head_of, name_of_packed
 __all__ = ["READERS", "RawTable", "Reader", "TableRequest", "reader_of", "suffix_of"]
 
 READERS: Mapping[str, Reader] = {
-    reader.name: reader
-    for reader in sorted(
-        (module.READER for module in plugins.modules(__name__)), key=lambda reader: reader.name
-    )
+    part.name: part.value for part in sorted(plugins.parts("readers", Reader, __name__))
 }
 """Every reader by its name, in the order of the alphabet."""
 

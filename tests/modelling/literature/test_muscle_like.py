@@ -104,3 +104,18 @@ def test_the_equation_is_printed_with_the_parameters_of_table_i():
     text = to_text(get("muscle_like").equation(fit), digits=4)
     assert "25.22*length" in text
     assert "0.2849" in text
+
+
+def test_hill_is_what_h_prints_and_its_numbers_are_found():
+    """H eq 1-3 with velocities positive in lengthening, written independently."""
+    c, l_opt, w, v_max, kappa, n = np.log(0.05), 0.9, 0.56, -11.0, 4.0, 1.4
+    columns = uniform(5, 300, pressure=(0.1, 1), length=(0.5, 1.5), velocity=(-4, 4))
+    share = (columns["length"] - l_opt) / (l_opt * w)
+    v = -columns["velocity"]
+    shortens = (v_max - v) / (v_max + kappa * v)
+    lengthens = n + (n - 1) * (v_max + v) / (7.56 * kappa * v - v_max)
+    y = 800 * columns["pressure"] * np.exp(c * np.abs(share) ** 3)
+    fit = get("hill").fit(columns, y * np.where(v < 0, shortens, lengthens))
+    assert fit.parameters == pytest.approx(
+        {"F_max": 800, "l_opt": l_opt, "w": w, "v_max": -v_max, "kappa": kappa, "N": n}, rel=1e-6
+    )

@@ -1,18 +1,18 @@
 """Published sections, and records that a section makes."""
 
 import csv
-from pathlib import Path
 
 import numpy as np
 
 from mapmore_cli.annexes.motion.body import Motion, MotionSection
 from mapmore_cli.annexes.motion.problem import MotionRecipe
+from mapmore_cli.annexes.paper.paper import PUBLISHED
 from mapmore_cli.modelling.memory.records import Record
 
-PUBLISHED = Path(__file__).parents[3] / "datasets" / "published" / "p_table_1.csv"
+LISTED = PUBLISHED / "p_table_1.csv"
 BOUNDARIES = (1.05, 2.35, 3.15, 3.95, 4.75)
 STEP = 0.05
-with PUBLISHED.open(newline="") as _lines:
+with LISTED.open(newline="") as _lines:
     ROWS = list(csv.DictReader(_lines))
 
 

@@ -137,7 +137,7 @@ def test_pooled_data_drop_a_residual_that_does_harm():
     model = trusted(samples, level=None, tolerance=0.0)
     assert not any(curve.segments for curve in model.body.curves)
     assert model.body.cross_validation[0].rmse < model.body.cross_validation[1].rmse
-    assert "keeps polynomial_2 alone" in model.notes[-1]
+    assert "the pieces on polynomial_2 are left out" in model.notes[-1]
     places = at(200, np.linspace(0, 0.1, 9))
     np.testing.assert_allclose(predict(model, places), backbone_of(model, places))
 

@@ -16,7 +16,13 @@ from hypothesis.extra.numpy import arrays
 from mapmore_cli.annexes.rig.muscle import stop as rig_stop
 from mapmore_cli.domain import plugins
 from mapmore_cli.modelling.expressions import Name, operators
-from mapmore_cli.modelling.expressions.operator import FLOATS, Setting, along, from_rest
+from mapmore_cli.modelling.expressions.operator import (
+    FLOATS,
+    Operator,
+    Setting,
+    along,
+    from_rest,
+)
 from mapmore_cli.modelling.expressions.operators import OPERATORS, families
 from mapmore_cli.modelling.program.model import with_slopes_by
 from mapmore_cli.modelling.program.values import ready_for_columns
@@ -190,9 +196,10 @@ def test_an_operator_of_one_file_is_evaluated_fed_back_and_compiled(tmp_path, mo
 
     (tmp_path / "valve.py").write_text(NEW)
     monkeypatch.setattr(operators, "__path__", [*operators.__path__, str(tmp_path)])
-    modules = plugins.modules(operators.__name__)
     found = OPERATORS
-    with_it = {one.name: one for module in modules for one in module.OPERATORS}
+    with_it = {
+        part.name: part.value for part in plugins.parts("operators", Operator, operators.__name__)
+    }
     for module in list(sys.modules.values()):
         if vars(module).get("OPERATORS") is found:
             monkeypatch.setattr(module, "OPERATORS", with_it)

@@ -1,32 +1,6 @@
-/* The functions of FMI 2.0 for co-simulation around a model in C; this-model.h says which one.
- *
- * Inputs are held during a communication step. A model without memory answers to its present inputs at any time. A model with
- * memory takes a sample at the beginning of a step, and another one whenever its sample time has gone by within the step; its output
- * is that of the last sample. Before the first step it is what a sample would give.
- */
+/* The functions of FMI 2.0 for co-simulation; unit.h says what a step does. */
 #include "co-simulation.h"
-#include "this-model.h"
-
-#include <math.h>
-#include <string.h>
-
-#define GIVEN (INPUTS + MEASURED) /* inputs, and the measured output where the model goes on from that */
-#define OUTPUT GIVEN              /* value reference of the output; of the inputs they are their places */
-#define OUTSIDE_RANGE (GIVEN + 1)
-#define CLOSE 1e-6 /* of a sample time: what steps may differ by */
-
-typedef enum { INSTANTIATED, INITIALIZING, STEPPING, TERMINATED } phase;
-
-/* All that changes; a copy of it is a state of the unit. */
-typedef struct {
-    phase at;
-    fmi2Real given[GIVEN];
-    fmi2Real output;
-    fmi2Integer bits;
-    fmi2Integer sampled; /* whether the output is that of a sample */
-    fmi2Real time;
-    model_state model;
-} values;
+#include "unit.h"
 
 typedef struct {
     values now;
@@ -39,23 +13,6 @@ static fmi2Status refused(const instance *one, fmi2String why)
 {
     if (one->calls.logger) one->calls.logger(one->calls.componentEnvironment, one->name, fmi2Error, "logStatusError", why);
     return fmi2Error;
-}
-
-static void begin(values *now)
-{
-    memset(now, 0, sizeof *now);
-    now->at = INSTANTIATED;
-    memcpy(now->given, model_start, sizeof now->given);
-    model_reset(&now->model);
-}
-
-/* The output, and the bits of inputs outside of their range. */
-static void answer(values *now)
-{
-    if (!now->sampled) {
-        model_state copy = now->model;
-        now->bits = model_step(&copy, now->given, &now->output);
-    }
 }
 
 const char *FMI2(fmi2GetTypesPlatform)(void)
@@ -297,22 +254,9 @@ fmi2Status FMI2(fmi2GetRealOutputDerivatives)(fmi2Component c, const fmi2ValueRe
 fmi2Status FMI2(fmi2DoStep)(fmi2Component c, fmi2Real time, fmi2Real step, fmi2Boolean no_way_back)
 {
     instance *one = c;
-    values *now = &one->now;
+    const char *why = stepped(&one->now, time, step);
     (void)no_way_back;
-    if (now->at != STEPPING) return refused(one, "fmi2ExitInitializationMode comes before the first step");
-    if (!(step > 0)) return refused(one, "a communication step takes some time");
-#if MEMORY
-    const double samples = floor(step / SAMPLE_TIME + 0.5);
-    if (samples < 1 || fabs(step - samples * SAMPLE_TIME) > CLOSE * SAMPLE_TIME)
-        return refused(one, "communication steps have to be " SAMPLE_TIME_TEXT " s, the time between the model's samples, or a multiple of it");
-    for (double i = 0; i < samples; i++) {
-        now->bits = model_step(&now->model, now->given, &now->output);
-        if (isnan(now->output)) model_measured(&now->model, now->given);
-    }
-    now->sampled = 1;
-#endif
-    now->time = time + step;
-    return fmi2OK;
+    return why ? refused(one, why) : fmi2OK;
 }
 
 fmi2Status FMI2(fmi2CancelStep)(fmi2Component c)

@@ -1,5 +1,5 @@
-"""Operators with memory, and a few without. Adding one is adding a file with `OPERATORS`, or a row
-to one.
+"""Operators with memory, and a few without. Adding one is adding a file with `OPERATORS`, a row
+to one, or an entry point.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from mapmore_cli.domain import plugins
 from mapmore_cli.modelling.expressions.operator import Operator
 
 OPERATORS: Mapping[str, Operator] = {
-    operator.name: operator for module in plugins.modules(__name__) for operator in module.OPERATORS
+    part.name: part.value for part in plugins.parts("operators", Operator, __name__)
 }
 """Every operator by its name."""
 

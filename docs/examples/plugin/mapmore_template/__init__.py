@@ -1,0 +1,1 @@
+"""Parts for `mapmore`, one file each."""

@@ -1,0 +1,12 @@
+"""Force in proportion to the pressure, falling with the strain by a power."""
+
+from mapmore_cli.modelling.literature.formula import Formula
+
+FORMULA = Formula(
+    name="power_law",
+    title="Power law",
+    reference="where it was published",
+    inputs=("pressure", "strain"),
+    parameters=("a", "b"),
+    text="a*pressure*(1 - strain)^2 + b",
+)

@@ -1,0 +1,269 @@
+"""What a fit returns in Python: the model, its scores, and how it was made."""
+
+from __future__ import annotations
+
+import os
+import re
+import sys
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from html import escape
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+from mapmore_cli.checking.findings import sentences
+from mapmore_cli.domain.errors import MapmoreError
+from mapmore_cli.domain.models import Model
+from mapmore_cli.domain.results import FitResult
+from mapmore_cli.domain.scores import ScoreTable
+from mapmore_cli.pipeline.notebooks import LoadedModel, source_of, write_frames
+from mapmore_cli.pipeline.runner import Options, bring_up_to_date
+from mapmore_cli.reporting.score_tables import score_table
+from mapmore_cli.reporting.summary import summary_table
+from mapmore_cli.reporting.table import Table
+from mapmore_cli.spec.experiment import ExperimentSpec
+from mapmore_cli.spec.loader import MODELINE, SCHEMA, LoadedSpec, load, load_text
+from mapmore_cli.spec.schema import write_schema_beside
+from mapmore_cli.spec.sections.logs import SourceColumn
+from mapmore_cli.spec.yaml_loader import as_overrides, dump, escaped
+from mapmore_cli.storage.atomic import refusals_told, write_bytes, write_text
+from mapmore_cli.storage.run_folder import MODEL, RunFiles
+from mapmore_cli.storage.run_record import score_row
+
+HERE = "fit(...)"
+"""How messages call the spec that the keyword arguments make."""
+
+_SHOWN = 8
+"""Equations that a notebook shows."""
+
+
+class Scores(tuple[Mapping[str, Any], ...]):
+    """The rows of `scores.json`, each a mapping as `{"model": "mapmore", "split": "validate",
+    "nrmse": 0.01, ...}`.
+
+    It prints as the table of the pooled rows.
+    """
+
+    table: ScoreTable
+
+    @classmethod
+    def of(cls, table: ScoreTable) -> Scores:
+        """Return the rows of a score table."""
+        found = cls(score_row(score) for score in table.scores)
+        found.table = table
+        return found
+
+    @property
+    def _shown(self) -> Table:
+        return score_table(self.table.scores, self.table.units, failed=self.table.failed)
+
+    def __repr__(self) -> str:
+        return repr(self._shown)
+
+    def _repr_html_(self) -> str:
+        return self._shown._repr_html_()
+
+    def of_model(self, model: str = "mapmore", split: str = "validate") -> Mapping[str, Any]:
+        """Return the pooled row of a model; raises `KeyError` where there is none."""
+        for row in self:
+            if (row["model"], row["split"], row["curve"]) == (model, split, "all"):
+                return row
+        raise KeyError(f"no row of {model} on the {split} data")
+
+
+@dataclass(frozen=True)
+class Study:
+    """Hold what `fit` was given: the spec as a `document`, the `frames` in memory, and the folder
+    at which paths start.
+
+    There are no frames where files are read. With `check`, an error of `mapmore check` ends the
+    fit. With `progress`, it says on stderr how far it is.
+    """
+
+    document: Mapping[str, Any]
+    frames: tuple[Any, ...]
+    folder: Path
+    check: bool = True
+    progress: bool = False
+
+    @property
+    def columns(self) -> Mapping[str, Any]:
+        """The section `columns` as it was given."""
+        found: Mapping[str, Any] = self.document["data"].get("columns", {})
+        return found
+
+    def loaded(self, place: Path, changes: Mapping[str, Any] | None = None) -> LoadedSpec:
+        """Return the spec written to the file `place`, so that it runs there; frames are written to
+        a folder beside it.
+        """
+        document = {"schema_version": 1, **self.document}
+        if self.frames:
+            written = write_frames(
+                self.frames,
+                self.columns,
+                self.document.get("units", {}),
+                place.parent / f"{place.stem}_data",
+            )
+            files = [os.path.relpath(path, self.folder) for path in written["files"]]
+            document["data"] = {**document["data"], **written, "files": files}
+        # mistakes are told without naming a file that nobody wrote
+        told = load_text(dump(escaped(document)), HERE, self.folder)
+        write_text(place, told.resolved_in(place.parent, given_only=True))
+        return load(place, as_overrides(changes or {}))
+
+    def fitted(self, changes: Mapping[str, Any] | None = None) -> Fitted:
+        """Return the model and its scores, made in a temporary folder that is removed."""
+        told: list[str] = []
+        with TemporaryDirectory(prefix="mapmore-") as place:
+            loaded = self.loaded(Path(place) / "spec.yaml", changes)
+            try:
+                outcome = bring_up_to_date(
+                    loaded,
+                    Path(place) / "runs",
+                    "validate",
+                    options=Options(check=self.check),
+                    progress=_show_progress if self.progress else _keep_quiet,
+                    warn=told.append,
+                )
+            except MapmoreError as error:
+                error.message = self._as_called(error.message)
+                raise
+            run = RunFiles(outcome.run_dir)
+            table = run.scores()
+            shown = run.validation().shown or run.dataset()
+            return Fitted(
+                run.model(),
+                Scores.of(table),
+                study=self,
+                spec=loaded.spec,
+                file=(outcome.run_dir / MODEL).read_bytes(),
+                fit=run.fit(),
+                held_out=tuple(
+                    curve.at(curve.held_out) for curve in shown.curves if curve.held_out.any()
+                ),
+                warnings=tuple(map(self._as_called, (*table.warnings, *told))),
+                doubts=tuple(map(self._as_called, sentences(outcome.run_dir))),
+            )
+
+    def _as_called(self, message: str) -> str:
+        """Return a message with the frame, row and column of the user, in place of files that
+        nobody wrote.
+        """
+
+        def place(found: re.Match[str]) -> str:
+            number, row, name = found.groups()
+            words = [f"frame {number}" if len(self.frames) > 1 else "the frame"]
+            words += [f"row {row} (from 0)"] if row else []
+            words += [f"column {source_of(self.columns[name])!r}"] if name in self.columns else []
+            return ", ".join(words)
+
+        message = re.sub(r"\S*\bspec\.yaml(:\d+)*", HERE, message)
+        written = r"\S*\bspec_data/recording_(\d+)\.h5(?::index (\d+))?(?:, column (\w+))?"
+        return re.sub(written, place, message)
+
+
+def _show_progress(what: str, done: int, total: int) -> None:
+    """Say on one line of stderr how far long work is."""
+    line = f"\r{f'{what}: {done} of {total}':<40}"
+    print(line, end="\n" * (done == total), file=sys.stderr, flush=True)
+
+
+def _keep_quiet(_what: str, _done: int, _total: int) -> None:
+    pass
+
+
+@dataclass(frozen=True, repr=False)
+class Fitted(LoadedModel):
+    """A model with its scores and the spec that made it. Call it with the inputs, in the model's
+    units.
+
+    For intervals, also those of a plot, it is fitted again without each curve, unless the spec
+    asked for them already.
+
+    Attributes
+    ----------
+    scores
+        The rows of `scores.json`; they print as a table.
+    spec
+        The experiment as it was validated.
+    fit
+        What was fitted, with every step of the selection of terms.
+    held_out
+        The held-out samples, curve by curve; of long recordings, those that figures show.
+    warnings
+        What the command says on stderr; what makes a model useless is a Python warning too.
+    doubts
+        Those of them that `mapmore check` says of the data, which are Python warnings too.
+    """
+
+    scores: Scores
+    study: Study = field(kw_only=True)
+    spec: ExperimentSpec = field(kw_only=True)
+    file: bytes = field(kw_only=True)
+    fit: FitResult = field(kw_only=True)
+    warnings: tuple[str, ...] = field(default=(), kw_only=True)
+    doubts: tuple[str, ...] = field(default=(), kw_only=True)
+
+    def __repr__(self) -> str:
+        return "\n".join(
+            [
+                super().__repr__(),
+                repr(self.scores),
+                *(f"warning: {warning}" for warning in self.warnings),
+            ]
+        )
+
+    def _repr_html_(self) -> str:
+        equations = [
+            f"<li><code>{escape(one.id)} = {escape(one.text)}</code></li>" for one in self.equations
+        ]
+        more = f"<p>... {len(equations)} equations in all</p>" if len(equations) > _SHOWN else ""
+        told = "".join(f"<p>warning: {escape(warning)}</p>" for warning in self.warnings)
+        scores = self.scores._repr_html_()
+        head = f"<p>{escape(super().__repr__())}</p>{scores}"
+        return f"{head}<ul>{''.join(equations[:_SHOWN])}</ul>{more}{told}"
+
+    @property
+    def _sources(self) -> dict[str, SourceColumn]:
+        return {
+            name: column.model_copy(update={"column": source_of(self.study.columns[name])})
+            for name, column in self.spec.data.columns.items()
+        }
+
+    def summary(self) -> Table:
+        """Return every coefficient with its standard error, t and ERR; n, the number of parameters,
+        AIC and BIC; and what the training data do not tell. `records` has the rows as mappings.
+        """
+        return summary_table(self.fit, self.model, self.scores.table)
+
+    @cached_property
+    def _with_intervals(self) -> Model:
+        return (
+            self.model
+            if self.model.left_out is not None
+            else self.study.fitted({"validate.intervals": True}).model
+        )
+
+    def save(self, path: str | Path) -> Path:
+        """Write the `model.h5` that `load_model`, `mapmore predict` and `mapmore export` read; its
+        path. Raises `WriteError`.
+        """
+        place = Path(path)
+        write_bytes(place, self.file)
+        return place
+
+    def to_yaml(self, path: str | Path) -> Path:
+        """Write the spec, and frames as recordings into the folder `<stem>_data` beside it:
+        `mapmore run` makes the same of them.
+
+        Returns the path of the spec. Raises `WriteError`.
+        """
+        place = Path(path)
+        with refusals_told(place):
+            place.parent.mkdir(parents=True, exist_ok=True)
+            self.study.loaded(place)
+            write_text(place, f"{MODELINE}{SCHEMA}\n{place.read_text(encoding='utf-8')}")
+        write_schema_beside(place)
+        return place

@@ -1,0 +1,107 @@
+"""`run`: what `mapmore run` does, in Python; and models that it wrote."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from html import escape
+from pathlib import Path
+from typing import Any
+
+from mapmore_cli.api.fitted import Scores
+from mapmore_cli.checking.findings import sentences
+from mapmore_cli.domain.scores import RUN_PAGE
+from mapmore_cli.pipeline.jobs import Finished, Job, run_one
+from mapmore_cli.pipeline.notebooks import LoadedModel, plain_values
+from mapmore_cli.pipeline.runner import Options
+from mapmore_cli.spec.yaml_loader import as_overrides
+from mapmore_cli.storage.artefacts import read_model
+from mapmore_cli.storage.run_folder import RunFiles
+from mapmore_cli.storage.run_record import scores_beside
+
+
+@dataclass(frozen=True, repr=False)
+class Run(Finished):
+    """A run that is up to date.
+
+    Attributes
+    ----------
+    model, scores
+        What the run found.
+    page
+        The report.
+    stages
+        `done` or `up-to-date` by stage.
+    missed
+        Sentences about `validate.require` limits that are missed: the command ends with 6 where
+        there are any.
+    """
+
+    @cached_property
+    def scores(self) -> Scores:
+        """The rows of `scores.json`."""
+        return Scores.of(self.table)
+
+    @cached_property
+    def model(self) -> LoadedModel:
+        """The model, as a function."""
+        return LoadedModel(RunFiles(self.run_dir).model(), self.scores)
+
+    @property
+    def page(self) -> Path:
+        """The page of the run."""
+        return self.run_dir / RUN_PAGE
+
+    def __repr__(self) -> str:
+        return "\n".join([f"<run {self.name}: {self.page}>", repr(self.scores), *self.missed])
+
+    def _repr_html_(self) -> str:
+        missed = "".join(f"<p>{escape(sentence)}</p>" for sentence in self.missed)
+        page = escape(str(self.page))
+        return (
+            f"<p>{escape(self.name)}: <a "
+            f'href="{page}">{page}</a></p>{self.scores._repr_html_()}{missed}'
+        )
+
+
+def run(
+    config: str | Path,
+    runs: str | Path = "runs",
+    *,
+    force: bool = False,
+    check: bool = True,
+    settings: Mapping[str, Any] | None = None,
+) -> Run:
+    """Do what `mapmore run` does with a spec, in the folder `runs`; `settings` are those of
+    `--set`, as `{"fit.max_terms": 2}`.
+
+    Without `check`, it goes on where `mapmore check` finds errors.
+
+    Raises
+    ------
+    MapmoreError
+        As the command says it; but limits that are missed are in `Run.missed`.
+    """
+    overrides = tuple(as_overrides(plain_values(dict(settings or {}))))
+    found = run_one(Job(Path(config), Path(runs), overrides, Options(force, check=check)))
+    for warning in (*found.table.warnings, *sentences(found.run_dir)):
+        warnings.warn(warning, stacklevel=2)
+    return Run(**vars(found))
+
+
+def load_model(path: str | Path, *, unverified: bool = False) -> LoadedModel:
+    """Read a `model.h5` as a function of keyword arrays: `load_model("model.h5")(pressure=[100,
+    200], strain=0.1)`.
+
+    Warns (UserWarning) where nothing shows that the file is as it was written.
+
+    Raises
+    ------
+    mapmore_cli.domain.errors.DataError
+        The file is missing, damaged or no valid model, or its checksum does not match (but not
+        where it may be `unverified`).
+    """
+    model = read_model(Path(path), lambda message: warnings.warn(message, stacklevel=4), unverified)
+    return LoadedModel(model, scores_beside(Path(path)))

@@ -1,0 +1,196 @@
+"""`fit`: the sections of a spec as keyword arguments; and data to try it on."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Mapping, Sequence
+from inspect import signature
+from pathlib import Path
+from textwrap import fill
+from typing import Any
+
+from mapmore_cli.api.fitted import HERE, Fitted, Study
+from mapmore_cli.domain import plugins
+from mapmore_cli.domain.arrays import Array
+from mapmore_cli.domain.errors import SpecError
+from mapmore_cli.domain.given import labels_of
+from mapmore_cli.pipeline.notebooks import canonical_columns, plain_values
+from mapmore_cli.spec.diagnostics import did_you_mean
+from mapmore_cli.spec.schema import key_texts
+from mapmore_cli.spec.sections.data import Data
+from mapmore_cli.storage.readers import reader_of
+
+Section = Mapping[str, Any]
+"""A section of the spec, its keys as in YAML."""
+
+OF_DATA = ("columns", "levels", "split")
+"""Keys of the section `data` that `fit` names; it takes all others likewise."""
+
+NO_SECTIONS = ("frame", "data", "check", "progress", "of_data")
+"""Arguments of `fit` that are no sections, and the one that is made of several."""
+
+
+def fit(
+    frame: Any,
+    *,
+    target: str | Section = "static",
+    columns: Section | None = None,
+    levels: Section | None = None,
+    split: Section | None = None,
+    segment: Mapping[str, str | Section] | None = None,
+    dictionary: Sequence[Section] | None = None,
+    model: Section | None = None,
+    fit: Section | None = None,
+    fuse: Section | None = None,
+    validate: Section | None = None,
+    formulas: Sequence[str | Section] | None = None,
+    muscle: Section | None = None,
+    units: Mapping[str, str] | None = None,
+    needs: Section | None = None,
+    data: Section | None = None,
+    report: Section | None = None,
+    name: str = "model",
+    schema_version: int = 1,
+    check: bool = True,
+    progress: bool = False,
+    **of_data: Any,
+) -> Fitted:
+    """Fit a model to a table, with the sections of a spec as keyword arguments.
+
+    Parameters
+    ----------
+    frame
+        A mapping of arrays, a data frame (pandas, polars, pyarrow, ...), the path of a file, or a
+        list of these, each one recording. Labels are taken as they are: `column: 2` is the column
+        labelled 2; where no label is a number, the third. No index is looked at. Masked values,
+        None and `pd.NA` are missing. Arrays with units (pint, astropy, xarray) are converted.
+        `time` may be dates or durations. Text, true and false, and complex numbers are refused. So
+        does a model read what it is called with.
+    columns
+        Which column holds which quantity. Without it, the columns of a frame have canonical names;
+        where `target` is the label of one, all are called by their labels.
+    check
+        With `check=False`, what `mapmore check` calls an error is a warning, and does not end the
+        fit.
+    progress
+        With `progress=True`, long work says on stderr how far it is.
+    of_data
+        Other keys of the section `data`, as `cycles`, `resample` or `derive`.
+
+    Raises
+    ------
+    SpecError
+        For a section that is wrong, as the command says it.
+    DataError, FitError
+        Where the data are wrong, or a fit failed.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import mapmore_cli as mm
+    >>> levels, strains = [0.8, 1.5, 2.0, 2.5, 3.5], np.linspace(0, 0.2, 40)
+    >>> bar, eps = (grid.ravel() for grid in np.meshgrid(levels, strains, indexing="ij"))
+    >>> newton = 330 * bar * (1 - 3.2 * eps) ** 2 - 70 + 40 * np.exp(-eps / 0.02)
+    >>> m = mm.fit({"P [bar]": bar, "eps": eps, "F": newton}, target="static",
+    ...     columns={"pressure": {"column": "P [bar]", "unit": "bar"}, "strain": {"column": "eps"},
+    ...              "force": {"column": "F"}},
+    ...     levels={"of": "pressure", "at": "auto"}, split={"validate": {"pressure": [200]}},
+    ...     segment={"strain": {"method": "even", "count": 4}},
+    ...     dictionary=[{"polynomial": {"of": ["strain"], "order": 4}}],
+    ...     validate={"against": ["sarosi"]})
+    >>> m
+    <model model: force [N] of pressure [kPa], strain [1]>
+    ...
+    >>> m.scores.of_model()["nrmse"] < 0.01
+    True
+    >>> float(m(pressure=150, strain=0.1).round())
+    157.0
+    >>> pressure = m.invert("pressure", force=100, strain=0.1).picked
+    >>> float(m(pressure=pressure[0], strain=0.1).round(6))
+    100.0
+    """
+    given = {key: value for key, value in locals().items() if value is not None}
+    document = {key: value for key, value in given.items() if key not in (*NO_SECTIONS, *OF_DATA)}
+    of_data = {**{key: given[key] for key in OF_DATA if key in given}, **of_data}
+    for key in sorted(of_data.keys() - Data.model_fields.keys()):
+        known = did_you_mean(key, [*document, *SECTIONS, *Data.model_fields])
+        raise SpecError(f"{HERE}: unknown key `{key}`", known)
+    document["data"], frames = _data_of(frame, {**(data or {}), **of_data}, target)
+    study = Study(plain_values(document), frames, Path.cwd(), check, progress)
+    found = study.fitted()
+    for warning in (*found.scores.table.warnings, *found.doubts):
+        warnings.warn(warning, stacklevel=2)
+    return found
+
+
+SECTIONS = key_texts(
+    [
+        name
+        for name in signature(fit).parameters
+        if name not in ("columns", "schema_version", *NO_SECTIONS)
+    ]
+)
+fit.__doc__ = (fit.__doc__ or "").replace(
+    "    check\n",
+    "".join(
+        f"    {key}\n{fill(text, 100, initial_indent=' ' * 8, subsequent_indent=' ' * 8)}\n"
+        for key, text in SECTIONS.items()
+    )
+    + "    check\n",
+    1,
+)
+
+
+def _data_of(
+    frame: Any, section: dict[str, Any], target: Any
+) -> tuple[dict[str, Any], tuple[Any, ...]]:
+    """Return the section `data`, and the frames in memory: none where files are read.
+
+    Raises `SpecError` for no table, and for frames beside files.
+    """
+    given = list(frame) if isinstance(frame, list | tuple) else [frame]
+    frames = tuple(one for one in given if labels_of(one) is not None)
+    if not given or 0 < len(frames) < len(given):
+        raise SpecError(
+            "fit: frames and files are mixed" if given else "fit: there are no frames",
+            "give frames alone, or paths alone",
+        )
+    if frames and "columns" not in section:
+        section["columns"] = canonical_columns(frames[0], target)
+    if not frames:
+        section["files"] = [str(path) for path in given]
+        section.setdefault("reader", _reader_of(given[0]))
+    return section, frames
+
+
+def _reader_of(path: Any) -> str:
+    """Return the reader of files that begin or end so; `csv` for others.
+
+    Raises `SpecError` for what is no path.
+    """
+    if not isinstance(path, str | Path):
+        raise SpecError(
+            f"fit: {type(path).__name__} is no table",
+            "give a mapping of arrays, a data frame, or the path of a file",
+        )
+    reader = reader_of(Path(path))
+    return "csv" if reader is None else reader.name
+
+
+def example() -> list[dict[str, Array]]:
+    """Return four load cycles of a simulated McKibben muscle, as `mapmore example` writes them.
+
+    Each is a recording at one pressure (80, 150, 250, 350 kPa): `time` s, `pressure` kPa, `strain`
+    1, `force` N, (n,) each.
+
+    Examples
+    --------
+    >>> import mapmore_cli as mm
+    >>> m = mm.fit(mm.example(), cycles={"over": "strain", "samples": 200},
+    ...     levels={"of": "pressure", "at": [80, 150, 250, 350]},
+    ...     split={"validate": {"pressure": [250]}}, model={"type": "literature", "name": "sarosi"})
+    >>> m.scores.of_model()["n"]
+    200
+    """
+    recordings: list[dict[str, Array]] = plugins.load("python", "example")()
+    return recordings

@@ -1,0 +1,50 @@
+"""`mapmore clean`: remove the runs that no spec names."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from mapmore_cli.cli import console
+from mapmore_cli.domain.errors import UsageError
+
+
+def clean(
+    configs: Annotated[
+        list[Path],
+        typer.Argument(metavar="CONFIG...", help="All specs and campaigns whose runs are kept."),
+    ],
+    runs: console.Runs = console.RUNS,
+    yes: Annotated[bool, typer.Option("--yes", help="Remove what is listed.")] = False,
+    as_json: console.AsJson = False,
+) -> None:
+    """List the runs that no spec names, and remove them with --yes.
+
+    Kept are the runs of the specs and campaigns, their variations, and the runs that they are built
+    on or compared with; and every folder that is no run.
+    """
+    from mapmore_cli.pipeline.staleness import named_runs
+    from mapmore_cli.spec.campaign import expanded
+    from mapmore_cli.spec.loader import load
+    from mapmore_cli.storage.atomic import remove
+    from mapmore_cli.storage.run_folder import run_lock
+    from mapmore_cli.storage.run_record import load_origin
+
+    if not runs.is_dir():
+        raise UsageError(f"{runs}: there is no such folder", "name the folder of the runs, --runs")
+    entries = expanded(configs, ())[1]
+    kept = named_runs([load(entry.config, entry.overrides) for entry in entries])
+    unnamed = [
+        folder
+        for folder in sorted(runs.iterdir())
+        if folder.name not in kept and not folder.is_symlink() and load_origin(folder)
+    ]
+    for folder in unnamed if yes else ():
+        with run_lock(folder):
+            remove(folder)
+    names = [str(folder) for folder in unnamed]
+    end = f"{len(names)} removed" if yes else f"{len(names)} would be removed; add --yes"
+    document = {"unnamed": names, "removed": yes}
+    console.print_view(console.View(document, lines=(*names, end)), as_json)

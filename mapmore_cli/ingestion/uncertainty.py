@@ -1,0 +1,77 @@
+"""How far each sample may be off: the standard deviations that a spec gives, as columns of the
+curves.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from mapmore_cli.domain.arrays import Array
+from mapmore_cli.domain.errors import DataError
+from mapmore_cli.domain.recording import Curve, uncertainty_of
+from mapmore_cli.spec.sections.data import Data
+from mapmore_cli.spec.units import convert, is_quantity, split_quantity
+
+Rule = float | str | dict[str, float]
+
+LEAST = 1e-3
+"""Of the median of a curve: with a smaller uncertainty one sample counts as much as a million."""
+
+
+def with_uncertainty(
+    curves: Sequence[Curve], data: Data, units: dict[str, str], measured: str, target: str
+) -> tuple[Curve, ...]:
+    """Return the curves with the uncertainty of each quantity that has one; its unit is put into
+    `units`. That of what was `measured` is the one of the `target` made from it.
+
+    Raises DataError for an uncertainty that is not above zero, or far below others of its curve.
+    """
+    for name, rule in data.uncertainty.items():
+        column = uncertainty_of(target if name == measured else name)
+        units[column] = units[name]
+        curves = [
+            replace(
+                curve,
+                columns={
+                    **curve.columns,
+                    column: _positive_deviation(curve, name, rule, data, units),
+                },
+            )
+            for curve in curves
+        ]
+    return tuple(curves)
+
+
+def _positive_deviation(
+    curve: Curve, name: str, rule: Rule, data: Data, units: Mapping[str, str]
+) -> Array:
+    sigma = _deviation(curve, name, rule, data, units)
+    median = float(np.median(sigma))
+    faulty = np.flatnonzero(~(sigma > LEAST * median))
+    if len(faulty):
+        row = int(faulty[0])
+        raise DataError(
+            f"data.uncertainty.{name}: it is {sigma[row]:.3g} at {curve.columns[name][row]:g} "
+            f"(sample {row + 1} of {curve.id}), and {median:.3g} in the middle of the curve",
+            "give each group one; to shares of small values add a floor by `derive`, as "
+            f"`sd: sqrt(0.25 + (0.02*{name})^2)`, and name that",
+        )
+    return sigma
+
+
+def _deviation(curve: Curve, name: str, rule: Rule, data: Data, units: Mapping[str, str]) -> Array:
+    """Return the standard deviation of each sample, (n,); NaN in a group that has none."""
+    if isinstance(rule, dict):
+        assert data.groups is not None
+        group = curve.columns[data.groups.of]
+        return np.select([group == float(value) for value in rule], [*rule.values()], np.nan)
+    if isinstance(rule, float):
+        return np.full(curve.size, rule)
+    if is_quantity(rule):
+        return np.abs(curve.columns[name]) * convert(split_quantity(rule)[0], "%", "1")
+    # a column of one's own, whose unit nobody says, is in that of the quantity
+    unit = units[name] if units[rule] == "1" else units[rule]
+    return convert(curve.columns[rule], unit, units[name])

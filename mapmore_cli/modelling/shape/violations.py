@@ -1,0 +1,137 @@
+"""Where, and by how much, a model does not have a shape; and what keeping one costs."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from types import MappingProxyType
+
+import numpy as np
+
+from mapmore_cli.domain.arrays import Ranges
+from mapmore_cli.domain.declared import Word
+from mapmore_cli.domain.errors import FitError
+from mapmore_cli.domain.models import KeptShape, Model, Shape
+from mapmore_cli.domain.recording import Curve
+from mapmore_cli.modelling.kinds import predict, runs_over_time
+from mapmore_cli.modelling.literature.backbone import pooled
+from mapmore_cli.modelling.program.model import program_of
+from mapmore_cli.modelling.selection import Fit
+from mapmore_cli.modelling.shape.region import Region, region_of
+from mapmore_cli.modelling.shape.stencils import POINTS, Asked, asked_of
+
+KINDS = ("mckibben", "peano")
+IMPLIED: Mapping[str, Mapping[str, Word]] = MappingProxyType(
+    {
+        "force": {"pressure": "increasing", "strain": "decreasing"},
+        "strain": {"pressure": "increasing", "force": "decreasing"},
+    }
+)
+"""What the force, or the strain, of muscles of these kinds (`muscle.kind`) does along inputs."""
+
+# nodes of the grid on which a model is looked at
+NODES = 2500
+# a smaller fall, as a share of the range of the training output, is none
+WRONG = 1e-9
+# times the training error without a shape, from which on a user is warned of the one with it
+CLEARLY = 1.1
+
+
+@dataclass(frozen=True)
+class Violation:
+    """By how much a model violates a word, 0 where it does not: how far the output falls along one
+    line in all, or by how much it misses a chord. `share` is that of the range of the training
+    output; it is worst at the `place`.
+    """
+
+    asked: Asked
+    amount: float
+    share: float
+    place: str
+
+
+def violations(
+    model: Model, asked: Sequence[Asked], region: Region, nodes: int = NODES
+) -> list[Violation]:
+    """Return what the model does against each word, on a grid over the region."""
+    grid, found = region.grid(program_of(model).knots, nodes), []
+    values = np.where(region.holds(grid.columns), predict(model, grid.columns), np.nan)
+    for one in region.asks(asked):
+        rises = grid.rises(one, values)
+        falls = -np.nan_to_num(np.minimum(rises, 0.0))
+        lines = falls.sum(axis=grid.axis(one)) if POINTS[one.word] == 2 else falls
+        amount = float(lines.max(initial=0.0))
+        if amount <= WRONG * region.span:
+            found.append(Violation(one, 0.0, 0.0, ""))
+        else:
+            worst = grid.stencils(one, np.array([np.argmax(falls)]))
+            found.append(Violation(one, amount, amount / region.span, worst.told))
+    return found
+
+
+def known_shape(kind: str | None, model: Model, curves: Sequence[Curve]) -> list[Violation]:
+    """Return what a model without memory does against the shape that it was asked to keep, or else
+    its kind of muscle implies.
+    """
+    words = IMPLIED.get(model.output.name, {}) if kind in KINDS else {}
+    asked = [Asked(one.name, words[one.name]) for one in model.inputs if one.name in words]
+    fit = Fit()
+    if model.shape is not None:
+        asked = [Asked(one.quantity, one.word) for one in model.shape.kept] or asked
+        fit = Fit(shape={}, slack=model.shape.slack, beyond=model.shape.beyond)
+    region = region_of(model, curves, fit) if asked and not runs_over_time(model) else None
+    return [] if region is None else violations(model, asked, region)
+
+
+def with_shape(
+    plain: Model,
+    model: Model,
+    curves: Sequence[Curve],
+    region: Region | None,
+    fit: Fit,
+    binds: Mapping[Asked, Ranges] = MappingProxyType({}),
+) -> Model:
+    """Return the model with what it keeps, where that decides about its coefficients, and what it
+    costs beside the `plain` model.
+    """
+    kept = tuple(
+        KeptShape(one.asked.quantity, one.asked.word, one.amount, binds.get(one.asked, {}))
+        for one in (violations(plain, asked_of(fit), region) if region else ())
+    )
+    with_it, without = (
+        [_error(each, curves, training) for training in (True, False)] for each in (model, plain)
+    )
+    notes, unit = model.notes, model.output.unit
+    if with_it[0] > CLEARLY * without[0]:
+        notes += (
+            f"the shape costs: the training error is {with_it[0]:.4g} {unit} with it, "
+            f"{without[0]:.4g} {unit} without",
+        )
+    shape = Shape(kept, fit.slack, fit.beyond, *with_it, *without)
+    return replace(model, shape=shape, notes=notes)
+
+
+def _error(model: Model, curves: Sequence[Curve], training: bool) -> float:
+    """Return the root mean square error on training or held-out samples; NaN without any."""
+    rows = pooled([(curve, curve.training if training else curve.held_out) for curve in curves])
+    errors = predict(model, rows) - rows[model.output.name]
+    known = errors[np.isfinite(errors)]
+    return float(np.sqrt(np.mean(known**2))) if len(known) else math.nan
+
+
+def verified(model: Model, curves: Sequence[Curve], fit: Fit) -> Model:
+    """Return a formula with the shape that it keeps by itself, or by the bounds of its parameters;
+    raises FitError where it does not.
+    """
+    asked = asked_of(fit)
+    region = region_of(model, curves, fit) if asked else None
+    if region is None:
+        return model
+    if wrong := [one for one in violations(model, asked, region) if one.amount]:
+        raise FitError(
+            f"fit.shape: the fitted formula violates it by {wrong[0].amount:.3g} "
+            f"{model.output.unit}, most for {wrong[0].place}",
+            "give its parameters bounds that imply the shape, or take another formula",
+        )
+    return with_shape(model, model, curves, region, fit)

@@ -1,0 +1,31 @@
+"""A muscle behind a tendon: the force stretches the tendon, and the muscle has the rest of the
+length.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated
+
+from mapmore_cli.domain.arrays import Number
+from mapmore_cli.domain.models import Body, Model
+from mapmore_cli.modelling.kinds import Kind
+
+
+@dataclass(frozen=True)
+class Tendon(Body):
+    """A model of a muscle, whose inputs `length` and `velocity` are here those of muscle and tendon
+    together.
+    """
+
+    muscle: Annotated[Model, "the muscle alone"]
+    stiffness: Annotated[Number, "of the tendon, in the unit of the force over that of the length"]
+    force: Annotated[Number, "that the tendon carries where the length is zero"] = 0.0
+
+    @property
+    def models(self) -> tuple[Model, ...]:
+        """The muscle."""
+        return (self.muscle,)
+
+
+KIND = Kind("tendon", Tendon, None, __name__, over_time=True)

@@ -1,0 +1,99 @@
+"""The force of a muscle behind a tendon, `F = f(P, l - (F - F_0)/k, v + F'/k)`: its length l is
+shorter by what the tendon is stretched, its shortening velocity v larger by the tendon's rate.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+
+from mapmore_cli.domain.arrays import Array, BoolArray, Columns
+from mapmore_cli.domain.errors import DataError
+from mapmore_cli.domain.foreign import tex_text
+from mapmore_cli.domain.models import Equation, Model
+from mapmore_cli.domain.results import Run
+from mapmore_cli.modelling import kinds
+from mapmore_cli.modelling.tendon import Tendon
+
+STEPS = 30
+"""Half Newton steps: each halves the error, and 2^-30 of a force is none."""
+
+NUDGE = 1e-6
+"""Of the range of the length, over which the muscle's slope is taken."""
+
+
+def muscle_columns(columns: Columns, force: Array, stiffness: float, at_zero: float) -> Columns:
+    """Return the columns with the muscle's own length and velocity in the place of those of
+    both.
+    """
+    own = {**columns, "length": columns["length"] - (force - at_zero) / stiffness}
+    if "velocity" in columns:
+        own["velocity"] = columns["velocity"] + np.gradient(force, columns["time"]) / stiffness
+    return own
+
+
+def solve(
+    muscle: Callable[[Columns], Array], columns: Columns, stiffness: float, at_zero: float = 0.0
+) -> Array:
+    """Return the force of a `muscle` behind a tendon, (n,), along one recording.
+
+    The slope is taken along the length; the rate of the force is that of the step before.
+    """
+    length = columns["length"]
+    force, further = np.full(len(length), at_zero), NUDGE * (float(np.ptp(length)) or 1.0)
+    for _ in range(STEPS):
+        own = muscle_columns(columns, force, stiffness, at_zero)
+        here, there = (muscle({**own, "length": own["length"] + x}) for x in (0.0, further))
+        slope = (there - here) / further
+        force = force + 0.5 * (here - force) / (1.0 + slope / stiffness)
+    return force
+
+
+def simulate(model: Model, columns: Columns) -> Run:
+    """Return the force at every row of a recording, (n,). Raises DataError without its time."""
+    return Run(_force(model, columns), ())
+
+
+def _force(model: Model, columns: Columns) -> Array:
+    body = _body(model)
+    if "time" not in columns and "velocity" in columns:
+        raise DataError(f"{model.name}: a tendon needs the time", "give the column `time`, in s")
+    rows = {name: columns[name] for name in ("time", *(one.name for one in model.inputs))}
+    return solve(lambda own: kinds.predict(body.muscle, own), rows, body.stiffness, body.force)
+
+
+def outside_range(model: Model, columns: Columns) -> BoolArray:
+    """Return True where the muscle itself is beyond its training range, (n,)."""
+    body = _body(model)
+    own = muscle_columns(columns, _force(model, columns), body.stiffness, body.force)
+    return kinds.outside_range(body.muscle, own)
+
+
+def equations(model: Model, units: Mapping[str, float]) -> tuple[Equation, ...]:
+    """Return what the tendon makes of the length; then the equations of the muscle."""
+    body, force = _body(model), model.output.name
+    stretched = f"length = length - ({force} - {body.force:g})/{body.stiffness:g}"
+    latex = rf"\text{{{tex_text(stretched)}}}"
+    own = kinds.equations(body.muscle, units)
+    return (Equation(f"{body.muscle.name}: tendon", stretched, latex), *own)
+
+
+def parameters(model: Model) -> int:
+    """Return those of the muscle: the tendon is given."""
+    return kinds.parameters(_body(model).muscle)
+
+
+def write(_m: Any, model: Model, _inputs: Any) -> Any:
+    """Refuse: the force is the root of an equation at every sample, which no program solves."""
+    raise DataError(
+        f"{model.name}: a force behind a tendon is the root of an equation at every sample, which "
+        "no exported program solves",
+        f"export the muscle alone, {_body(model).muscle.name}",
+    )
+
+
+def _body(model: Model) -> Tendon:
+    assert isinstance(model.body, Tendon)
+    return model.body

@@ -1,0 +1,62 @@
+"""Training samples that lie far from a robust fit: where they stand in their files."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from mapmore_cli.domain.recording import Dataset, uncertainty_of
+from mapmore_cli.domain.results import Forecast, Outlier
+from mapmore_cli.modelling.frols.weighing import TUNING, scale_of
+from mapmore_cli.modelling.selection import Fit
+
+FAR = TUNING["bisquare"]
+"""Residuals in scales from which on a sample is listed: those that the bisquare leaves out."""
+
+MOST = 500  # that are listed
+
+
+def outliers(dataset: Dataset, forecasts: Sequence[Forecast], fit: Fit) -> tuple[Outlier, ...]:
+    """Return the training samples more than `FAR` scales from what a model says of them (with
+    memory, one step ahead), the farthest first, at most `MOST`.
+
+    One step after an outlier a model with memory is off as well. Residuals are counted in their
+    uncertainty, where it is known; the scale is that of the section `fit`, else 1.4826 times the
+    median absolute residual of all training samples.
+    """
+    curves, target = dataset.curves, dataset.target
+    said = np.concatenate(
+        [one.values if one.one_step is None else one.one_step for one in forecasts]
+    )
+    y = np.concatenate([curve.columns[target] for curve in curves])
+    equal = np.ones(len(y))
+    unit = np.concatenate([c.columns.get(uncertainty_of(target), equal[: c.size]) for c in curves])
+    known = np.concatenate([curve.training for curve in curves]) & np.isfinite(said)
+    left = np.where(known, y - said, 0.0) / unit
+    scales = left / (fit.known_scale or scale_of(left[known], (y / unit)[known]))
+    far = min(MOST, np.count_nonzero(np.abs(scales) > FAR))
+    ranked = np.argsort(-np.abs(scales), kind="stable")[:far]
+    return tuple(
+        Outlier(*_found_at(dataset, at), float(y[at] - said[at]), float(scales[at]))
+        for at in ranked.tolist()
+    )
+
+
+def _found_at(dataset: Dataset, at: int) -> tuple[str, str, str]:
+    """Return the file of a sample, its row there, and its curve, by its number over all curves."""
+    ends = np.cumsum([curve.size for curve in dataset.curves])
+    number = int(np.searchsorted(ends, at, side="right"))
+    curve = dataset.curves[number]
+    row = at - int(ends[number]) + curve.size
+    name = curve.recordings[0 if curve.origin is None else int(curve.origin[row])]
+    recording = next(one for one in dataset.recordings if one.id == name)
+    same = [
+        x == curve.columns[one][row]
+        for one, x in recording.columns.items()
+        if one in curve.columns and one not in (dataset.target, dataset.level)
+    ]
+    found = np.flatnonzero(np.logical_and.reduce(same))
+    known = recording.first_row and found.size == 1
+    place = f"row {recording.first_row + int(found[0])}" if known else f"sample {row + 1}"
+    return recording.source, place, curve.id

@@ -1,0 +1,99 @@
+"""The sections of a page, in its order: who adds one adds a row here, with its tables.
+
+A section shows what `templates/sections/ID.html` says, where there is such a file; then its figures
+(`domain.scores.FIGURES` says which); then its tables.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+
+from mapmore_cli.reporting import memory_tables, tables
+from mapmore_cli.reporting.inputs import ReportInputs
+from mapmore_cli.reporting.score_tables import curve_scores_table, score_table, search_table
+from mapmore_cli.reporting.table import Table
+
+
+@dataclass(frozen=True)
+class Section:
+    """One section of a page.
+
+    - `id`: its anchor on the page, and the word that its figures and its template name it by.
+    - `tables`: what it says of a run in numbers.
+    - `folded`: whether a reader opens it.
+    """
+
+    id: str
+    title: str
+    tables: Callable[[ReportInputs], Iterable[Table]] = lambda _inputs: ()
+    folded: bool = True
+
+
+def sections_of(inputs: ReportInputs) -> tuple[Section, ...]:
+    """Return the sections of a run's page; kinds that have tables of their own have one each."""
+    kinds = (
+        Section(page.TITLE.replace(" ", "-"), page.TITLE, page.tables) for page in inputs.pages
+    )
+    return (*SECTIONS[:3], *kinds, *SECTIONS[3:])
+
+
+def all_tables(inputs: ReportInputs) -> tuple[Table, ...]:
+    """Every table of the report, in the order of the page; equations stand there by themselves."""
+    shown = [table for section in sections_of(inputs) for table in section.tables(inputs)]
+    return (*shown, tables.equations_table(inputs.equations, inputs.other_equations))
+
+
+def _of_models(inputs: ReportInputs) -> Iterable[Table]:
+    own = inputs.validation
+    yield score_table(own.scores, own.units, inputs.published, inputs.failed)
+    yield tables.bands_table(own.bands, inputs.target.unit)
+
+
+def _of_data(inputs: ReportInputs) -> Iterable[Table]:
+    along = None if inputs.timed else inputs.in_curve.name
+    yield tables.levels_table(inputs.dataset, along, inputs.whole)
+    yield tables.recordings_table(inputs.whole)
+
+
+def _of_terms(inputs: ReportInputs) -> Iterable[Table]:
+    yield tables.terms_table(inputs.fit)
+    yield tables.coefficients_table(inputs.fit, inputs.target.unit, inputs.model)
+    yield tables.outliers_table(inputs.validation.outliers, inputs.target.unit)
+    if inputs.search is not None:
+        yield search_table(inputs.search)
+    if (memory := inputs.fit.memory) is not None:
+        yield memory_tables.states_table(memory.model.states)
+        yield memory_tables.sizes_table(memory)
+        yield memory_tables.identified_table(memory)
+
+
+def _of_formulas(inputs: ReportInputs) -> Iterable[Table]:
+    pieces = inputs.model.pieces
+    yield tables.formulas_table(inputs)
+    yield tables.folds_table(pieces.cross_validation if pieces else (), inputs.target.unit)
+
+
+SECTIONS = (
+    Section(
+        *("fit", "Curves, fit and error"),
+        lambda own: [
+            curve_scores_table(own.validation.scores, own.validation.units),
+            tables.shape_table(own),
+        ],
+        folded=False,
+    ),
+    Section("nrmse", "Scores of all models", _of_models, folded=False),
+    Section(
+        *("equations", "The model in physical units"),
+        lambda inputs: tables.limits_tables(inputs.model),
+        folded=False,
+    ),
+    Section("data", "Your data as read", _of_data),
+    Section(
+        "segments", "Segments and their weights", lambda inputs: [tables.segments_table(inputs)]
+    ),
+    Section("terms", "Selected terms", _of_terms),
+    Section("formulas", "Fits of formulas", _of_formulas),
+    Section("notes", "Notes, spec and provenance"),
+)

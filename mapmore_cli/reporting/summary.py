@@ -1,0 +1,55 @@
+"""The summary of a fit, as statistics programs print one: coefficients with their standard errors,
+and how much the training data say for so many parameters.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+from mapmore_cli.domain.models import Model
+from mapmore_cli.domain.results import FitResult
+from mapmore_cli.domain.scores import OWN, ScoreTable
+from mapmore_cli.modelling.kinds import parameters
+from mapmore_cli.modelling.literature.linear import half_width
+from mapmore_cli.modelling.validation.metrics import information_criteria
+from mapmore_cli.reporting.table import Cell, Table
+
+COLUMNS = ("part", "term", "coefficient #.6g", "standard error .3g", "t .3g", "ERR [%] .4f")
+
+
+def summary_table(fit: FitResult, model: Model, scores: ScoreTable) -> Table:
+    """Return a row for each coefficient of the formula, and of every segment or of the model with
+    memory.
+
+    Coefficients of terms are of scaled coordinates, those of formulas in their own units. The notes
+    have n, the number of parameters, AIC and BIC; and the coefficients whose 95 % interval includes
+    zero.
+    """
+    rows, unclear = list[tuple[Cell, ...]](), list[str]()
+    for part, term, value, error, err, freedom in _fitted_numbers(fit):
+        rows.append((part, term, value, error, value / error if error else math.nan, 100 * err))
+        if not half_width(error, freedom) < abs(value):
+            unclear.append(f"{term} of {part}")
+    notes = list(fit.formula.notes) if fit.formula is not None else []
+    if unclear:
+        notes.append(f"Not told from zero by the training data (95 %): {', '.join(unclear)}.")
+    count, unit = parameters(model), model.output.unit
+    for row in scores.scores:
+        if (row.model, row.split, row.curve) == (OWN, "train", "all"):
+            aic, bic = information_criteria(row.n, row.rmse, count)
+            size = f"n = {row.n} training samples, {count} parameters, RMSE {row.rmse:.4g} {unit}"
+            notes.insert(0, f"{size}: AIC {aic:.6g}, BIC {bic:.6g}.")
+    return Table.of("summary", f"Summary of {model.name}", COLUMNS, rows, *notes)
+
+
+def _fitted_numbers(fit: FitResult) -> Iterator[tuple[str, str, float, float, float, int]]:
+    """Yield part, term, coefficient, standard error, ERR and degrees of freedom of each."""
+    if formula := fit.formula:
+        freedom = formula.samples - len(formula.parameters)
+        for name, value in formula.parameters.items():
+            yield formula.name, name, value, formula.errors[name], math.nan, freedom
+    for piece in fit.pieces:
+        for term, row in zip(piece.terms, piece.selection.table(), strict=True):
+            numbers = row["coefficient"], row["standard_error"], row["err"]
+            yield piece.id, term, *numbers, piece.selection.freedom

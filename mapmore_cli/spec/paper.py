@@ -1,0 +1,287 @@
+"""A paper: its equations, tables, figures and claims, where each is here, and which numbers of ours
+speak to it.
+"""
+
+# ruff: noqa: RUF012 (pydantic copies the default of a field for every instance)
+
+from __future__ import annotations
+
+import re
+from collections.abc import Collection, Iterator, Sequence
+from pathlib import Path
+from typing import Annotated, Literal
+
+from annotated_types import Gt
+from pydantic import Field
+
+from mapmore_cli.domain.declared import Contradiction, Name
+from mapmore_cli.domain.scores import FIGURES
+from mapmore_cli.spec.diagnostics import Finding
+from mapmore_cli.spec.fields import Section, SpecPath
+from mapmore_cli.spec.loader import Loaded, load_as
+
+_ID = re.compile(r"(equation|table|figure|text) (\d+)(?:([a-z])|(?: to (\d+)))?(?:, .*)?")
+REFERENCE = re.compile(r"(?:(least|greatest|mean) )?([A-Za-z_]\w*)\[([^\]]*)\]\.(\w+)")
+"""A number in an inequality: `SOURCE[ROW].COLUMN`; the least, greatest or mean of several rows,
+as `ROW|ROW` or with `*`.
+"""
+RELATION = re.compile(r"\s([<>~])\s")
+
+Role = Literal["result", "input", "setting"]
+"""What agrees is a result, or was put in: an input of the experiment, a setting of the method."""
+
+
+class Verdict(Section):
+    """When a number of ours agrees with a printed one: exactly one of the keys."""
+
+    within: Annotated[float, Gt(0)] | None = None  # the greatest distance, in the printed unit
+    factor: Annotated[float, Gt(1)] | None = (
+        None  # within which sizes are of each other, with one sign
+    )
+    order: list[str] | None = (
+        None  # the columns whose groups are ordered by the numbers, least first
+    )
+    bound: Literal["at_least", "at_most"] | None = None  # what the printed number is to ours
+    same: Literal[True] | None = None  # words
+
+    def _contradictions(self) -> Iterator[ValueError]:
+        if len(self.model_fields_set) != 1:
+            yield Contradiction(
+                "a verdict has one rule", "give `within`, `factor`, `order`, `bound` or `same`"
+            )
+
+
+class Ours(Section):
+    """Rows of a table of a run: its scores, or any table of its page, by its name there.
+
+    Texts in `run` and `rows` may hold `{column}` of the printed row; printed rows that ask for the
+    same rows take them in turn.
+    """
+
+    run: SpecPath
+    table: str = "scores"
+    rows: dict[str, str] = {}  # which: texts by column
+    total: bool = False  # adds up the numbers of these rows
+
+
+class Source(Section):
+    """A table that inequalities take numbers from: of a `run` (by default the pooled scores on
+    held-out data), or a CSV `file` that a command wrote, below the paper's `root`.
+
+    `rows` keeps the rows with these texts; the texts in the columns of `key` name a row.
+    """
+
+    run: SpecPath | None = None
+    file: str | None = None
+    table: str = "scores"
+    rows: dict[str, str] = {}
+    key: Annotated[list[str], Field(min_length=1)] = ["model"]
+
+    def _contradictions(self) -> Iterator[ValueError]:
+        if (self.run is None) == (self.file is None):
+            yield Contradiction("a source is a `run` or a `file`", "give one of them", "run")
+
+    @property
+    def kept(self) -> dict[str, str]:
+        """The texts by column that rows must have."""
+        scores = self.run is not None and self.table == "scores"
+        return {"split": "validate", "curve": "all", **self.rows} if scores else self.rows
+
+
+class Number(Section):
+    """Two numbers side by side, each a column or an expression of columns; names of columns of ours
+    are written with underscores.
+    """
+
+    name: str
+    unit: str = ""
+    printed: str
+    ours: str
+    rows: dict[str, str] = {}  # beside those of the comparison
+    verdict: Verdict | None = None
+
+
+class Comparison(Section):
+    """A published table beside ours, row by row. `where` keeps rows of it; `labels` are the columns
+    that name a row.
+    """
+
+    title: str
+    published: str
+    where: dict[str, list[str]] = {}
+    labels: Annotated[list[str], Field(min_length=1)]
+    ours: Ours
+    numbers: Annotated[list[Number], Field(min_length=1)]
+    role: Role = "result"
+    notes: list[str] = []
+
+
+class Shown(Section):
+    """What is said, and the inequalities of our numbers that all hold where it is true.
+
+    `static[mapmore].rmse < static[sarosi].rmse < 20`: columns of rows of the paper's `sources`.
+    `a ~ b`: within a quarter of each other.
+    """
+
+    says: str
+    holds: list[str] = []
+
+    def _contradictions(self) -> Iterator[ValueError]:
+        for text in self.holds:
+            if not RELATION.search(text):
+                yield Contradiction(
+                    f"{text!r} is no inequality", "write <, > or ~ between numbers", "holds"
+                )
+
+
+class Reason(Shown):
+    """Why ours differs. Without inequalities it is a conjecture."""
+
+
+class Claim(Shown):
+    """A claim of the paper in our words: the sections that make it (`of`), and where it is here
+    (`place`: items of the paper, or files below its `root`).
+
+    A claim that no number of ours speaks to has the reason in `untold`.
+    """
+
+    of: str
+    place: Annotated[list[str], Field(min_length=1)]
+    untold: str = ""
+    role: Role = "result"
+
+    def _contradictions(self) -> Iterator[ValueError]:
+        yield from super()._contradictions()
+        if bool(self.holds) == bool(self.untold):
+            yield Contradiction(
+                "a claim has a verdict", "give `holds`, or `untold` with the reason", "holds"
+            )
+
+
+class Drawn(Section):
+    """A figure of a run, all of it or one panel, or an SVG `file` below the `root` that a command
+    drew. `models` are those that it shows, where that is not all of the run.
+    """
+
+    run: SpecPath | None = None
+    file: str | None = None
+    figure: Literal[tuple(FIGURES)] = "fit"  # type: ignore[valid-type]
+    panel: str | None = None
+    models: list[str] = []
+    caption: str
+
+    def _contradictions(self) -> Iterator[ValueError]:
+        if (self.run is None) == (self.file is None):
+            yield Contradiction("a figure is of a `run` or a `file`", "give one of them", "run")
+
+
+class Item(Section):
+    """An equation, a table, a figure or a passage of the paper, as `figure 3`, `equation 2 to 9` or
+    `text 1, section IV.B`.
+
+    `computed`: the program computes it; `compared`: our numbers stand beside it; `drawn`: our
+    figure does; `told`: a page tells of it. `place` lists files where it is, from the paper's
+    `root`; after a `#` stand words that the file holds.
+    """
+
+    id: Annotated[str, Field(pattern=rf"^{_ID.pattern}$")]
+    title: str
+    status: Literal["computed", "compared", "drawn", "told", "absent"]
+    place: Annotated[list[str], Field(min_length=1)]
+    note: str = ""  # how it is read, or why it is not here
+    why: list[Reason] = []  # it differs
+    compare: list[Comparison] = []
+    figures: list[Drawn] = []
+
+    def _contradictions(self) -> Iterator[ValueError]:
+        if self.status == "drawn" and not self.figures:
+            yield Contradiction("no figure is drawn", "give `figures`", "status")
+        if self.status == "absent" and not self.note:
+            yield Contradiction("absent without a reason", "give `note`", "status")
+
+    @property
+    def stands_for(self) -> tuple[tuple[str, int], ...]:
+        """Kind and number of all that it lists."""
+        found = _ID.fullmatch(self.id)
+        assert found is not None
+        kind, first, _, last = found.groups()
+        return tuple((kind, number) for number in range(int(first), int(last or first) + 1))
+
+
+class Paper(Section):
+    """A paper. `has` counts what it numbers: each of these must be among the `items`."""
+
+    schema_version: Literal[1] = 1
+    paper: Name
+    title: str
+    has: dict[Literal["equation", "table", "figure"], Annotated[int, Field(ge=0, le=200)]]
+    root: SpecPath = "."  # where places start
+    tables: SpecPath = "."  # where published tables are that do not ship with the program
+    sources: dict[str, Source] = {}
+    items: Annotated[list[Item], Field(min_length=1)]
+    claims: list[Claim] = []
+
+
+LoadedPaper = Loaded[Paper]
+
+
+def load_paper(path: Path) -> LoadedPaper:
+    """Read a paper; raises SpecError for every mistake at once, also a numbered item that is not
+    listed, and a place or a source that is not there.
+    """
+    return load_as(path, Paper, check=lambda paper: _findings(paper, path.parent))
+
+
+def _findings(paper: Paper, folder: Path) -> Iterator[Finding]:
+    listed = {one for item in paper.items for one in item.stands_for}
+    for kind, count in paper.has.items():
+        for number in range(1, count + 1):
+            if (kind, number) not in listed:
+                yield Finding(
+                    ("items",),
+                    f"{kind} {number} is not listed",
+                    "add an item with its status and its place",
+                    on_key=True,
+                )
+    ids = {item.id for item in paper.items}
+    spoken_of = {place for claim in paper.claims for place in claim.place}
+    for k, item in enumerate(paper.items):
+        yield from _place_findings(item.place, folder / paper.root, ("items", k, "place"))
+        for j, reason in enumerate(item.why):
+            yield from _source_findings(paper, reason.holds, ("items", k, "why", j, "holds"))
+        if item.status == "compared" and not item.compare and item.id not in spoken_of:
+            yield Finding(
+                ("items", k, "status"),
+                "compared with nothing",
+                "give `compare`, or a claim with this `place`",
+            )
+    for k, claim in enumerate(paper.claims):
+        yield from _place_findings(claim.place, folder / paper.root, ("claims", k, "place"), ids)
+        yield from _source_findings(paper, claim.holds, ("claims", k, "holds"))
+
+
+def _place_findings(
+    places: Sequence[str], root: Path, loc: tuple[str | int, ...], items: Collection[str] = ()
+) -> Iterator[Finding]:
+    for j, place in enumerate(places):
+        name, _, words = place.partition("#")
+        file, at = root / name, (*loc, j)
+        if place in items:
+            continue
+        if not file.exists():
+            yield Finding(at, f"there is no {file}", "places start at the paper's `root`")
+        elif words and words not in " ".join(file.read_text(encoding="utf-8").split()):
+            yield Finding(at, f"{name} does not hold {words!r}", "name words that stand there")
+
+
+def _source_findings(
+    paper: Paper, texts: Sequence[str], loc: tuple[str | int, ...]
+) -> Iterator[Finding]:
+    for j, text in enumerate(texts):
+        for _, name, *_ in REFERENCE.findall(text):
+            if name not in paper.sources:
+                yield Finding(
+                    (*loc, j),
+                    f"there is no source {name!r}",
+                    f"there are {', '.join(paper.sources) or 'none'}",
+                )

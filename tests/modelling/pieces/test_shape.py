@@ -1,0 +1,215 @@
+"""A surface that keeps its shape: solutions beside another solver, the fused model on finer grids,
+and what is refused.
+"""
+
+import re
+import shutil
+import time
+from dataclasses import replace
+from pathlib import Path
+from tempfile import mkdtemp
+
+import cvxpy
+import numpy as np
+import pytest
+from agreement import compare
+from surfaces import built, curves, recipe
+
+from mapmore_cli.domain.errors import FitError
+from mapmore_cli.domain.models import CurveRange, Formula
+from mapmore_cli.domain.recording import Curve
+from mapmore_cli.modelling.inverse import UNIQUE, invert
+from mapmore_cli.modelling.kinds import outside_range, predict
+from mapmore_cli.modelling.literature.backbone import fit_formula
+from mapmore_cli.modelling.pieces.recipe import Cuts
+from mapmore_cli.modelling.shape.least_squares import least_squares_under
+from mapmore_cli.modelling.shape.region import refuse_unsupported
+from mapmore_cli.modelling.shape.violations import known_shape, verified
+
+SHAPE = {"pressure": "increasing", "strain": "decreasing"}
+WAVY = {"shape": SHAPE, "max_terms": 3}
+
+
+def by_other_solver(A, y, D, d):
+    theta = cvxpy.Variable(A.shape[1])
+    problem = cvxpy.Problem(cvxpy.Minimize(cvxpy.sum_squares(A @ theta - y)), [D @ theta >= d])
+    exact = dict.fromkeys(("tol_gap_abs", "tol_gap_rel", "tol_feas"), 1e-13)
+    problem.solve(solver=cvxpy.CLARABEL, **exact)
+    return theta.value
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_another_solver_finds_the_same_coefficients(seed):
+    rng = np.random.default_rng(seed)
+    k, n = rng.integers(2, 9), 40
+    A, y = rng.normal(size=(n, k)), rng.normal(size=n)
+    D, d = rng.normal(size=(30, k)), -rng.uniform(0, 0.3, 30)
+    Q, R = np.linalg.qr(A)
+    found = least_squares_under(R, Q.T @ y, D, d)
+    assert found.met
+    assert found.force.any()
+    assert found.theta == pytest.approx(by_other_solver(A, y, D, d), abs=1e-7)
+
+
+def test_inequalities_that_contradict_each_other_are_named():
+    D, d = np.array([[1.0, 0], [-1, 0], [0, 1]]), np.array([1.0, 1, -1])
+    found = least_squares_under(np.eye(2), np.zeros(2), D, d)
+    assert not found.met
+    assert found.force.astype(bool).tolist() == [True, True, False]
+
+
+def test_two_thousand_inequalities_take_less_than_a_second():
+    rng = np.random.default_rng(0)
+    A, y = rng.normal(size=(1000, 60)), rng.normal(size=1000)
+    D = rng.normal(size=(2000, 60)) + 3 * np.eye(60)[0]
+    begun = time.perf_counter()
+    Q, R = np.linalg.qr(A)
+    found = least_squares_under(R, Q.T @ y, D, np.full(2000, 0.01))
+    assert time.perf_counter() - begun < 1.0
+    assert (D @ found.theta).min() > 0.01 - 1e-9
+
+
+def finer(samples, slack=0.05, n=300):
+    """A grid over the range, and where the output between the levels stands clear of its least."""
+    pressure, strain = np.meshgrid(np.linspace(80, 350, n), np.linspace(0, 0.23, n), indexing="ij")
+    height = [np.interp(strain[0], one.columns["strain"], one.columns["force"]) for one in samples]
+    levels = [one.level for one in samples]
+    between = np.array(
+        [np.interp(pressure[:, 0], levels, column) for column in np.transpose(height)]
+    )
+    everything = np.concatenate([one.columns["force"] for one in samples])
+    return pressure, strain, everything.min() + (slack + 0.02) * np.ptp(everything) < between.T
+
+
+def worst(values, clear):
+    """The largest steps against the shape, as parts of the range."""
+    values = np.where(clear, values, np.nan)
+    falls = np.nanmax(-np.diff(values, axis=0)), np.nanmax(np.diff(values, axis=1))
+    return max(falls) / np.nanmax(values)
+
+
+def over(model, pressure, strain, clear):
+    columns = {"pressure": pressure.ravel(), "strain": strain.ravel()}
+    inside = ~outside_range(model, columns).reshape(clear.shape)
+    return columns, clear & inside
+
+
+WAYS = {
+    "pieces": {"cuts": {"strain": Cuts("even", 2)}},
+    "steps": {"z_s": 0.0},
+    "keeping levels": {"levels": "pchip", "cuts": {"strain": Cuts("even", 2)}},
+    "a surface": {
+        "cuts": {},
+        "level": None,
+        "dictionary": ("1", *(f"pressure^{i}*strain^{j}" for i in range(1, 4) for j in range(4))),
+        "max_terms": 13,
+    },
+}
+
+
+@pytest.mark.parametrize(
+    "way", [pytest.param(one, marks=pytest.mark.long) if one == "steps" else one for one in WAYS]
+)
+def test_the_fused_model_keeps_its_shape_on_a_finer_grid(way):
+    samples, settings = curves(held_out=(), noise=5.0), WAVY | WAYS[way]
+    plain, model = (built(samples, **{**settings, "shape": one}) for one in (None, SHAPE))
+    columns, clear = over(model, *finer(samples))
+    values = predict(model, columns).reshape(clear.shape)
+    assert worst(predict(plain, columns).reshape(clear.shape), clear) > 1e-4
+    assert worst(values, clear) < 1e-9
+    assert [one.amount for one in known_shape(None, model, samples)] == [0.0, 0.0]
+    assert any(one.binds for one in model.shape.kept)
+    if way == "pieces":
+        rows = {name: x[clear.ravel()][::400] for name, x in columns.items()}
+        status = invert(model, predict(model, rows), {"strain": rows["strain"]}, "pressure").status
+        assert {*status} == {UNIQUE}
+        if shutil.which("gcc") is not None:
+            compare(model, Path(mkdtemp()), 300)
+
+
+def test_a_shape_that_does_not_bind_changes_nothing():
+    plain, model = (built(max_terms=1, shape=one) for one in (None, SHAPE))
+    assert [one.theta.tolist() for one in model.body.segments] == [
+        one.theta.tolist() for one in plain.body.segments
+    ]
+    assert not any(one.binds for one in model.shape.kept)
+
+
+def test_a_single_curve_is_the_constrained_least_squares_of_another_solver():
+    """Order five through noise, which must be convex."""
+    rng = np.random.default_rng(2)
+    x = np.linspace(0, 1, 40)
+    y = 5 * np.exp(-8 * x) + rng.normal(0, 0.15, 40)
+    one = Curve("a", None, {"strain": x, "force": y}, np.zeros(40, bool), ("a",))
+    words = {"strain": ["convex"]}
+    settings = {"level": None, "cuts": {}, "scaling": "none", "max_terms": 5, "tolerance": 0.0}
+    model = built((one,), shape=words, slack=0.0, **settings)
+    A, dense = np.vander(x, 5), np.linspace(0, 1, 3001)
+    powers = np.arange(4, -1, -1)
+    second = powers * (powers - 1) * dense[:, None] ** np.maximum(powers - 2, 0)
+    theta = by_other_solver(A, y, second, np.zeros(3001))
+    assert model.shape.kept[0].binds
+    # the last step of the grid ends before the range does
+    assert predict(model, {"strain": x}) == pytest.approx(A @ theta, abs=1e-3)
+
+
+def test_signs_and_bounds_hold_for_coefficients_in_the_unit_of_the_target():
+    """Of free terms, the other coefficients go on fitting."""
+    terms = {"dictionary": ("1", "strain", "strain^2"), "max_terms": 3, "cuts": {}}
+    bounds = {"strain": (-np.inf, -400.0), "strain^2": (0.0, 5.0)}
+    plain, model = built(**terms), built(bounds=bounds, **terms)
+    for name, (low, high) in bounds.items():
+        found = [
+            theta * one.scaling.y_slope
+            for one in model.body.segments
+            for term, theta in zip(one.terms, one.theta, strict=True)
+            if term == name
+        ]
+        assert len(found) == 3
+        assert min(found) >= low - 1e-9
+        assert max(found) <= high + 1e-9
+    assert model.shape.training > model.shape.training_without
+    assert built(bounds={"1": (-1e9, 1e9)}, **terms).body.segments[0].theta == pytest.approx(
+        plain.body.segments[0].theta, rel=1e-12
+    )
+
+
+def refused(samples, shape, **settings):
+    fit = recipe(shape=shape).fit
+    model = built(samples, max_terms=1, **settings)
+    with pytest.raises(FitError) as told:
+        refuse_unsupported(model, samples, fit)
+    return str(told.value)
+
+
+def test_a_sign_that_the_training_data_contradict_or_hardly_tell_is_refused():
+    samples = curves(held_out=())
+    assert re.search(
+        "`strain: increasing` rests on [0-9]+ differences of the training data, of which [0-9]+",
+        refused(samples, {"strain": "increasing"}),
+    )
+    few = [one.at(np.arange(0, one.size, 60)) for one in samples[:2]]
+    told = refused(few, {"pressure": "increasing"}, cuts={})
+    assert re.search("`pressure: increasing` rests on [0-9] differences", told)
+    assert "`length` is no input" in refused(samples, {"length": "increasing"})
+
+
+def test_a_shape_that_no_coefficients_keep_is_told_with_the_place():
+    """Linear transitions bend where segments meet."""
+    with pytest.raises(FitError, match=r"no coefficients .* strain: convex at pressure = "):
+        built(curves(held_out=()), max_terms=3, shape={"strain": "convex"})
+
+
+def test_a_formula_keeps_a_shape_by_itself_or_is_refused():
+    samples, fit = curves(held_out=()), recipe(shape=SHAPE).fit
+    model = built(samples, max_terms=1)
+    ranges = tuple(CurveRange(one.curve, one.level, one.limits) for one in model.body.curves)
+    whole = replace(
+        model, body=Formula(fit_formula("sarosi", samples, "force"), "pressure", ranges)
+    )
+    assert {one.word for one in verified(whole, samples, fit).shape.kept} == {*SHAPE.values()}
+    wrong = recipe(shape={"strain": "increasing"}).fit
+    with pytest.raises(
+        FitError, match=r"the fitted formula violates it by .* strain: increasing at"
+    ):
+        verified(whole, samples, wrong)

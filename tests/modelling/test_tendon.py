@@ -1,0 +1,39 @@
+"""A muscle behind a tendon: the force solves the equation of both, whatever the muscle."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.integrate import solve_ivp
+
+from mapmore_cli.modelling.tendon.model import muscle_columns, solve
+
+size = st.floats(0.5, 20)
+
+
+@settings(max_examples=30)
+@given(size, size, size, st.floats(-5, 5))
+def test_a_straight_muscle_and_a_tendon_are_springs_in_series(a, b, k, at_zero):
+    length = np.linspace(-1, 1, 7)
+    found = solve(lambda own: a + b * own["length"], {"length": length}, k, at_zero)
+    assert found == pytest.approx(
+        (a + b * (length + at_zero / k)) / (1 + b / k), rel=1e-6, abs=1e-6
+    )
+
+
+def test_a_damped_muscle_follows_the_differential_equation_of_both():
+    """`F = a + b l_m - c v_m` with `l_m = l - F/k` and `v_m = v + F'/k`, integrated by itself."""
+    a, b, c, k = 5.0, 30.0, 0.5, 200.0
+    time = np.arange(0.0, 3.0, 0.01)
+    length, velocity = np.sin(2 * time), -2 * np.cos(2 * time)  # shortening is positive
+
+    def rate(t, force):
+        rest = a + b * (np.sin(2 * t) - force / k) - force
+        return k * (rest / c + 2 * np.cos(2 * t))
+
+    columns = {"time": time, "length": length, "velocity": velocity}
+    found = solve(lambda own: a + b * own["length"] - c * own["velocity"], columns, k)
+    true = solve_ivp(rate, (0, 3), found[:1], t_eval=time, rtol=1e-9, atol=1e-9).y[0]
+    assert found[20:] == pytest.approx(true[20:], abs=0.01 * np.ptp(true))
+    own = muscle_columns(columns, found, k, 0.0)
+    assert own["length"] == pytest.approx(length - found / k)

@@ -1,0 +1,155 @@
+"""Somebody else's package: the template adds its parts, and a broken one harms nothing."""
+
+import json
+import shutil
+import subprocess
+import sys
+from collections.abc import Mapping
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import pytest
+from common import mapmore, rows_of
+
+from mapmore_cli.annexes.search.candidate import offered_structures
+from mapmore_cli.annexes.search.situation import Situation
+from mapmore_cli.domain import plugins
+
+TEMPLATE = Path(__file__).resolve().parents[1] / "docs" / "examples" / "plugin"
+
+BROKEN = """
+[mapmore.formulas]
+f = broken
+[mapmore.readers]
+r = broken
+late = late
+[mapmore.operators]
+o = broken
+wrong = pathlib
+zz = mapmore_template.operator
+[mapmore.kinds]
+k = broken
+[mapmore.figures]
+late = late
+lazy = late:lazy
+[mapmore.exports]
+e = broken
+[mapmore.commands]
+c = broken
+"""
+LATE = """
+from types import ModuleType
+from mapmore_cli.reporting.figures.drawing import Drawing, Layout, Panel
+from mapmore_cli.storage.tables import Reader
+
+def fail(*_):
+    return 1/0
+
+READER = Reader("late", fail, (".late",))
+draw = fail
+lazy = ModuleType("late")
+lazy.draw = lambda _: [Drawing("lazy", "", "", (Panel("", fail, "x", ("y",)),), Layout())]
+"""
+FAULTS = """
+operators  o      ZeroDivisionError
+operators  wrong  no Operator
+operators  zz     is there already
+formulas   f      ZeroDivisionError
+readers    r      ZeroDivisionError
+kinds      k      ZeroDivisionError
+figures    late   ZeroDivisionError
+figures    lazy   ZeroDivisionError
+"""
+STUDY = """
+schema_version: 1
+name: study
+data:
+  files: [log.jsonl]
+  reader: json_lines
+  columns:
+    time: {column: t, unit: s}
+    pressure: {column: P, unit: kPa}
+    strain: {column: eps}
+    force: {column: F, unit: N}
+  split: {validate: {last: 0.4}}
+target: static
+dictionary:
+  - washout: {of: [pressure], tau: [500 ms]}
+  - polynomial: {of: [pressure, strain], order: 3}
+fit: {max_terms: 6}
+validate: {against: [power_law], simple: false}
+report: {figures: [scatter, late, lazy], formats: [html, svg]}
+"""
+
+
+def write_log(path):
+    """A force of known terms, one of them a washout, written out by its difference equation."""
+    time = np.arange(0, 40, 0.1)
+    pressure = 150 + 100 * np.sign(np.sin(2 * np.pi * time / 9))
+    strain, fast = 0.05 + 0.04 * np.sin(time), np.zeros_like(time)
+    for k in range(1, len(time)):
+        fast[k] = np.exp(-0.1 / 0.5) * (fast[k - 1] + pressure[k] - pressure[k - 1])
+    force = 2 * pressure * (1 - strain) ** 2 + 5 + 0.3 * fast
+    columns = {"t": time.round(3), "P": pressure, "eps": strain, "F": force}
+    rows = zip(*(values.tolist() for values in columns.values()), strict=True)
+    path.write_text("\n".join(json.dumps(dict(zip(columns, row, strict=True))) for row in rows))
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """A study of the template's parts, and Python's path with the template and a broken package."""
+    place = tmp_path_factory.mktemp("plugins")
+    shutil.copytree(TEMPLATE, place / "template")
+    pip = (sys.executable, "-m", "pip", "install", "-q", "--no-deps", "--no-build-isolation")
+    offline = ("--no-index", "--disable-pip-version-check", "--target")
+    subprocess.run([*pip, *offline, place / "path", place / "template"], check=True)
+    (place / "path" / "broken.py").write_text("1/0\n")
+    (place / "path" / "late.py").write_text(LATE)
+    about = place / "path" / "zbroken-1.0.dist-info"
+    about.mkdir()
+    (about / "METADATA").write_text("Metadata-Version: 2.1\nName: zbroken\nVersion: 1.0\n")
+    (about / "entry_points.txt").write_text(BROKEN)
+    write_log(place / "log.jsonl")
+    (place / "study.yaml").write_text(STUDY)
+    return place
+
+
+def test_the_template_is_found_and_what_is_broken_is_named_and_left_out(folder):
+    run = partial(mapmore, cwd=folder, env={"PYTHONPATH": str(folder / "path")}, timeout=120)
+    finished = run("run", "study.yaml", "--json")
+    assert finished.returncode == 0, finished.stderr
+    scores = {(row["model"], row["split"]): row for row in json.loads(finished.stdout)["scores"]}
+    assert scores["mapmore", "validate"]["nrmse"] < 1e-9
+    assert 0.001 < scores["power_law", "validate"]["nrmse"] < 0.1
+    assert (folder / "runs" / "study" / "report" / "scatter.svg").is_file()
+    for group, name, why in rows_of(FAULTS):
+        told = f"warning: plug-in `{name}` ({group}) of zbroken is left out: "
+        (line,) = [line for line in finished.stderr.splitlines() if line.startswith(told)]
+        assert why in line
+    exported = run("export", "runs/study/model.h5", "--to", "json", "-o", "out", "-q")
+    assert (exported.returncode, exported.stderr) == (0, "")
+    (equation,) = json.loads((folder / "out" / "study.json").read_text()).values()
+    assert "0.3*washout(pressure, 0.5)" in equation
+    assert run("hello", "--name", "me").stdout == "hello, me\n"
+    broken = run("c")
+    assert broken.returncode == 2
+    assert "`c` is not installed: broken cannot be imported" in broken.stderr
+    (folder / "log.late").write_text("x")
+    as_late = ("--set", "data.files=[log.late]", "--set", "data.reader=late")
+    failed = run("ingest", "study.yaml", "-q", *as_late)
+    assert failed.returncode == 1
+    assert failed.stderr.startswith("error: the plug-in late failed: ZeroDivisionError")
+
+
+def test_a_family_of_structures_is_offered_to_the_search(folder, monkeypatch):
+    monkeypatch.syspath_prepend(folder / "path")
+    for remembered in (plugins._installed, plugins.points, plugins.load):
+        monkeypatch.setattr(plugins, remembered.__name__, remembered.__wrapped__)
+    (family,) = plugins.parts("families", Mapping)
+    monkeypatch.undo()
+    recording = Situation("force", ("pressure", "strain"), None, 500, 1, step=0.1, longest=50.0)
+    (structure,) = offered_structures(family.value, recording)
+    (product,) = structure.sections["dictionary"]
+    washout = {"of": ["pressure", "strain"], "tau": [0.5, 2]}
+    assert product["products"]["of"] == ["pressure", "strain", {"washout": washout}]
