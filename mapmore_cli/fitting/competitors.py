@@ -20,7 +20,7 @@ from mapmore_cli.domain.recording import DAMPING, STATIC_FORCE, Curve, Dataset
 from mapmore_cli.domain.results import Forecast
 from mapmore_cli.domain.scores import BASELINES, OWN, SIMPLE
 from mapmore_cli.modelling import kinds, literature, simple
-from mapmore_cli.modelling.forecast import forecast
+from mapmore_cli.modelling.inverse import forecast
 from mapmore_cli.modelling.kinds import runs_over_time
 from mapmore_cli.modelling.literature.backbone import fit_formula, pooled_training
 from mapmore_cli.modelling.literature.formulas.sarosi_hysteresis_loss import HysteresisLoss

@@ -81,7 +81,7 @@ def score(part: ScoresSlice, workspace: Workspace) -> None:
     """Fit the competitors to the same training data, predict every sample, and score."""
     from mapmore_cli.domain.results import Validation
     from mapmore_cli.fitting.competitors import Contest
-    from mapmore_cli.modelling.forecast import forecast
+    from mapmore_cli.modelling.inverse import forecast
     from mapmore_cli.modelling.kinds import parameters
     from mapmore_cli.modelling.validation.metrics import divisor, on_common_rows, score_rows
     from mapmore_cli.modelling.validation.outliers import outliers
