@@ -28,7 +28,7 @@ from mapmore_cli.domain.recording import Curve, Dataset, Quantity
 from mapmore_cli.fitting.kinds import refit
 from mapmore_cli.fitting.kinds.choices import ModelChoices, model_choices
 from mapmore_cli.fitting.left_out import residuals
-from mapmore_cli.modelling.inverse import forecast
+from mapmore_cli.modelling.forecast import forecast
 from mapmore_cli.modelling.kinds import outside_range
 from mapmore_cli.modelling.validation.intervals import (
     FEW,

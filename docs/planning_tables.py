@@ -21,7 +21,7 @@ from mapmore_cli.domain.recording import Dataset
 from mapmore_cli.fitting.kinds import refit
 from mapmore_cli.fitting.kinds.choices import ModelChoices, model_choices
 from mapmore_cli.fitting.left_out import residuals
-from mapmore_cli.modelling.inverse import forecast
+from mapmore_cli.modelling.forecast import forecast
 from mapmore_cli.modelling.literature.backbone import pooled_training
 from mapmore_cli.modelling.validation.intervals import INTERVAL, half_widths, interval_refusal
 from mapmore_cli.pipeline.runner import bring_up_to_date

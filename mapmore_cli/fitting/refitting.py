@@ -15,7 +15,7 @@ from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.recording import Curve, Dataset
 from mapmore_cli.domain.results import Forecast
 from mapmore_cli.fitting.kinds.choices import ModelChoices, level_of
-from mapmore_cli.modelling.inverse import forecast
+from mapmore_cli.modelling.forecast import forecast
 from mapmore_cli.modelling.pieces.cross_validation import BLOCKS
 from mapmore_cli.modelling.validation.metrics import divisor
 

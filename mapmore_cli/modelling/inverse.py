@@ -16,12 +16,8 @@ from itertools import pairwise
 import numpy as np
 
 from mapmore_cli.domain.arrays import Array, BoolArray, Columns, IntArray
-from mapmore_cli.domain.errors import DataError, UsageError
+from mapmore_cli.domain.errors import UsageError
 from mapmore_cli.domain.models import Model
-from mapmore_cli.domain.recording import Curve
-from mapmore_cli.domain.results import Forecast
-from mapmore_cli.modelling.kinds import one_step_ahead, predict, runs_over_time, simulate
-from mapmore_cli.modelling.memory.records import AtSample
 from mapmore_cli.modelling.program.model import program_of, with_slopes
 from mapmore_cli.modelling.program.values import evaluator
 
@@ -325,27 +321,3 @@ def _picked(values: Array, rows: IntArray, n: int, rule: str) -> Array:
             nearest = rule == NEAREST and not np.isnan(before)
             before = picked[row] = own[np.argmin(np.abs(own - before))] if nearest else own[0]
     return picked
-
-
-def forecast(model: Model, curve: Curve, target: str | None = None) -> Forecast:
-    """Predict every sample of a curve, recording by recording; raises as `predict`, naming the
-    recording.
-
-    Where the `target` is not what the model predicts but one of its inputs, the model is inverted
-    for it (`solve_for_input`).
-    """
-    if target is not None and target != model.output.name:
-        return Forecast.of(solve_for_input(model, curve.columns, target).values)
-    if not runs_over_time(model):
-        return Forecast.of(predict(model, curve.columns))
-    values, one_step = np.empty(curve.size), np.empty(curve.size)
-    for log, rows in enumerate(curve.logs):
-        columns = {name: column[rows] for name, column in curve.columns.items()}
-        try:
-            one_step[rows] = one_step_ahead(model, columns)
-            values[rows] = simulate(model, columns).values
-        except AtSample as error:
-            raise DataError(
-                f"{model.name} on {curve.recordings[log]}: {error.message}", error.remedy
-            ) from error
-    return Forecast(values, np.isfinite(one_step), one_step)

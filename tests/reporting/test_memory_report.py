@@ -9,7 +9,7 @@ from report_builder import tables_of
 from mapmore_cli.domain.fits import SegmentedCurve
 from mapmore_cli.domain.recording import Curve, Dataset, Quantity, Recording
 from mapmore_cli.domain.results import FitResult, Forecast, Validation
-from mapmore_cli.modelling.inverse import forecast
+from mapmore_cli.modelling.forecast import forecast
 from mapmore_cli.modelling.memory import model as memory
 from mapmore_cli.modelling.memory.fitting import fit_with_memory
 from mapmore_cli.modelling.memory.records import records_of

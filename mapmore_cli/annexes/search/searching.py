@@ -37,7 +37,7 @@ from mapmore_cli.domain.results import Search, Tried
 from mapmore_cli.fitting.kinds import refit
 from mapmore_cli.fitting.kinds.choices import ModelChoices, lengths_of
 from mapmore_cli.fitting.refitting import left_out_of
-from mapmore_cli.modelling.inverse import forecast
+from mapmore_cli.modelling.forecast import forecast
 from mapmore_cli.modelling.kinds import fed_back, parameters
 from mapmore_cli.modelling.memory.records import records_of, time_step
 from mapmore_cli.modelling.pieces.recipe import Segmented

@@ -1,0 +1,42 @@
+"""What a model says of every sample of a curve."""
+
+from __future__ import annotations
+
+from functools import partial
+
+import numpy as np
+
+from mapmore_cli.domain.arrays import Array, by_blocks, row_by_row
+from mapmore_cli.domain.errors import DataError
+from mapmore_cli.domain.models import Model
+from mapmore_cli.domain.recording import Curve
+from mapmore_cli.domain.results import Forecast
+from mapmore_cli.modelling.inverse import solve_for_input
+from mapmore_cli.modelling.kinds import one_step_ahead, predict, runs_over_time, simulate
+from mapmore_cli.modelling.memory.records import AtSample
+
+
+def forecast(model: Model, curve: Curve, target: str | None = None) -> Forecast:
+    """Predict every sample of a curve, recording by recording; raises as `predict`, naming the
+    recording.
+
+    Where the `target` is not what the model predicts but one of its inputs, the model is inverted
+    for it (`inverse.solve_for_input`).
+    """
+    if target is not None and target != model.output.name:
+        return Forecast.of(
+            row_by_row(lambda block: solve_for_input(model, block, target).values, curve.columns)
+        )
+    if not runs_over_time(model):
+        return Forecast.of(row_by_row(partial(predict, model), curve.columns))
+    said: list[tuple[Array, Array]] = []
+    for log, rows in enumerate(curve.stretches):
+        columns = {name: column[rows] for name, column in curve.columns.items()}
+        try:
+            said.append((one_step_ahead(model, columns), simulate(model, columns).values))
+        except AtSample as error:
+            raise DataError(
+                f"{model.name} on {curve.recordings[log]}: {error.message}", error.remedy
+            ) from error
+    one_step, values = map(curve.together, zip(*said, strict=True))
+    return Forecast(values, by_blocks(np.isfinite, one_step), one_step)
