@@ -81,7 +81,7 @@ def descend(
     order, by SciPy's least squares.
 
     `bounds` are the lowest and the highest coordinates, each `(k,)`; `lm` takes none. Each start
-    has so many `evaluations`, `EVALUATIONS` by default.
+    has so many `evaluations`, by default `EVALUATIONS`.
     """
     from scipy.optimize import least_squares
 
@@ -103,7 +103,8 @@ def descend(
         assert both is not None
         return both[1]
 
-    limits: Any = dict.fromkeys(("xtol", "ftol", "gtol"), TOLERANCE) | {"max_nfev": evaluations or EVALUATIONS}
+    limits: Any = dict.fromkeys(("xtol", "ftol", "gtol"), TOLERANCE)
+    limits["max_nfev"] = evaluations or EVALUATIONS
     ends = []
     for start in starts:
         x = np.clip(start, *bounds)
