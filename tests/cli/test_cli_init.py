@@ -164,7 +164,7 @@ def test_several_outputs_are_a_fragment_a_spec_each_and_a_campaign(tmp_path, map
     )
 
 
-@pytest.mark.parametrize(("paper", "terms"), [("m1", 2), ("m2", 1)])
+@pytest.mark.parametrize(("paper", "terms"), [("m1", 1), ("m2", 1)])
 def test_the_settings_of_a_paper(tmp_path, mapmore, paper, terms):
     """`--like` writes what `configs/` has for that paper, each key with a comment."""
     spec = tmp_path / "a.yaml"

@@ -12,23 +12,18 @@ Settings = dict[str, tuple[Any, str]]
 """A section of the spec and what is said of it."""
 
 
-def _zones(**more: str) -> dict[str, Any]:
-    return {"transition": "linear", "z_s": 0.25, "hold": "none", **more}
-
-
 def settings(paper: str, swept: str) -> Settings:
     """Return the sections of a paper's static study of a `swept` quantity at held levels.
 
-    M1, section IV: three segments, two terms; it leaves the number of terms open. M2, sections 4.4
-    and 5.1: four segments, one term, extrapolation by the last slope.
+    M1, section IV: three segments; it leaves the number of terms and the extrapolation open. M2,
+    which names M1 as its method, has four segments, one term, and extrapolates by the last piece
+    (sections 4.4 and 5.1).
     """
-    terms: dict[str, float] = {"max_terms": 2}
+    terms: dict[str, float] = {"max_terms": 1}
     count, reference = 3, "M1, section IV"
     if paper == "m2":
-        terms = {"max_terms": 1, "tolerance": 1e-4}
+        terms |= {"tolerance": 1e-4}
         count, reference = 4, "M2, sections 4.4 and 5.1"
-    zones = _zones() if paper == "m1" else _zones(extrapolation="continue")
-    beyond = "" if paper == "m1" else "; `continue`: beyond the data by the last piece"
     return {
         "segment": (
             {swept: {"method": "even", "count": count}},
@@ -43,9 +38,9 @@ def settings(paper: str, swept: str) -> Settings:
             "inputs scaled to 0..1; FROLS takes so many terms in each segment",
         ),
         "fuse": (
-            zones,
+            {"transition": "linear", "z_s": 0.25, "hold": "none", "extrapolation": "continue"},
             "weights fall linearly in zones of a quarter of each segment (eq 9-12); `hold: none`: "
-            f"inputs are not clamped{beyond}",
+            "inputs are not clamped; `continue`: beyond the data by the last piece",
         ),
     }
 

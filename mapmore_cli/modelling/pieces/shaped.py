@@ -15,8 +15,6 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from scipy.linalg import block_diag
-from scipy.ndimage import binary_dilation
 
 from mapmore_cli.domain.arrays import Array, BoolArray, Columns
 from mapmore_cli.domain.errors import FitError
@@ -83,6 +81,8 @@ def _factor(
     """Return the triangular factor of the regressors of all segments, in the target's unit, (k, k):
     all that the sum of squares needs of the samples.
     """
+    from scipy.linalg import block_diag
+
     training = {curve.id: curve for curve in training_curves(curves, recipe.level is not None)}
     rows = {one.id: (curve.curve, one.rows) for curve in segmentation for one in curve.segments}
     blocks: list[Any] = []
@@ -286,6 +286,8 @@ def _worst(grid: Grid, asked: Asked, values: Array, least: float) -> Stencils:
 
 def _widened(grid: Grid, inside: BoolArray) -> BoolArray:
     """Return a region with the nodes beside it, (n,), so that a finer grid has no more."""
+    from scipy.ndimage import binary_dilation
+
     shape = tuple(map(len, grid.axes.values()))
     beside = np.ones((3,) * len(shape), dtype=np.bool_)
     return np.asarray(binary_dilation(inside.reshape(shape), beside).ravel())

@@ -7,8 +7,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import solve_triangular
-from scipy.optimize import nnls
 
 from mapmore_cli.domain.arrays import Array
 
@@ -46,6 +44,9 @@ def least_squares_under(R: Array, f: Array, D: Array, d: Array) -> Constrained:
     `R` is upper triangular and regular, (k, k); `f` (k,), `D` (m, k) without rows of zeros, `d`
     (m,).
     """
+    from scipy.linalg import solve_triangular
+    from scipy.optimize import nnls
+
     H = solve_triangular(R, D.T, trans="T").T
     length = np.linalg.norm(H, axis=1)
     H, h = H / length[:, None], (d - H @ f) / length
