@@ -16,9 +16,10 @@ from pages import printed, r2, rms, run, scores, write_page
 from scipy.optimize import brentq, least_squares
 
 from mapmore_cli.domain.arrays import Array, Columns
+from mapmore_cli.domain.results import Forecast
 from mapmore_cli.modelling import literature
 from mapmore_cli.modelling.literature.linear import half_width
-from mapmore_cli.modelling.validation.metrics import uncentred_correlation
+from mapmore_cli.modelling.validation.metrics import Sums
 from mapmore_cli.reporting.table import Cell, Table
 
 Predict = Callable[[Mapping[str, float], Columns], Array]
@@ -84,9 +85,9 @@ def rebuilt_table(_runs: Path) -> Table:
         rmse = (round(rms(y - force), 6) for y in (as_printed, ours))
         pearson = float(np.corrcoef(as_printed, force)[0, 1])
         found = (
-            uncentred_correlation(force, as_printed),
+            correlation(force, as_printed),
             pearson,
-            uncentred_correlation(force, ours),
+            correlation(force, ours),
         )
         rows.append(
             (model, said["equation"], float(said["r"]), *found, *rmse, fit.status.replace("_", " "))
@@ -100,6 +101,11 @@ def rebuilt_table(_runs: Path) -> Table:
     return Table.of("rebuilt", title, columns_, rows, "R is about zero (uncentred), as W's is.")
 
 
+def correlation(measured: Array, predicted: Array) -> float:
+    """W's index, about zero."""
+    return Sums.of(measured, Forecast.of(predicted)).correlation
+
+
 def inert_table(_runs: Path) -> Table:
     """Test how W's eq 8 and 9 were fitted: with `exp(-P)` of a pressure in kPa or Pa, a_k has no
     effect and keeps its start, 3.55.
@@ -110,7 +116,7 @@ def inert_table(_runs: Path) -> Table:
         said = next(row for row in printed("w_models.csv") if row["model"] == model)
         theirs = {**printed_parameters(model), "a_k": 0.0}
         predict = literature.get(model).of_muscle(WRIST).predict
-        as_printed = uncentred_correlation(force, predict(theirs, columns))
+        as_printed = correlation(force, predict(theirs, columns))
         best = None
         if equation == "8":  # eq 9 with a_k inert has no minimum: its fit runs to a flat braid
 
@@ -122,7 +128,7 @@ def inert_table(_runs: Path) -> Table:
             found = least_squares(errors, [theirs["theta"], theirs["b_k"]], x_scale=[0.1, 1.0])
             best = (
                 f"theta {math.degrees(found.x[0]):.2f} deg, b_k {found.x[1]:.3f}, R "
-                f"{uncentred_correlation(force, found.fun + force):.4f}"
+                f"{correlation(force, found.fun + force):.4f}"
             )
         words = ", ".join(
             f"{row['parameter']} {row['printed']}"

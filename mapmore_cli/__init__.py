@@ -29,6 +29,9 @@ __all__ = [
 
 __version__ = "1.0.0"
 
+THREADS = ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
+"""What libraries ask for the number of their threads when they start."""
+
 
 def __getattr__(name: str) -> Any:
     """Load the interface when something of it is first asked for, so that the command line starts

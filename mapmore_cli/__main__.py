@@ -12,7 +12,7 @@ def main() -> None:
     """Run the command line; interrupted at any time, it ends with 130 and without a traceback."""
     try:
         _hold_standard_streams()
-        from mapmore_cli.domain import THREADS
+        from mapmore_cli import THREADS
 
         # as in a stage; a process with threads cannot be copied
         os.environ |= dict.fromkeys(THREADS, "1")

@@ -148,7 +148,7 @@ def test_a_family_of_structures_is_offered_to_the_search(folder, monkeypatch):
         monkeypatch.setattr(plugins, remembered.__name__, remembered.__wrapped__)
     (family,) = plugins.parts("families", Mapping)
     monkeypatch.undo()
-    recording = Situation("force", ("pressure", "strain"), None, 500, 1, step=0.1, longest=50.0)
+    recording = Situation("force", ("pressure", "strain"), None, 500, 1, step=0.1, steps=500)
     (structure,) = offered_structures(family.value, recording)
     (product,) = structure.sections["dictionary"]
     washout = {"of": ["pressure", "strain"], "tau": [0.5, 2]}

@@ -178,17 +178,17 @@ def _reader_of(path: Any) -> str:
 
 
 def example() -> list[dict[str, Array]]:
-    """Return four load cycles of a simulated McKibben muscle, as `mapmore example` writes them.
+    """Return four load cycles of a simulated Peano muscle, as `mapmore example` writes them.
 
-    Each is a recording at one pressure (80, 150, 250, 350 kPa): `time` s, `pressure` kPa, `strain`
+    Each is a recording at one pressure (80, 200, 350, 500 kPa): `time` s, `pressure` kPa, `strain`
     1, `force` N, (n,) each.
 
     Examples
     --------
     >>> import mapmore_cli as mm
     >>> m = mm.fit(mm.example(), cycles={"over": "strain", "samples": 200},
-    ...     levels={"of": "pressure", "at": [80, 150, 250, 350]},
-    ...     split={"validate": {"pressure": [250]}}, model={"type": "literature", "name": "sarosi"})
+    ...     levels={"of": "pressure", "at": [80, 200, 350, 500]},
+    ...     split={"validate": {"pressure": [350]}}, model={"type": "literature", "name": "sarosi"})
     >>> m.scores.of_model()["n"]
     200
     """

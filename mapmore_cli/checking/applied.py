@@ -16,7 +16,6 @@ from mapmore_cli.checking.rules import (
     samples,
     units,
 )
-from mapmore_cli.domain.arrays import give_back
 from mapmore_cli.domain.errors import DataError, SpecError
 from mapmore_cli.domain.recording import Dataset
 from mapmore_cli.ingestion.dataset import build_dataset
@@ -68,8 +67,6 @@ def issues_of(
     found: list[Issue] = []
     for rule in rules:
         found += rule(subject)
-        for column in (x for one in dataset.recordings for x in one.columns.values()):
-            give_back(column)
     return [issue for issue in found if hints or issue.severity != "hint"]
 
 

@@ -15,7 +15,7 @@ from mapmore_cli.domain.arrays import Array, IntArray, extremes
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.recording import Recording, united
 from mapmore_cli.modelling.signals.rates import rate
-from mapmore_cli.modelling.signals.sampling import correlation, even_share
+from mapmore_cli.modelling.signals.sampling import PART, correlation, even_parts, even_share
 from mapmore_cli.spec.units import convert
 
 FEWEST = 30  # samples, below which what they show may be chance
@@ -53,8 +53,9 @@ def settling(recordings: Sequence[Recording], unit: str = "s") -> Settling | Non
     None where the pressure does not move, or the time stamps do not let a rate be found.
     """
     records = [
-        (convert(one.columns["time"], unit, "s"), one.columns["pressure"])
+        (convert(one.columns["time"][part], unit, "s"), one.columns["pressure"][part])
         for one in recordings
+        for part in even_parts(one.rows_kept)
         if one.rows_kept
     ]
     pressures = np.concatenate([pressure for _, pressure in records])
@@ -178,7 +179,8 @@ def unequal(recordings: Sequence[Recording], inputs: Sequence[str], target: str)
         return None
     pairs = []
     for one, other, rows in _with_equal_inputs(usable, moving):
-        outputs = (each.columns[target][:rows] / ranges[target] for each in (one, other))
+        some = slice(0, rows, 1 + rows // PART)
+        outputs = (each.columns[target][some] / ranges[target] for each in (one, other))
         pairs.append(Unequal(one, other, tuple(moving), target, *_left(*outputs)))
     told = (pair for pair in pairs if pair.is_large or (pair.effects and pair.apart > LITTLE))
     return max(told, key=lambda pair: pair.apart, default=None)
@@ -196,8 +198,9 @@ def _with_equal_inputs(
         for near in np.flatnonzero(off < LITTLE).tolist():
             other = recordings[place + 1 + near]
             few, many = sorted((one.rows_kept, other.rows_kept))
+            some = slice(0, few, 1 + few // PART)
             if few >= MUCH * many and all(
-                _rms(one.columns[x][:few] - other.columns[x][:few]) < LITTLE * size
+                _rms(one.columns[x][some] - other.columns[x][some]) < LITTLE * size
                 for x, size in ranges.items()
             ):
                 yield one, other, few

@@ -1,10 +1,20 @@
-"""Array types that every layer speaks, and columns taken block by block."""
+"""Array types that every layer speaks, and columns taken and made block by block.
+
+A column that is longer than memory is an array like any other: it is mapped from a file, and cannot
+be written to. Whoever goes through it by blocks needs the memory of a block, and whoever takes it
+as a whole needs the memory of the whole.
+"""
 
 from __future__ import annotations
 
 import mmap
-from collections.abc import Iterator, Mapping
+import tempfile
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import ExitStack
+from contextvars import ContextVar
+from itertools import chain
 from typing import Annotated, Any
+from weakref import WeakSet
 
 import numpy as np
 
@@ -72,6 +82,93 @@ def blocks_where(column: Array, mask: BoolArray | None = None) -> Iterator[Array
     """Yield the values of a column where `mask`, all without one, block by block."""
     columns = (column,) if mask is None else (column, mask)
     return (values[where[0]] if where else values for values, *where in in_blocks(*columns))
+
+
+LONG = 8_000_000
+"""Bytes of a column from which on it is kept in a file: a million numbers."""
+
+MOST = 200
+"""Columns in files at one time, since each keeps one open; those beyond stay in memory."""
+
+SCRATCH: ContextVar[str | None] = ContextVar("SCRATCH", default=None)
+"""The folder of these files, which have no name and end with their columns, or with the program;
+None for that of the system.
+"""
+
+_mapped: WeakSet[mmap.mmap] = WeakSet()
+
+
+def stacked(blocks: Iterable[Sequence[Any]]) -> list[Any]:
+    """Return columns one after the other of their parts, (b,) each, which come in blocks, at least
+    one. Raises OSError where the disk is full.
+    """
+    held: list[Sequence[Any]] = []
+    size, rest = 0, iter(blocks)
+    for block in rest:
+        held.append(block)
+        size += max(part.nbytes for part in block)
+        if size > LONG and len(_mapped) + len(block) <= MOST:
+            return _in_files(chain(held, rest), [part.dtype for part in block])
+    return [
+        parts[0] if len(parts) == 1 else np.concatenate(parts) for parts in zip(*held, strict=True)
+    ]
+
+
+def _in_files(blocks: Iterable[Sequence[Any]], kinds: Sequence[Any]) -> list[Any]:
+    with ExitStack() as opened:
+        files = [opened.enter_context(tempfile.TemporaryFile(dir=SCRATCH.get())) for _ in kinds]
+        for block in blocks:
+            for file, part in zip(files, block, strict=True):
+                file.write(np.ascontiguousarray(part).data)
+        for file in files:
+            file.flush()
+        contents = [mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) for file in files]
+    _mapped.update(contents)
+    return list(map(np.frombuffer, contents, kinds))
+
+
+def by_blocks(function: Callable[..., Any], *columns: Any) -> Any:
+    """`function(*columns)`, where each row, or each choice of rows, depends on these rows alone."""
+    return stacked([function(*block)] for block in in_blocks(*columns))[0]
+
+
+def row_by_row(function: Callable[[dict[str, Any]], Any], columns: Mapping[str, Any]) -> Any:
+    """`function(columns)`, (n,), where each row depends on this row of the columns alone."""
+    return by_blocks(
+        lambda *block: function(dict(zip(columns, block, strict=True))), *columns.values()
+    )
+
+
+def chosen(values: Any, mask: BoolArray) -> Any:
+    """Return the values where `mask`, of one block."""
+    return values[mask]
+
+
+def picked(values: Any, rows: IntArray | BoolArray) -> Any:
+    """Return the values at some rows, by their numbers or by a mask, (n,), in parts that touch
+    little of a long column each.
+    """
+    if rows.dtype == np.bool_:
+        return by_blocks(chosen, values, rows)
+
+    def parts() -> Iterator[list[Any]]:
+        for part in np.array_split(rows, -(-len(values) // ROWS) or 1):
+            yield [values[part]]
+            give_back(values)
+            give_back(rows)
+
+    return stacked(parts())[0]
+
+
+def joined(columns: Sequence[Any]) -> Any:
+    """Return columns one after the other, (n,)."""
+    blocks = (block for column in columns for block in in_blocks(column))
+    return columns[0] if len(columns) == 1 else stacked(blocks)[0]
+
+
+def row_numbers(rows: IntArray | range) -> IntArray:
+    """Return row numbers, (n,), of which those that follow each other need not be in memory."""
+    return np.arange(rows.start, rows.stop, rows.step) if isinstance(rows, range) else rows
 
 
 def give_back(column: Any) -> None:

@@ -19,7 +19,7 @@ from functools import cache, partial
 from threading import Thread
 from typing import TYPE_CHECKING, Any, NoReturn, TypeVar
 
-from mapmore_cli.domain import THREADS
+from mapmore_cli import THREADS
 from mapmore_cli.domain.errors import MapmoreError, WriteError
 from mapmore_cli.domain.plugins import PluginLeftOut
 

@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Annotated
 
 import numpy as np
 
 from mapmore_cli.domain.arrays import (
+    Array,
     BoolArray,
     Columns,
     IntArray,
     Number,
     Ranges,
     extremes,
+    picked,
 )
 from mapmore_cli.domain.declared import Count, Label, QuantityName, one_of
 
@@ -87,7 +89,7 @@ class Recording:
 
     def at(self, rows: IntArray) -> Recording:
         """Return the recording with these samples alone."""
-        columns = {name: x[rows] for name, x in self.columns.items()}
+        columns = {name: picked(x, rows) for name, x in self.columns.items()}
         return replace(self, columns=columns, first_row=0)
 
 
@@ -139,7 +141,7 @@ class Curve:
             recordings = tuple(self.recordings[number] for number in left)
         return replace(
             self,
-            columns={name: values[rows] for name, values in self.columns.items()},
+            columns={name: picked(x, rows) for name, x in self.columns.items()},
             held_out=self.held_out[rows],
             recordings=recordings,
             at_rest=None if self.at_rest is None else self.at_rest[rows],
@@ -151,6 +153,20 @@ class Curve:
         least, largest = extremes(self.columns[name], self.training)
         low, high = self.measured.get(name, (least, largest))
         return min(least, low), max(largest, high)
+
+    @property
+    def stretches(self) -> tuple[slice | IntArray, ...]:
+        """Where the samples of each recording are: a slice where there is a single one."""
+        return (slice(None),) if self.origin is None else self.logs
+
+    def together(self, parts: Sequence[Array]) -> Array:
+        """Return one column, (n,), of those of its stretches."""
+        if self.origin is None:
+            return parts[0]
+        whole = np.empty(self.size)
+        for rows, part in zip(self.stretches, parts, strict=True):
+            whole[rows] = part
+        return whole
 
     @property
     def logs(self) -> tuple[IntArray, ...]:

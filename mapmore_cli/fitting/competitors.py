@@ -6,13 +6,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from math import comb
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import Array
+from mapmore_cli.domain.arrays import Array, row_by_row
 from mapmore_cli.domain.errors import SpecError
 from mapmore_cli.domain.fits import FormulaFit
 from mapmore_cli.domain.models import Formula, Model
@@ -231,7 +232,8 @@ class Contest:
 def _formula_says(fit: FormulaFit, curves: Sequence[Curve]) -> list[Array]:
     if fit.failed:
         return [np.full(curve.size, np.nan) for curve in curves]
-    return [literature.of(fit).predict(fit.parameters, curve.columns) for curve in curves]
+    says = partial(literature.of(fit).predict, fit.parameters)
+    return [row_by_row(says, curve.columns) for curve in curves]
 
 
 def _forecasts(predictions: Sequence[Array]) -> Forecasts:

@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import Array
+from mapmore_cli.domain.arrays import Array, row_numbers
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.ingestion.files import Log, Meter, Source
 from mapmore_cli.ingestion.samples import TURNS, Samples, going_on, read_tables, without_missing
@@ -162,11 +162,11 @@ def _resampled(samples: Samples, step: float) -> Samples:
             "number of samples",
         )
     stamps, columns = sampling.resample(time, samples.columns, step)
-    rows = samples.rows[(np.searchsorted(time, stamps, side="right") - 1).clip(0)]
+    follows = (np.searchsorted(time, stamps, side="right") - 1).clip(0)
     if len(stamps):
         return replace(
             samples,
-            rows=rows,
+            rows=row_numbers(samples.rows)[follows],
             columns={**columns, "time": stamps},
             merged=samples.size - len(stamps),
         )

@@ -4,7 +4,7 @@ run.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
@@ -12,7 +12,17 @@ from typing import Literal
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import Array, BoolArray, Columns, extremes
+from mapmore_cli.domain.arrays import (
+    Array,
+    BoolArray,
+    Columns,
+    IntArray,
+    by_blocks,
+    extremes,
+    joined,
+    picked,
+    row_numbers,
+)
 from mapmore_cli.domain.errors import DataError, SpecError
 from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.recording import DAMPING, STATIC_FORCE, Curve, Quantity, Recording, united
@@ -29,7 +39,6 @@ from mapmore_cli.modelling.signals.plateau import (
 from mapmore_cli.spec.sections.data import STEP_OF, STEP_PRESSURE, Cycles, Levels
 from mapmore_cli.spec.units import convert
 from mapmore_cli.storage.run_folder import RunFiles
-from mapmore_cli.storage.spool import by_blocks, chosen, counted, joined
 
 PLATEAU = "plateau"
 """1 on the plateau of a step response, else 0."""
@@ -154,8 +163,8 @@ class LevelSet:
 
 @dataclass(frozen=True)
 class LevelPart:
-    """Samples of one recording at one level, `(n,)` each; `position` runs from 0 to 1 in the order
-    of the log of that number.
+    """Samples of one recording at one level, `(n,)` each; `places` are their numbers, from 0, among
+    the `whole` samples of the log of that number.
 
     `measured` is the range of each quantity where the samples are branches resampled.
     """
@@ -163,14 +172,22 @@ class LevelPart:
     recording: Recording
     level: float | None
     columns: Columns
-    position: Array
+    places: IntArray | range
+    whole: int
     log: int
     measured: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
     @property
     def size(self) -> int:
         """Number of samples, n."""
-        return len(self.position)
+        return len(self.places)
+
+    def behind(self, share: float) -> BoolArray:
+        """Return which samples stand behind a share of their log, (n,)."""
+        late: BoolArray = by_blocks(
+            lambda part: (row_numbers(part) + 0.5) / self.whole > share, self.places
+        )
+        return late
 
 
 def level_set(levels: Levels, recordings: Sequence[Recording]) -> LevelSet:
@@ -202,10 +219,12 @@ def cut_by_level(
     """
     recordings, parts = list[Recording](), list[LevelPart]()
     for number, log in enumerate(logs):
-        for recording, place in zip(log, _positions(log), strict=True):
+        whole, start = sum(piece.rows_kept for piece in log), 0
+        for recording in log:
+            places = range(start, start := start + recording.rows_kept)
             if levels is None:
                 recordings.append(recording)
-                parts.append(LevelPart(recording, None, recording.columns, place, number))
+                parts.append(LevelPart(recording, None, recording.columns, places, whole, number))
                 continue
             kept, level = _at_levels_only(recording, levels)
             recordings.append(kept)
@@ -213,9 +232,10 @@ def cut_by_level(
                 mask = by_blocks(partial(np.equal, value), level)
                 if mask.any():
                     columns = {
-                        name: chosen(values, mask) for name, values in recording.columns.items()
+                        name: picked(values, mask) for name, values in recording.columns.items()
                     }
-                    parts.append(LevelPart(kept, value, columns, chosen(place, mask), number))
+                    there = by_blocks(lambda part, on: row_numbers(part)[on], places, mask)
+                    parts.append(LevelPart(kept, value, columns, there, whole, number))
     for level in [] if levels is None else levels.at:
         if not any(part.level == level for part in parts):
             assert levels is not None
@@ -237,21 +257,9 @@ def _at_levels_only(recording: Recording, levels: LevelSet) -> tuple[Recording, 
     lost = int(np.count_nonzero(~at_one))
     reason = f"no level within {levels.within:g} of {levels.of}"
     dropped = {**recording.dropped, reason: lost} if lost else recording.dropped
-    columns = {name: chosen(values, at_one) for name, values in recording.columns.items()}
+    columns = {name: picked(values, at_one) for name, values in recording.columns.items()}
     first = 0 if lost else recording.first_row
     return replace(recording, columns=columns, dropped=dropped, first_row=first), level
-
-
-def _positions(log: Sequence[Recording]) -> Iterator[Array]:
-    """Yield where each sample stands in its log, from 0 to 1 over all pieces."""
-    whole, start = max(sum(piece.rows_kept for piece in log), 1), 0
-
-    def share(rows: Array, start: int) -> Array:
-        return (start + rows + 0.5) / whole
-
-    for piece in log:
-        yield counted(partial(share, start=start), piece.rows_kept)
-        start += piece.rows_kept
 
 
 def join_branches(part: LevelPart, cycles: Cycles, target: str) -> LevelPart:
@@ -272,8 +280,9 @@ def join_branches(part: LevelPart, cycles: Cycles, target: str) -> LevelPart:
         branches = split_cycles(part.columns[over], others, cycles.samples)
     columns = {over: branches.over, **branches.static(), "hysteresis": branches.hysteresis(target)}
     measured = {name: extremes(x) for name, x in part.columns.items() if name in columns}
+    places = range(cycles.samples)
     return LevelPart(
-        part.recording, part.level, columns, np.linspace(0, 1, cycles.samples), part.log, measured
+        part.recording, part.level, columns, places, cycles.samples, part.log, measured
     )
 
 
@@ -319,6 +328,6 @@ def _joined_parts(
         np.concatenate(masks),
         tuple(part.recording.id for part in parts),
         None if plateau is None else plateau == 1.0,
-        counted(lambda rows: np.searchsorted(ends, rows, side="right"), int(ends[-1])),
+        None if len(parts) == 1 else np.repeat(np.arange(len(parts)), [one.size for one in parts]),
         {name: known for name, known in united(training).items() if name != nominal},
     )

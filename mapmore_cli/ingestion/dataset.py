@@ -6,12 +6,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from fnmatch import fnmatchcase
-from functools import partial
 from pathlib import Path, PurePosixPath
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import BoolArray, extremes
+from mapmore_cli.domain.arrays import BoolArray, by_blocks, extremes, row_numbers
 from mapmore_cli.domain.errors import DataError, SpecError
 from mapmore_cli.domain.recording import (
     DAMPING,
@@ -48,7 +47,6 @@ from mapmore_cli.ingestion.uncertainty import with_uncertainty
 from mapmore_cli.modelling.signals.cycles import last_cycles
 from mapmore_cli.spec.sections.data import Between, Data, Holdout
 from mapmore_cli.spec.sections.logs import FileEntry
-from mapmore_cli.storage.spool import by_blocks
 
 FEW = 10  # samples kept, below which a recording is worth a warning
 MUCH = 0.5  # fraction dropped, above which it is
@@ -300,9 +298,7 @@ def _conditions(
         else:
             yield _within(parts, name, values)
     if choice.last is not None:
-        yield np.concatenate(
-            [by_blocks(partial(np.less, 1 - choice.last), part.position) for part in parts]
-        )
+        yield np.concatenate([part.behind(1 - choice.last) for part in parts])
     if choice.last_cycles is not None and choice.of is not None:
         yield _last_cycles(parts, choice.of, choice.last_cycles)
     # the nearest whole number of samples, drawn without replacement
@@ -378,14 +374,12 @@ def _last_cycles(parts: Sequence[LevelPart], of: str, share: float) -> BoolArray
     """
     sources = {part.log: part.recording.name for part in reversed(parts)}
     log = np.repeat([part.log for part in parts], [part.size for part in parts])
-    position, values = (
-        np.concatenate(columns)
-        for columns in zip(*((part.position, part.columns[of]) for part in parts), strict=True)
-    )
+    places = np.concatenate([row_numbers(part.places) for part in parts])
+    values = np.concatenate([part.columns[of] for part in parts])
     held = np.zeros(len(log), dtype=np.bool_)
     for number in dict.fromkeys(part.log for part in parts):
         members = np.flatnonzero(log == number)
-        in_order = members[np.argsort(position[members], kind="stable")]
+        in_order = members[np.argsort(places[members], kind="stable")]
         with located(f"{sources[number]}, cycles of {of}"):
             held[in_order] = last_cycles(values[in_order], share)
     return held

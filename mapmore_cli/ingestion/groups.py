@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 from itertools import combinations_with_replacement
 
 import numpy as np
-from scipy.optimize import least_squares
 
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import DataError
@@ -140,6 +139,7 @@ class _GroupFit:
 
     def log_gains(self) -> Array:
         """Return the logarithms of the gains that are likeliest after the data."""
+        from scipy.optimize import least_squares  # half a second of every run without groups
 
         def unlikely(free: Array) -> Array:
             logs = self.coded @ free

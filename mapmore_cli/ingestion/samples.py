@@ -11,7 +11,7 @@ from math import isclose
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import Array, BoolArray, IntArray
+from mapmore_cli.domain.arrays import Array, BoolArray, IntArray, by_blocks, picked, row_numbers
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.fitting.kinds.dictionary import signal_of
 from mapmore_cli.ingestion.files import Log, Meter
@@ -21,7 +21,6 @@ from mapmore_cli.spec.sections.data import Data, Direction, MissingRule, Rate
 from mapmore_cli.spec.sections.logs import Keep, Logs, SourceColumn
 from mapmore_cli.spec.units import convert, is_canonical, is_same, unit_of_file
 from mapmore_cli.storage.readers import READERS
-from mapmore_cli.storage.spool import by_blocks, chosen, counted, joined
 from mapmore_cli.storage.tables import RawTable, TableRequest
 from mapmore_cli.storage.tables.cells import shortened
 
@@ -51,15 +50,13 @@ class Samples(RawTable):
         """Return the samples where `mask`, the others noted under `reason`."""
         if mask.all():
             return self
-        rows = joined(
-            [self.left_out.get(reason, np.zeros(0, dtype=np.int64)), chosen(self.rows, ~mask)]
-        )
-        columns = {name: chosen(values, mask) for name, values in self.columns.items()}
+        rows = by_blocks(lambda numbers, kept: row_numbers(numbers)[~kept], self.rows, mask)
+        before = self.left_out.get(reason, np.zeros(0, dtype=np.int64))
         return replace(
             self,
-            columns=columns,
-            rows=chosen(self.rows, mask),
-            left_out={**self.left_out, reason: rows},
+            columns={name: picked(x, mask) for name, x in self.columns.items()},
+            rows=by_blocks(lambda numbers, kept: row_numbers(numbers)[kept], self.rows, mask),
+            left_out={**self.left_out, reason: np.concatenate([before, rows])},
         )
 
     def some(self) -> Samples:
@@ -81,7 +78,7 @@ class Samples(RawTable):
         stands in, remarks to the first.
         """
         owners = {
-            reason: np.searchsorted(self.rows[[part.start for part in parts[1:]]], rows)
+            reason: np.searchsorted([self.rows[part.start] for part in parts[1:]], rows)
             for reason, rows in self.left_out.items()
         }
         return [
@@ -182,7 +179,9 @@ def _in_model_units(
         )
     if table.sample_time is not None:
         step = convert(table.sample_time, "s", units["time"])
-        columns["time"] = counted(lambda rows: table.every * rows * step, len(raw.rows[taken]))
+        columns["time"] = by_blocks(
+            lambda rows: table.every * row_numbers(rows) * step, range(len(raw.rows[taken]))
+        )
     for name, column in table.columns.items():
         if column.rest is not None:
             time, values = columns["time"], columns[name]

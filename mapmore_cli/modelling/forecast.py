@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 
+from mapmore_cli.domain.arrays import Array, by_blocks, row_by_row
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.recording import Curve
@@ -21,17 +24,19 @@ def forecast(model: Model, curve: Curve, target: str | None = None) -> Forecast:
     for it (`inverse.solve_for_input`).
     """
     if target is not None and target != model.output.name:
-        return Forecast.of(solve_for_input(model, curve.columns, target).values)
+        return Forecast.of(
+            row_by_row(lambda block: solve_for_input(model, block, target).values, curve.columns)
+        )
     if not runs_over_time(model):
-        return Forecast.of(predict(model, curve.columns))
-    values, one_step = np.empty(curve.size), np.empty(curve.size)
-    for log, rows in enumerate(curve.logs):
+        return Forecast.of(row_by_row(partial(predict, model), curve.columns))
+    said: list[tuple[Array, Array]] = []
+    for log, rows in enumerate(curve.stretches):
         columns = {name: column[rows] for name, column in curve.columns.items()}
         try:
-            one_step[rows] = one_step_ahead(model, columns)
-            values[rows] = simulate(model, columns).values
+            said.append((one_step_ahead(model, columns), simulate(model, columns).values))
         except AtSample as error:
             raise DataError(
                 f"{model.name} on {curve.recordings[log]}: {error.message}", error.remedy
             ) from error
-    return Forecast(values, np.isfinite(one_step), one_step)
+    one_step, values = map(curve.together, zip(*said, strict=True))
+    return Forecast(values, by_blocks(np.isfinite, one_step), one_step)

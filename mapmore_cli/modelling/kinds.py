@@ -7,7 +7,7 @@ verbs. It is a folder of `modelling/`, or an entry point in the group `mapmore.k
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache
@@ -44,10 +44,11 @@ class Kind:
     - `parameters(model)`: how many numbers the fit was free to choose.
     - `write(m, model, inputs)`: the model as statements of the writer `m`; its output.
 
-    Some have others: `one_step(model, columns)`, the prediction of every row from the measured
-    past, (n,); `fed_back(model)`, the measured outputs that a run begins from;
-    `outside_range(model, columns)`, (n,), for a body without `ranges`; `rules(model)`, how its
-    equations are put together; `faults(model)`, why a stored one is refused (`soundness`).
+    Some have others: `running(model)`, what simulates one recording block after block;
+    `one_step(model, columns)`, the prediction of every row from the measured past, (n,);
+    `fed_back(model)`, the measured outputs that a run begins from; `outside_range(model, columns)`,
+    (n,), for a body without `ranges`; `rules(model)`, how its equations are put together;
+    `faults(model)`, why a stored one is refused (`soundness`).
 
     A kind that adds itself may have `checks.py`, with `findings(spec)`, what a spec may not say;
     and `page.py`, with `show(model, show_other)`; of a kind with fits also
@@ -125,6 +126,14 @@ def simulate(model: Model, columns: Columns) -> Run:
     """
     run: Run = kind_of(model).verb("simulate")(model, columns)
     return run
+
+
+def running(model: Model) -> Callable[[Columns], Run] | None:
+    """Return what simulates one recording block after block; None of a kind that wants it whole."""
+    next_rows: Callable[[Columns], Run] | None = kind_of(model).verb("running", lambda _: None)(
+        model
+    )
+    return next_rows
 
 
 def outside_range(model: Model, columns: Columns) -> BoolArray:

@@ -6,13 +6,13 @@ A reviewer asks for them first: whatever a study models, a plane through its inp
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from itertools import combinations_with_replacement
 from math import comb
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import Array
+from mapmore_cli.domain.arrays import Array, IntArray, by_blocks, in_blocks, stacked
 from mapmore_cli.domain.recording import Curve, Dataset
 
 # total degree of each polynomial, every monomial up to it included
@@ -35,9 +35,8 @@ def polynomial_fit(degree: int, dataset: Dataset, names: Sequence[str]) -> list[
     """
     if not names:
         return None
-    training = [_input_columns(curve, names)[curve.training] for curve in dataset.curves]
-    x = np.concatenate(training)
-    y = np.concatenate([curve.columns[dataset.target][curve.training] for curve in dataset.curves])
+    *inputs, y = _training_samples(dataset, [*names, dataset.target])
+    x = np.column_stack(inputs)
     known = np.isfinite(x).all(axis=1) & np.isfinite(y)
     x, y = x[known], y[known]
     order = np.lexsort([y, *x.T])  # the order of the rows must not change a digit
@@ -47,10 +46,12 @@ def polynomial_fit(degree: int, dataset: Dataset, names: Sequence[str]) -> list[
     low, high = x.min(axis=0), x.max(axis=0)
     middle, half = (low + high) / 2, np.where(high > low, (high - low) / 2, 1.0)
     theta = np.linalg.lstsq(_monomial_columns((x - middle) / half, degree), y, rcond=None)[0]
-    return [
-        _monomial_columns((_input_columns(curve, names) - middle) / half, degree) @ theta
-        for curve in dataset.curves
-    ]
+
+    def polynomial(*at: Array) -> Array:
+        scaled = (np.column_stack(at) - middle) / half
+        return np.asarray(_monomial_columns(scaled, degree) @ theta)
+
+    return [by_blocks(polynomial, *(one.columns[name] for name in names)) for one in dataset.curves]
 
 
 def arx(dataset: Dataset, names: Sequence[str]) -> list[Array] | None:
@@ -64,18 +65,34 @@ def arx(dataset: Dataset, names: Sequence[str]) -> list[Array] | None:
     for order in ORDERS:
         if (theta := _one_step_fit(dataset, names, order)) is not None:
             runs = [_run(curve, dataset.target, names, order, theta) for curve in dataset.curves]
-            errors = [
-                (said - curve.columns[dataset.target])[curve.training]
-                for said, curve in zip(runs, dataset.curves, strict=True)
-            ]
-            error = float(np.sum(np.concatenate(errors) ** 2))
+            error = sum(
+                float(np.sum((said - y)[training] ** 2))
+                for run, curve in zip(runs, dataset.curves, strict=True)
+                for said, y, training in in_blocks(
+                    run, curve.columns[dataset.target], curve.training
+                )
+            )
             if error < least:
                 best, least = runs, error
     return best
 
 
-def _input_columns(curve: Curve, names: Sequence[str]) -> Array:
-    return np.column_stack([curve.columns[name] for name in names])
+def _training_samples(dataset: Dataset, names: Sequence[str]) -> list[Array]:
+    """Return some columns of the training samples of all curves, (n,) each; of far more than a fit
+    takes, an even share.
+    """
+    every = _thinning(dataset)
+    parts = [
+        [column[np.flatnonzero(training)[::every]] for column in columns]
+        for curve in dataset.curves
+        for training, *columns in in_blocks(curve.training, *map(curve.columns.get, names))
+    ]
+    return [np.concatenate(columns) for columns in zip(*parts, strict=True)]
+
+
+def _thinning(dataset: Dataset) -> int:
+    """Return of how many samples one is taken, so that few more are than a fit takes."""
+    return max(1, sum(curve.size for curve in dataset.curves) // (4 * MOST_ROWS))
 
 
 def _even_rows(rows: Array) -> Array:
@@ -89,12 +106,11 @@ def _even_rows(rows: Array) -> Array:
 
 def _monomial_columns(x: Array, degree: int) -> Array:
     """Every monomial of the columns of `x`, (n, m), of total degree up to `degree`."""
-    places = (
-        of
-        for total in range(degree + 1)
-        for of in combinations_with_replacement(range(x.shape[1]), total)
-    )
-    return np.column_stack([np.prod(x[:, list(of)], axis=1) for of in places])
+    columns: dict[tuple[int, ...], Array] = {(): np.ones(len(x))}
+    for total in range(1, degree + 1):
+        for of in combinations_with_replacement(range(x.shape[1]), total):
+            columns[of] = columns[of[:-1]] * x[:, of[-1]]
+    return np.column_stack([*columns.values()])
 
 
 def _past(values: Array, order: int, first: int) -> Array:
@@ -109,18 +125,15 @@ def _past(values: Array, order: int, first: int) -> Array:
 
 def _one_step_fit(dataset: Dataset, names: Sequence[str], order: int) -> Array | None:
     """Coefficients: the constant, `order` of the output, then `order + 1` of each input."""
-    tables, outputs = [], []
+    every, tables, outputs = _thinning(dataset), [], []
     for curve in dataset.curves:
-        y = curve.columns[dataset.target]
-        for rows in curve.logs:
-            columns = [
-                np.ones((len(rows), 1)),
-                _past(y[rows], order, 1),
-                *(_past(curve.columns[name][rows], order, 0) for name in names),
-            ]
-            train = curve.training[rows] & (np.arange(len(rows)) >= order)
-            tables.append(np.hstack(columns)[train])
-            outputs.append(y[rows][train])
+        for rows in curve.stretches:
+            columns = [curve.columns[name][rows] for name in (dataset.target, *names)]
+            for training, y, *inputs in in_blocks(curve.training[rows], *columns, overlap=order):
+                past = [_past(y, order, 1), *(_past(x, order, 0) for x in inputs)]
+                train = np.flatnonzero(training & (np.arange(len(y)) >= order))[::every]
+                tables.append(np.hstack([np.ones((len(y), 1)), *past])[train])
+                outputs.append(y[train])
     P, y = np.concatenate(tables), np.concatenate(outputs)
     known = np.isfinite(P).all(axis=1) & np.isfinite(y)
     P, y = _even_rows(P[known]), _even_rows(y[known])
@@ -135,17 +148,25 @@ def _run(curve: Curve, target: str, names: Sequence[str], order: int, theta: Arr
     """Return the free run along every recording of a curve, (n,); NaN from where it diverges."""
     from scipy.signal import lfilter  # a fifth of the seconds of a run without any
 
-    y, run = curve.columns[target], np.full(curve.size, np.nan)
+    y = curve.columns[target]
     a, b = theta[1 : order + 1], theta[order + 1 :]
-    for rows in curve.logs:
-        inputs = [_past(curve.columns[name][rows], order, 0) for name in names]
-        drive = theta[0] + (np.hstack(inputs) @ b if inputs else np.zeros(len(rows)))
+    most = LARGEST * max(np.abs(x[np.isfinite(x)]).max(initial=1e-300) for (x,) in in_blocks(y))
+
+    def along(rows: slice | IntArray) -> Iterator[list[Array]]:
         # At rest at the first output before the record: what earlier outputs add to the samples 0,
         # 1, ... of the filter
-        past = np.array([a[step:].sum() * y[rows[0]] for step in range(order)])
-        with np.errstate(over="ignore", invalid="ignore"):
-            values, _ = lfilter([1.0], np.concatenate([[1.0], -a]), drive, zi=past)
-        far = ~(np.abs(values) <= LARGEST * np.abs(y[np.isfinite(y)]).max(initial=1e-300))
-        values[np.maximum.accumulate(far)] = np.nan
-        run[rows] = values
-    return run
+        past = np.array([a[step:].sum() * y[rows][0] for step in range(order)])
+        first, lost = 0, False
+        for block in in_blocks(y[rows], *(curve.columns[x][rows] for x in names), overlap=order):
+            inputs = [_past(x, order, 0)[first:] for x in block[1:]]
+            drive = theta[0] + (
+                np.hstack(inputs) @ b if inputs else np.zeros(len(block[0]) - first)
+            )
+            with np.errstate(over="ignore", invalid="ignore"):
+                values, past = lfilter([1.0], np.concatenate([[1.0], -a]), drive, zi=past)
+            far = np.maximum.accumulate(~(np.abs(values) <= most)) | lost
+            values[far] = np.nan
+            first, lost = order, bool(far[-1:].any())
+            yield [values]
+
+    return curve.together([stacked(along(rows))[0] for rows in curve.stretches])

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -18,7 +17,6 @@ from mapmore_cli.modelling.selection import AUTO
 from mapmore_cli.pipeline.staleness import needed_runs, pipeline
 from mapmore_cli.spec.loader import LoadedSpec
 from mapmore_cli.storage.run_folder import RunFiles
-from mapmore_cli.storage.spool import spooling_in
 
 ORDER = ("error", "warning", "hint")
 
@@ -48,7 +46,6 @@ class Inspection:
         )
 
 
-@spooling_in(Path(tempfile.gettempdir()))
 def inspect(
     loaded: LoadedSpec,
     run_dir: Path | None = None,
@@ -56,8 +53,8 @@ def inspect(
     warn: Callable[[str], None] = lambda _: None,
     before: Inspection | None = None,
 ) -> Inspection:
-    """Apply every rule; long columns lie in files without a name meanwhile. Data that the
-    inspection `before` read in the same way are not read again.
+    """Apply every rule. Data that the inspection `before` read in the same way are not read
+    again.
 
     Where the curves cannot be made, the recordings alone are looked at. What the search in
     `run_dir` noted is told again, as that a black box errs less.

@@ -7,6 +7,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import islice
 
 import numpy as np
@@ -14,8 +15,9 @@ import numpy as np
 from mapmore_cli.domain.arrays import Array, BoolArray, Columns, IntArray
 from mapmore_cli.domain.errors import DataError, UsageError
 from mapmore_cli.domain.models import Formula, Model
+from mapmore_cli.domain.results import Run
 from mapmore_cli.modelling.inverse import LOWEST, invert, solve_for_input
-from mapmore_cli.modelling.kinds import outside_range, runs_over_time, simulate
+from mapmore_cli.modelling.kinds import outside_range, running, runs_over_time, simulate
 from mapmore_cli.modelling.literature.family import adapted, family_of
 from mapmore_cli.modelling.literature.own import is_family
 from mapmore_cli.modelling.memory.records import AtSample, numbered
@@ -97,7 +99,8 @@ def predicted_lines(
     ends where the column `recording` changes or time is set back, and after a gap all starts anew.
     A model with memory runs along each recording in the same way, from the first measured outputs
     where it feeds its output back; there is no prediction before there is history, and from where
-    the run diverges, which `warn` is told. One recording is in memory at a time.
+    the run diverges, which `warn` is told. A recording is in memory as a whole where rates follow
+    from its columns, else by `chunk` rows.
 
     Raises DataError where the table is empty, lacks an input, already has one of the added columns,
     or has a field that is not a number; where a model with memory has nothing to go on from, or
@@ -119,11 +122,16 @@ def predicted_lines(
     places = table.places(dict.fromkeys((*reading.columns, *reading.outputs)), added)
     yield from table.extended([table.header], [",".join(added)])
     predicted = beyond = 0
-    for block in (
-        by_recording(table.rows, table.names) if reading.over_time else _chunks(table.rows, chunk)
-    ):
+    blocks: Iterator[tuple[list[Row], bool]]
+    blocks = ((block, True) for block in _chunks(table.rows, chunk))
+    in_parts = not reading.signals and running(model) is not None
+    if reading.over_time:
+        blocks = by_recording(table.rows, table.names, chunk if in_parts else math.inf)
+    for block, begins in blocks:
+        if begins:
+            run = (running(model) if in_parts else None) or partial(simulate, model)
         cells, diverged = _added_cells(
-            model, reading, table.values(block, places), block, label, extra
+            model, reading, table.values(block, places), block, label, extra, run
         )
         for start in diverged:
             warn(
@@ -219,6 +227,7 @@ def _added_cells(
     block: Sequence[Row],
     label: str,
     extra: Extra,
+    run: Callable[[Columns], Run],
 ) -> tuple[list[str], list[int]]:
     """Return the new fields of every row of a block, and the rows at which a free run diverges."""
     known = np.flatnonzero(
@@ -229,7 +238,7 @@ def _added_cells(
         return added, []
     try:
         numbers, outside, diverged = _numbers_of(
-            model, reading, {name: x[known] for name, x in columns.items()}, known, extra
+            model, reading, {name: x[known] for name, x in columns.items()}, known, extra, run
         )
     except AtSample as error:
         raise DataError(
@@ -245,7 +254,12 @@ def _digits(value: float) -> str:
 
 
 def _numbers_of(
-    model: Model, reading: Reading, columns: dict[str, Array], rows: IntArray, extra: Extra
+    model: Model,
+    reading: Reading,
+    columns: dict[str, Array],
+    rows: IntArray,
+    extra: Extra,
+    run: Callable[[Columns], Run],
 ) -> tuple[Array, BoolArray, list[int]]:
     """Return prediction and what else is wanted of complete rows, (n, m), their flags, (n,), and
     the rows at which a free run diverges.
@@ -271,12 +285,12 @@ def _numbers_of(
             np.errstate(all="ignore"),
             numbered(rows[part]),
         ):
-            run = simulate(model, inputs)
+            said = run(inputs)
             outside[part] = outside_range(model, inputs)
             numbers[part] = np.column_stack(
-                [run.values, *extra.of(model, inputs, run.values, outside[part])]
+                [said.values, *extra.of(model, inputs, said.values, outside[part])]
             )
-        diverged += rows[part][list(run.diverged)].tolist()
+        diverged += rows[part][list(said.diverged)].tolist()
     return numbers, outside, diverged
 
 

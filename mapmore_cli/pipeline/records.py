@@ -30,24 +30,27 @@ GAP = 10
 """Times the usual step: a longer one is a gap, after which nothing of the past is known."""
 
 
-def by_recording(rows: Iterator[Row], names: Sequence[str]) -> Iterator[list[Row]]:
-    """Yield the rows of one recording at a time: it ends where the column `recording` changes, or
-    where time is set back.
+def by_recording(
+    rows: Iterator[Row], names: Sequence[str], most: float = math.inf
+) -> Iterator[tuple[list[Row], bool]]:
+    """Yield the rows of one recording at a time, in blocks of `most`, and whether one begins with
+    them: it ends where the column `recording` changes, or where time is set back.
     """
     mark = names.index(RECORDING) if RECORDING in names else None
     clock = names.index("time")
-    block: list[Row] = []
+    block, begins = list[Row](), True
     last: tuple[str | None, float] = (None, -np.inf)
     for row in rows:
         if len(row.cells) == len(names):
             name, time = None if mark is None else row.cells[mark], _time(row.cells[clock])
-            if block and (name != last[0] or time < last[1]):
-                yield block
-                block = []
-            last = (name, last[1] if np.isnan(time) and block else time)
+            ends = name != last[0] or time < last[1]
+            if block and (ends or len(block) >= most):
+                yield block, begins
+                block, begins = [], ends
+            last = (name, last[1] if np.isnan(time) and (block or not begins) else time)
         block.append(row)
     if block:
-        yield block
+        yield block, begins
 
 
 def _time(cell: str) -> float:

@@ -34,18 +34,16 @@ def ingest(part: IngestSlice, workspace: Workspace) -> None:
     """Read the recordings, sort their samples into curves, and write the dataset."""
     from mapmore_cli.ingestion.dataset import build_dataset
     from mapmore_cli.storage.artefacts import write_dataset
-    from mapmore_cli.storage.spool import spooling_in
 
     static_run = workspace.needed[part.static] if part.static is not None else None
-    with spooling_in(workspace.out):
-        dataset = build_dataset(
-            part,
-            workspace.spec_dir,
-            static_run=static_run,
-            progress=workspace.progress,
-            warn=workspace.warn,
-        )
-        write_dataset(workspace.out / DATASET, dataset)
+    dataset = build_dataset(
+        part,
+        workspace.spec_dir,
+        static_run=static_run,
+        progress=workspace.progress,
+        warn=workspace.warn,
+    )
+    write_dataset(workspace.out / DATASET, dataset)
 
 
 def recordings(spec: ExperimentSpec, folder: Path) -> list[Path]:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mapmore_cli.domain.arrays import Array, BoolArray, Columns, by_blocks, row_by_row
 from mapmore_cli.domain.errors import SpecError
 from mapmore_cli.domain.scores import OWN, Limit, deciding
 from mapmore_cli.fitting.kinds.choices import ModelChoices, model_choices, with_definitions
@@ -153,9 +154,16 @@ def _with_interval(model: Model, curve: Curve, said: Forecast) -> Forecast:
     from mapmore_cli.modelling.kinds import outside_range
     from mapmore_cli.modelling.validation.intervals import INTERVAL, half_widths_of
 
-    half = half_widths_of(model, curve.columns, INTERVAL)
-    known = curve.held_out & ~outside_range(model, curve.columns)
-    return replace(said, half=np.where(known, half, np.nan))
+    def half(columns: Columns) -> Array:
+        widths = half_widths_of(model, columns, INTERVAL)
+        return np.where(outside_range(model, columns), np.nan, widths)
+
+    widths = row_by_row(half, curve.columns)
+    return replace(said, half=by_blocks(_where, widths, curve.held_out))
+
+
+def _where(values: Array, known: BoolArray) -> Array:
+    return np.where(known, values, np.nan)
 
 
 def _diverged(name: str, curve: Curve, row: int, dataset: Dataset) -> str:

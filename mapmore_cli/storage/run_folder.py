@@ -19,6 +19,7 @@ from tempfile import TemporaryDirectory
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, cast
 
+from mapmore_cli.domain.arrays import SCRATCH
 from mapmore_cli.domain.errors import DataError, WriteError
 from mapmore_cli.domain.results import Search
 from mapmore_cli.storage.atomic import (
@@ -50,9 +51,6 @@ RESULTS: Mapping[str, str] = MappingProxyType(
 )
 """The file that shows what a stage found; `report` has a page instead."""
 
-KEPT_BYTES = 30_000_000
-"""Larger files are read each time that they are needed."""
-
 
 @lru_cache(maxsize=6)
 def _remembered(kind: str, path: Path, _inode: int, _time: int, _size: int) -> Any:
@@ -74,9 +72,9 @@ class RunFiles:
 
     def _read(self, kind: str, name: str) -> Any:
         path = self.folder / name
-        state = path.stat() if path.is_file() else None
-        if state is None or state.st_size > KEPT_BYTES:
+        if not path.is_file():
             return _remembered.__wrapped__(kind, path, 0, 0, 0)
+        state = path.stat()
         return _remembered(kind, path, state.st_ino, state.st_mtime_ns, state.st_size)
 
     def dataset(self) -> Dataset:
@@ -229,11 +227,15 @@ def is_tidy(run_dir: Path) -> bool:
 @contextmanager
 def stage_folder(run_dir: Path, stage: str) -> Iterator[Path]:
     """Make a fresh folder inside the run's, on the same file system, gone when the stage ends in
-    whatever way.
+    whatever way; long columns are kept there meanwhile.
     """
     prefix = f"{TEMPORARY}{stage}-"
     with TemporaryDirectory(prefix=prefix, dir=run_dir, ignore_cleanup_errors=True) as folder:
-        yield Path(folder)
+        token = SCRATCH.set(folder)
+        try:
+            yield Path(folder)
+        finally:
+            SCRATCH.reset(token)
 
 
 def swap_in(folder: Path, run_dir: Path, outputs: Sequence[str]) -> None:

@@ -31,8 +31,8 @@ dictionary: [{polynomial: {of: [pressure, strain], order: 2}}]
 
 
 def ingest(folder, megabytes):
-    """Megabytes a second of processor time that the command ingests, and that others read; and its
-    peak of memory.
+    """Megabytes a second of processor time that the command ingests, and that others read; how many
+    times that a whole run takes; and the peaks of memory.
     """
     logs = Path(folder) / "logs"
     logs.mkdir()
@@ -40,8 +40,12 @@ def ingest(folder, megabytes):
     size = (logs / "long_log.csv").stat().st_size / 1e6
     spec = Path(folder) / "long-log.yaml"
     spec.write_text(STUDY, encoding="utf-8")
-    command = [sys.executable, "-m", "mapmore_cli", "ingest", spec, "--runs", folder]
-    processor, peak = usage_of(command)
+    (processor, peak), (whole, peak_of_run) = (
+        usage_of(
+            [sys.executable, "-m", "mapmore_cli", command, spec, "--runs", f"{folder}/{command}"]
+        )
+        for command in ("ingest", "run")
+    )
     peers = peers_reading(logs)
     shutil.rmtree(logs)
     return {
@@ -51,6 +55,8 @@ def ingest(folder, megabytes):
         **{f"{name}_megabytes_per_second": size / seconds for name, seconds in peers.items()},
         "bytes_of_the_numbers": 8 * 3 * lines,
         "peak_memory_bytes": peak,
+        "run_times_ingest": whole / processor,
+        "peak_memory_bytes_of_run": peak_of_run,
     }
 
 

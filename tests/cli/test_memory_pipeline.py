@@ -13,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import mapmore_cli
-from mapmore_cli.annexes.sums.body import Part, Sum
+from mapmore_cli.annexes.sums import Part, Sum
 from mapmore_cli.domain.fits import MemoryModel, StateSet
 from mapmore_cli.domain.models import CurveRange, Memory, Model
 from mapmore_cli.domain.recording import Quantity, Signal

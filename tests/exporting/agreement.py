@@ -17,7 +17,7 @@ import numpy as np
 
 from mapmore_cli.annexes.exporting.c_source import STATUS, c_source
 from mapmore_cli.annexes.motion.body import StateSpace
-from mapmore_cli.annexes.sums.body import Sum
+from mapmore_cli.annexes.sums import Sum
 from mapmore_cli.domain.errors import MapmoreError
 from mapmore_cli.domain.models import Formula, Memory, Model, Pieces
 from mapmore_cli.modelling.expressions import parse

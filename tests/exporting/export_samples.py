@@ -6,7 +6,7 @@ from itertools import product
 import numpy as np
 
 from mapmore_cli.annexes.motion.body import Motion, MotionSection, StateSpace
-from mapmore_cli.annexes.sums.body import Part, Sum
+from mapmore_cli.annexes.sums import Part, Sum
 from mapmore_cli.domain.fits import FormulaFit, MemoryModel, Scaling, StateSet
 from mapmore_cli.domain.models import (
     CurveFunction,

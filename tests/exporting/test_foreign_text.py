@@ -21,7 +21,7 @@ from hypothesis import strategies as st
 
 from mapmore_cli.annexes.exporting import verifying
 from mapmore_cli.annexes.exporting.exports import exported
-from mapmore_cli.annexes.sums.body import Part, Sum
+from mapmore_cli.annexes.sums import Part, Sum
 from mapmore_cli.domain import foreign
 from mapmore_cli.domain.errors import MapmoreError
 from mapmore_cli.domain.models import Model

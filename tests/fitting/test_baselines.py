@@ -11,6 +11,7 @@ from common import curve_of, dataset_of
 from surfaces import QUANTITIES
 
 from mapmore_cli.annexes.search.black_boxes import black_boxes
+from mapmore_cli.annexes.search.situation import Situation
 from mapmore_cli.domain.errors import SpecError
 from mapmore_cli.domain.models import Memory, Model
 from mapmore_cli.domain.recording import Curve, Dataset
@@ -150,13 +151,13 @@ def test_black_boxes_learn_without_the_fold_and_get_the_past_where_there_is_one(
     u = np.sin(40 * time)
     data = dataset_of({"time": time, "u": u, "y": np.concatenate([np.zeros(4), u[:-4]])})
     masks = [((np.arange(240) % 5 == fold),) for fold in range(5)]
-    rows = [np.arange(240) % 2 == 0]
     errors = [
-        black_boxes(data, masks, rows, ["u"], past)["gradient_boosting"] for past in (False, True)
+        black_boxes(data, masks, Situation("y", ("u",), None, 240, 1, step))["gradient_boosting"]
+        for step in (None, time[1])
     ]
     static, dynamic = (
         np.sqrt(np.mean(np.concatenate([left for left, ready in each if ready.all()]) ** 2))
         for each in errors
     )
     assert dynamic < 0.3 * static
-    assert [len(left) for left, _ in errors[0]] == [24] * 5
+    assert [len(left) for left, _ in errors[0]] == [48] * 5

@@ -22,7 +22,7 @@ from hostile_texts import tex_commands, text_of
 from mapmore_cli.annexes.exporting import verifying
 from mapmore_cli.annexes.exporting.exports import exported
 from mapmore_cli.annexes.motion.body import MotionSection
-from mapmore_cli.annexes.sums.body import Part, Sum
+from mapmore_cli.annexes.sums import Part, Sum
 from mapmore_cli.domain import foreign
 from mapmore_cli.domain.errors import MapmoreError
 from mapmore_cli.domain.models import CurveFunction, CurveRange, Formula, Model, SegmentFunction

@@ -17,7 +17,6 @@ from mapmore_cli.domain.recording import Dataset
 from mapmore_cli.ingestion.dataset import build_dataset
 from mapmore_cli.ingestion.files import slice_of
 from mapmore_cli.modelling.signals.sampling import typical_step
-from mapmore_cli.storage import spool
 from mapmore_cli.storage.artefacts import hdf5, read_dataset, write_dataset
 from mapmore_cli.storage.artefacts.schema import encoded
 
@@ -108,8 +107,9 @@ def spooled(tmp_path):
     gc.collect()  # columns that tests before this one held in a circle are open until then
     folder = tmp_path / "spool"
     folder.mkdir()
-    with spool.spooling_in(folder):
-        yield folder
+    token = arrays.SCRATCH.set(str(folder))
+    yield folder
+    arrays.SCRATCH.reset(token)
 
 
 @settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
@@ -138,13 +138,11 @@ def test_blocks_give_what_the_whole_gives(
         "keep": keep,
         **options,
     }
-    (tmp_path / "spool").mkdir(exist_ok=True)
     with pytest.MonkeyPatch.context() as patch:
         at_once = outcome(tmp_path, data)
         patch.setattr(arrays, "ROWS", size)
-        patch.setattr(spool, "LONG", 0)
-        with spool.spooling_in(tmp_path / "spool"):
-            block_by_block = outcome(tmp_path, data)
+        patch.setattr(arrays, "LONG", 0)
+        block_by_block = outcome(tmp_path, data)
     assert block_by_block == at_once
 
 
@@ -166,7 +164,7 @@ def test_the_file_has_the_same_bytes(tmp_path, spooled, monkeypatch, huge):
     monkeypatch.setattr(hdf5, "HUGE", huge)
     write_dataset(tmp_path / "at_once.h5", build_dataset(part, tmp_path))
     monkeypatch.setattr(arrays, "ROWS", 7)
-    monkeypatch.setattr(spool, "LONG", 0)
+    monkeypatch.setattr(arrays, "LONG", 0)
     write_dataset(tmp_path / "arrays.h5", build_dataset(part, tmp_path))
     assert (tmp_path / "arrays.h5").read_bytes() == (tmp_path / "at_once.h5").read_bytes()
     write_dataset(tmp_path / "again.h5", read_dataset(tmp_path / "arrays.h5"))
@@ -191,7 +189,7 @@ def test_a_long_log_takes_the_memory_of_its_blocks(tmp_path, spooled, monkeypatc
     }
     part = slice_of(spec_of(data))
     monkeypatch.setattr(arrays, "ROWS", rows)
-    monkeypatch.setattr(spool, "LONG", 8 * rows)
+    monkeypatch.setattr(arrays, "LONG", 8 * rows)
     monkeypatch.setattr(hdf5, "HUGE", rows)
     monkeypatch.setattr("mapmore_cli.storage.readers.csv.CHUNK", rows // 4)
     monkeypatch.setattr("mapmore_cli.modelling.signals.sampling.PART", rows // 8)
@@ -207,13 +205,13 @@ def test_a_long_log_takes_the_memory_of_its_blocks(tmp_path, spooled, monkeypatc
 
 def test_more_columns_than_files_may_be_open_stay_in_memory(spooled, monkeypatch):
     monkeypatch.setattr(arrays, "ROWS", 4)
-    monkeypatch.setattr(spool, "LONG", 0)
-    monkeypatch.setattr(spool, "MOST", 2)
-    columns = [spool.counted(lambda rows, k=k: rows + k, 10) for k in range(4)]
+    monkeypatch.setattr(arrays, "LONG", 0)
+    monkeypatch.setattr(arrays, "MOST", 2)
+    columns = [arrays.by_blocks(lambda rows, k=k: rows + k, np.arange(10)) for k in range(4)]
     assert [column.flags.writeable for column in columns] == [False, False, True, True]
     assert [column.tolist() for column in columns] == [list(range(k, 10 + k)) for k in range(4)]
     del columns[0]
-    assert not spool.counted(lambda rows: rows, 10).flags.writeable
+    assert not arrays.by_blocks(np.negative, np.arange(10)).flags.writeable
 
 
 def test_the_step_of_a_long_record_is_that_of_its_parts(monkeypatch):

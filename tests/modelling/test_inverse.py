@@ -13,8 +13,7 @@ from hypothesis import strategies as st
 from surfaces import built, curves
 
 from mapmore_cli.domain.errors import DataError, UsageError
-from mapmore_cli.modelling.forecast import forecast
-from mapmore_cli.modelling.inverse import invert, knots, solve_for_input
+from mapmore_cli.modelling.forecast import forecast, invert, knots, solve_for_input
 from mapmore_cli.modelling.kinds import predict
 from mapmore_cli.modelling.pieces.recipe import Cuts
 from mapmore_cli.modelling.program.model import slopes

@@ -1,5 +1,5 @@
 """A disk that fills up, or Ctrl-C, while HDF5 writes, which would crash at the exit of the program;
-and while a column is spooled.
+and while a long column is made.
 """
 
 import pytest
@@ -89,21 +89,24 @@ def test_an_interruption_is_not_lost_within_hdf5(tmp_path, call):
     assert [file.name for file in tmp_path.iterdir()] == ["ingest.h5"]
 
 
-SPOOLING = """
+LONG_COLUMN = """
 import resource, sys
 from pathlib import Path
+import numpy as np
 from mapmore_cli.domain.errors import WriteError
-from mapmore_cli.storage.spool import counted, spooling_in
+from mapmore_cli.domain.arrays import SCRATCH, by_blocks
+from mapmore_cli.storage.atomic import refusals_told
 
 resource.setrlimit(resource.RLIMIT_FSIZE, (5_000_000, resource.RLIM_INFINITY))
 try:
-    with spooling_in(Path(sys.argv[1])):
-        counted(lambda rows: rows / 2, 2_000_000)
+    SCRATCH.set(sys.argv[1])
+    with refusals_told(Path(sys.argv[1])):
+        by_blocks(np.negative, np.zeros(2_000_000))
 except WriteError as error:
     print(error)
 """
 
 
 def test_a_disk_without_room_for_a_column_is_told(tmp_path):
-    assert "cannot be written" in told_by(SPOOLING, tmp_path)
+    assert "cannot be written" in told_by(LONG_COLUMN, tmp_path)
     assert not list(tmp_path.iterdir())

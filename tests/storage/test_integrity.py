@@ -17,7 +17,7 @@ from used_files import use
 
 import mapmore_cli
 from mapmore_cli.annexes.motion.body import Motion, MotionSection, StateSpace
-from mapmore_cli.annexes.sums.body import Part, Sum
+from mapmore_cli.annexes.sums import Part, Sum
 from mapmore_cli.domain.errors import DataError, MapmoreError
 from mapmore_cli.domain.fits import MemoryModel, StateSet
 from mapmore_cli.domain.models import Memory

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from mapmore_cli.annexes.sums.body import Part
+from mapmore_cli.annexes.sums import Part
 from mapmore_cli.annexes.sums.joint import (
     Summand,
     fit_jointly,

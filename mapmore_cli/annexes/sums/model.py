@@ -10,7 +10,7 @@ from functools import partial
 
 import numpy as np
 
-from mapmore_cli.annexes.sums.body import Part, Sum
+from mapmore_cli.annexes.sums import Part, Sum
 from mapmore_cli.domain.arrays import Array, BoolArray, Columns
 from mapmore_cli.domain.foreign import tex_text
 from mapmore_cli.domain.models import Equation, Model

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from mapmore_cli.checking.findings import Issue
-from mapmore_cli.domain.arrays import Array, extremes
+from mapmore_cli.domain.arrays import Array, extremes, joined
 from mapmore_cli.domain.recording import Dataset, Recording
 from mapmore_cli.spec.experiment import ExperimentSpec
 from mapmore_cli.spec.units import convert
@@ -52,7 +52,7 @@ class Subject:
     def pooled(self, name: str, unit: str | None = None) -> Array:
         """Return a quantity of all recordings together, `(n,)`, converted to `unit`."""
         columns = [recording.columns[name] for recording in self.recordings]
-        values = columns[0] if len(columns) == 1 else np.concatenate(columns)
+        values: Array = joined(columns)
         return values if unit is None else convert(values, self.units[name], unit)
 
     def span(self, name: str) -> tuple[float, float]:

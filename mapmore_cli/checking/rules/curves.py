@@ -12,7 +12,7 @@ import numpy as np
 from mapmore_cli.checking.evidence import LITTLE, SOME
 from mapmore_cli.checking.names import POSITIONS
 from mapmore_cli.checking.rules import Issue, Subject
-from mapmore_cli.domain.arrays import Array, blocks_where, extremes
+from mapmore_cli.domain.arrays import Array, extremes, picked
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.recording import Dataset
 from mapmore_cli.fitting.kinds.choices import level_of
@@ -137,7 +137,7 @@ def _split_values(dataset: Dataset, name: str, held_out: bool) -> Array:
             if name != dataset.level or curve.level is None
             else np.full(curve.size, curve.level)
         )
-        part = np.concatenate([*blocks_where(values, curve.held_out == held_out)])
+        part = picked(values, curve.held_out == held_out)
         is_long = len(part) > MANY
         parts.append(np.append(even_share(part), extremes(part)) if is_long else part)
     return np.concatenate(parts)
@@ -161,7 +161,7 @@ def even_steps(subject: Subject) -> Iterator[Issue]:
             "data",
         )
         return
-    breaks = len(records) - sum(len(curve.logs) for curve in curves)
+    breaks = len(records) - sum(len(curve.stretches) for curve in curves)
     if breaks > 0:
         middle = int(np.median([record.size for record in records]))
         gaps = f"{breaks} gap{'s' if breaks > 1 else ''}"

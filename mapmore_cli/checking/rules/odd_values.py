@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import partial
 
 import numpy as np
 
 from mapmore_cli.checking.evidence import spikes
 from mapmore_cli.checking.rules import Issue, Subject
-from mapmore_cli.domain.arrays import IntArray, give_back, row_blocks
+from mapmore_cli.domain.arrays import IntArray, by_blocks, in_blocks, row_blocks
 from mapmore_cli.domain.errors import SpecError
 from mapmore_cli.domain.recording import Recording
 from mapmore_cli.spec.units import convert
@@ -23,9 +24,8 @@ def spikes_in(subject: Subject) -> Iterator[Issue]:
         for recording in (one for one in subject.recordings if name in one.columns):
             values = recording.columns[name]
             # block by block: a long record may change its ways
-            blocks = row_blocks(values.size)
-            found = np.concatenate([rows.start + spikes(values[rows]) for rows in blocks])
-            give_back(values)
+            blocks = zip(row_blocks(values.size), in_blocks(values), strict=True)
+            found = np.concatenate([rows.start + spikes(x) for rows, (x,) in blocks])
             limit = _vacuum(subject, name)
             found = found if limit is None else found[values[found] >= limit]
             if not found.size:
@@ -49,7 +49,8 @@ def below_vacuum(subject: Subject) -> Iterator[Issue]:
         if (limit := _vacuum(subject, name)) is None:
             continue
         for recording in subject.recordings:
-            found = np.flatnonzero(recording.columns.get(name, np.zeros(0)) < limit)
+            values = recording.columns.get(name, np.zeros(0))
+            found = np.flatnonzero(by_blocks(partial(np.greater, limit), values))
             if found.size:
                 lowest = f"{recording.columns[name][found].min():.6g} {subject.units[name]}"
                 below = f"below absolute zero ({limit:.4g} {subject.units[name]} of a gauge)"

@@ -10,10 +10,10 @@ from mapmore_cli.checking import evidence
 from mapmore_cli.checking.evidence import LITTLE, MUCH
 from mapmore_cli.checking.findings import Severity
 from mapmore_cli.checking.rules import Issue, Subject
-from mapmore_cli.domain.arrays import extremes, give_back
+from mapmore_cli.domain.arrays import extremes, in_blocks
 from mapmore_cli.domain.recording import Recording
 from mapmore_cli.domain.scores import FAR_FROM_ZERO
-from mapmore_cli.modelling.signals.sampling import even_share
+from mapmore_cli.modelling.signals.sampling import PART, even_share
 
 FAR_MORE = 10  # times any other number, of samples at one end
 # what hardly stops by itself at one number: its sensor does
@@ -51,9 +51,11 @@ def offset(subject: Subject) -> Iterator[Issue]:
         or not subject.has(name)
     ):
         return
-    values = subject.pooled(name)
-    if abs(values.mean()) > FAR_FROM_ZERO * np.ptp(values) > 0:
-        ends = f"{values.min():.6g} to {values.max():.6g} {subject.units[name]}"
+    low, high = subject.span(name)
+    blocks = [x for one in subject.recordings for (x,) in in_blocks(one.columns[name])]
+    mean = sum(float(x.sum()) for x in blocks) / sum(map(len, blocks))
+    if abs(mean) > FAR_FROM_ZERO * (high - low) > 0:
+        ends = f"{low:.6g} to {high:.6g} {subject.units[name]}"
         message = f"{name} runs from {ends}, far from zero: its NRMSE is small, whatever the model"
         remedy = "take what it starts from off by `offset`, or say `validate: {normaliser: range}`"
         yield Issue("hint", "offset", subject.source(name), message, remedy)
@@ -95,16 +97,17 @@ def clipped(subject: Subject) -> Iterator[Issue]:
         for recording in (one for one in subject.recordings if one.rows_kept):
             values = recording.columns.get(name, np.zeros(0))
             ends = zip(("above", "below"), extremes(values), strict=True) if values.size else ()
+            some = values if len(values) <= PART else even_share(values)
             for side, end in ends:
-                count = int(np.count_nonzero(values == end))
+                count = sum(int(np.count_nonzero(x == end)) for (x,) in in_blocks(values))
                 rests = abs(end) < MUCH * largest  # a slack muscle pulls with nothing for long
                 if rests or count <= LITTLE * len(values):
                     continue
-                others = np.unique(values[values != end], return_counts=True)[1]
-                if not others.size or count <= FAR_MORE * others.max():
+                others = np.unique(some[some != end], return_counts=True)[1]
+                share = count * len(some) / len(values)
+                if not others.size or share <= FAR_MORE * others.max():
                     continue
                 yield _clipped(subject, recording, name, side, end, count)
-            give_back(values)
 
 
 def _clipped(

@@ -216,11 +216,20 @@ class Operator:
 # Run along a piece of a recording
 # -------------------------------------------------------------------------------------------------
 
+NOTHING_BEFORE = (np.empty(0), np.empty(0))
 
-def along(operator: Operator, x: Array, setting: Setting) -> Array:
+
+def along(
+    operator: Operator, x: Array, setting: Setting, before: tuple[Array, Array] = NOTHING_BEFORE
+) -> Array:
     """Return the state along one uninterrupted piece, (n,); NaN where the source x is NaN at the
-    beginning, at rest then.
+    beginning, at rest then. Where the piece goes on, its own last values and those of the source
+    came `before`.
     """
+    own, source = map(_known, before)
+    if len(own):
+        rule = operator.recursion(setting)
+        return run_recursion(rule, x, _latest(own, rule.own), _latest(source, rule.source))
     values = np.full(len(x), np.nan)
     known = ~np.isnan(x)
     if known.any():
@@ -228,32 +237,50 @@ def along(operator: Operator, x: Array, setting: Setting) -> Array:
         values[begin:] = (
             operator.along(x[begin:], setting)
             if operator.along
-            else run_recursion(operator.recursion(setting), x[begin:])
+            else from_rest(operator.recursion(setting), x[begin:])
         )
     return values
 
 
-def run_recursion(rule: Recursion, x: Array) -> Array:
-    """Return a recursion along x, (n,), as if x had always been x[0] before.
+def _known(values: Array) -> Array:
+    """Return the values from the first that is a number."""
+    known = ~np.isnan(values)
+    return values[int(np.argmax(known)) if known.any() else len(values) :]
+
+
+def _latest(values: Array, count: int) -> list[float]:
+    """Return the last values, the last first; before the first of them, it has always been that."""
+    last: list[float] = values[: -count - 1 : -1].tolist()
+    return last + [float(values[0])] * (count - len(last))
+
+
+def from_rest(rule: Recursion, x: Array) -> Array:
+    """Return a recursion along x, (n,), as if x had always been x[0] before."""
+    first = float(x[0])
+    if rule.own == 0:
+        return run_recursion(rule, x, [], [first] * rule.source)
+    rest = float(rule.rest(first))
+    return np.append(rest, run_recursion(rule, x[1:], [rest] * rule.own, [first] * rule.source))
+
+
+def run_recursion(rule: Recursion, x: Array, own: list[float], past: list[float]) -> Array:
+    """Return a recursion along x, (n,), from its own last values and the `past` of x, the last
+    first.
 
     A linear one is a filter, one without memory is computed for all samples at once, any other
     sample by sample.
     """
     if rule.own == 0:
-        delayed = [
-            np.concatenate([np.full(min(lag, len(x)), x[0]), x[: len(x) - lag]])
-            for lag in range(rule.source + 1)
-        ]
+        whole, n = np.concatenate([past[::-1], x]), len(past)
+        delayed = [whole[n - lag : len(whole) - lag] for lag in range(rule.source + 1)]
         return np.asarray(rule.next(COLUMNS, *delayed))
-    rest = float(rule.rest(float(x[0])))
     if rule.weights is not None:
         from scipy.signal import lfilter, lfiltic
 
         a, b = [1.0, *(-weight for weight in rule.weights[: rule.own])], rule.weights[rule.own :]
-        start = lfiltic(b, a, [rest] * rule.own, [x[0]] * rule.source)
-        return np.concatenate([[rest], lfilter(b, a, x[1:], zi=start)[0]])
-    own, past, values = [rest] * rule.own, [float(x[0])] * rule.source, [rest]
-    for now in x[1:].tolist():
+        return np.asarray(lfilter(b, a, x, zi=lfiltic(b, a, own, past))[0])
+    values = []
+    for now in x.tolist():
         value = rule.next(FLOATS, *own, now, *past)
         values.append(value)
         own, past = [value, *own[:-1]], [now, *past][: rule.source]

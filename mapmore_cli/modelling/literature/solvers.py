@@ -75,13 +75,13 @@ def descend(
     starts: Sequence[Array],
     bounds: Bounds = (-np.inf, np.inf),
     method: Literal["trf", "lm"] = "trf",
-    evaluations: int = EVALUATIONS,
+    evaluations: int | None = None,
 ) -> list[End]:
     """Return the nearest minimum of `|r(x)|^2` from every start in which it is finite, in their
     order, by SciPy's least squares.
 
     `bounds` are the lowest and the highest coordinates, each `(k,)`; `lm` takes none. Each start
-    has so many `evaluations`.
+    has so many `evaluations`, by default `EVALUATIONS`.
     """
     from scipy.optimize import least_squares
 
@@ -103,7 +103,8 @@ def descend(
         assert both is not None
         return both[1]
 
-    limits: Any = dict.fromkeys(("xtol", "ftol", "gtol"), TOLERANCE) | {"max_nfev": evaluations}
+    limits: Any = dict.fromkeys(("xtol", "ftol", "gtol"), TOLERANCE)
+    limits["max_nfev"] = evaluations or EVALUATIONS
     ends = []
     for start in starts:
         x = np.clip(start, *bounds)

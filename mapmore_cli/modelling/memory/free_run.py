@@ -8,7 +8,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import Array, Columns, IntArray
+from mapmore_cli.domain.arrays import Array, Columns, IntArray, joined
 from mapmore_cli.domain.fits import MemoryModel
 from mapmore_cli.domain.results import Run
 from mapmore_cli.modelling.expressions import dictionary_matrix, parse
@@ -19,81 +19,107 @@ from mapmore_cli.modelling.memory.simulation import (
     bounds_of,
     refuse_unknown_beginning,
 )
-from mapmore_cli.modelling.memory.states import evaluate_states, memory_inputs
+from mapmore_cli.modelling.memory.states import Past, evaluate_states, memory_inputs
 from mapmore_cli.modelling.signals.sampling import UNEVEN
 
 
-def predict_one_step(model: MemoryModel, columns: Columns) -> Array:
-    """Prediction of every sample from the measured past, (n,); NaN before there is history. Memory
-    starts anew where `free_run`'s does.
+class Along:
+    """A model with memory along one recording, block after block: simulated from the first measured
+    outputs, or one step `ahead` of the measured past.
+
+    Memory starts anew at gaps of `time` (s), where that runs backwards, and after empty inputs. A
+    model without delayed outputs needs none: its free run is its one-step-ahead prediction.
+    Otherwise the output must be measured at the beginning of every piece, over the longest delay;
+    measured outputs after that are not used.
     """
-    terms = [parse(term) for term in model.terms]
-    predicted = _nothing(columns)
-    for rows, piece in _uninterrupted_rows(model, columns):
-        states = evaluate_states(model.states, piece)
-        known = complete(states.values(), len(rows))
-        matrix = dictionary_matrix(
-            terms, {name: values[known] for name, values in states.items()}, int(known.sum())
-        )
-        predicted[rows[known]] = matrix @ model.theta + model.constant
-    return predicted
 
+    def __init__(self, model: MemoryModel, ahead: bool = False) -> None:
+        self.model = model
+        self.feedback = Feedback(model.terms, model.states, model.output)
+        self.ahead = ahead or not self.feedback.names
+        self.terms = [parse(term) for term in model.terms]
+        self.rows = 0
+        self.last: Array = np.empty(0)
+        self._begin_anew()
 
-def free_run(model: MemoryModel, columns: Columns) -> Run:
-    """Return simulation from the first measured outputs; `columns`, (n,) each, as for
-    `kinds.simulate`.
+    def _begin_anew(self) -> None:
+        """Forget the piece: its states, what the run recalls, and rows that wait for a history."""
+        self.past: Past = {}
+        self.recalled: Array | None = None
+        self.waiting: Columns = {}
+        self.lost = False
 
-    It starts anew at gaps of `time` (s), where that runs backwards, and after empty inputs. A model
-    without delayed outputs needs none: its free run is its one-step-ahead prediction. Otherwise the
-    output must be measured at the beginning of every piece, over the longest delay; measured
-    outputs after that are not used.
+    def __call__(self, columns: Columns) -> Run:
+        """Return the next rows, (n,); `columns` as for `kinds.simulate`.
 
-    Raises DataError where an input is missing; as `AtSample` where a first output is, or samples
-    are not at the model's time steps.
-    """
-    feedback = Feedback(model.terms, model.states, model.output)
-    if not feedback.names:
-        return Run(predict_one_step(model, columns))
-    values, diverged = _nothing(columns), list[int]()
-    for rows, piece in _uninterrupted_rows(model, columns):
-        with numbered(rows):
-            ready = ReadyPiece(feedback, piece)
+        Raises DataError where an input is missing; as `AtSample` where a first output is, or
+        samples are not at the model's time steps.
+        """
+        values = np.full(len(next(iter(columns.values()))), np.nan)
+        diverged = list[int]()
+        for rows, piece, goes_on in self._pieces(columns, len(values)):
+            if not goes_on:
+                self._begin_anew()
+            if self.ahead:
+                values[rows] = self._one_step(piece, len(rows))
+            elif not self.lost:
+                with numbered(rows):
+                    simulated = self._simulated(piece, len(rows))
+                values[rows[: len(simulated)]] = simulated
+                diverged += rows[len(simulated) :][:1].tolist()
+                self.lost = len(simulated) < len(rows)
+        self.rows += len(values)
+        return Run(values, tuple(diverged))
+
+    def _one_step(self, piece: Columns, n: int) -> Array:
+        states = evaluate_states(self.model.states, piece, self.past)
+        known, predicted = complete(states.values(), n), np.full(n, np.nan)
+        there = {name: values[known] for name, values in states.items()}
+        matrix = dictionary_matrix(self.terms, there, int(known.sum()))
+        predicted[known] = matrix @ self.model.theta + self.model.constant
+        return predicted
+
+    def _simulated(self, piece: Columns, n: int) -> Array:
+        """Return the free run of a piece, or of its part before the first sample that leaves all
+        bounds; nothing (NaN) as long as rows wait for a history.
+        """
+        if self.waiting:
+            piece = {name: np.concatenate([self.waiting[name], x]) for name, x in piece.items()}
+        ready = ReadyPiece(self.feedback, piece, self.past)
+        if not ready.size:
+            self.waiting, self.past = piece, {}
+            return np.full(n, np.nan)
+        if self.recalled is None:
             refuse_unknown_beginning(ready)
-        simulated = ready.run(model.theta, model.constant, bounds_of(model.limits)).output
-        end = ready.start + len(simulated)
-        values[rows[ready.start : end]] = simulated
-        diverged += rows[end : end + 1].tolist()
-    return Run(values, tuple(diverged))
+            self.recalled = ready.recalled_at(0)
+        bounds = bounds_of(self.model.limits)
+        run = ready.run(self.model.theta, self.model.constant, bounds, before=self.recalled)
+        whole = np.concatenate([self.recalled, run.values], axis=1)
+        self.recalled, self.waiting = whole[:, whole.shape[1] - self.feedback.depth :], {}
+        return np.concatenate([np.full(ready.start, np.nan), run.output])[-n:]
 
-
-def _nothing(columns: Columns) -> Array:
-    return np.full(len(next(iter(columns.values()))), np.nan)
-
-
-def _uninterrupted_rows(model: MemoryModel, columns: Columns) -> Iterator[tuple[IntArray, Columns]]:
-    """Yield row numbers and columns of the pieces within which memory lasts: rows with all inputs,
-    one step apart.
-    """
-    inputs, step = memory_inputs(model), model.states.step
-    rows = np.flatnonzero(
-        complete(
-            (columns[name] for name in ("time", *inputs) if name in columns), len(_nothing(columns))
-        )
-    )
-    time = (
-        np.asarray(columns["time"], dtype=np.float64)[rows]
-        if "time" in columns
-        else rows.astype(np.float64) * step
-    )
-    with numbered(rows):
-        _refuse_other_steps(time, step)
-        parts = [rows[part] for part in uninterrupted(time, step)]
-    given = {name: np.asarray(columns[name]) for name in (*inputs, model.output) if name in columns}
-    yield from (
-        (part, {name: column[part] for name, column in given.items()})
-        for part in parts
-        if len(part)
-    )
+    def _pieces(self, columns: Columns, n: int) -> Iterator[tuple[IntArray, Columns, bool]]:
+        """Yield row numbers and columns of the pieces within which memory lasts: rows with all
+        inputs, one step apart; and whether a piece goes on that of the block before.
+        """
+        inputs, step = memory_inputs(self.model), self.model.states.step
+        needed = (columns[name] for name in ("time", *inputs) if name in columns)
+        rows = np.flatnonzero(complete(needed, n))
+        time: Array = (self.rows + rows).astype(np.float64) * step
+        if "time" in columns:
+            time = np.asarray(columns["time"], dtype=np.float64)[rows]
+        before, stamps = len(self.last), joined([self.last, time])
+        with numbered(np.concatenate([rows[:before], rows])):
+            if not self.rows:
+                _refuse_other_steps(stamps, step)
+            parts = uninterrupted(stamps, step)
+        self.last = stamps[-1:]
+        names = [name for name in (*inputs, self.model.output) if name in columns]
+        for number, part in enumerate(parts):
+            own = rows[max(part.start - before, 0) : part.stop - before]
+            if len(own):
+                given = {name: np.asarray(columns[name])[own] for name in names}
+                yield own, given, number == 0 and before > 0
 
 
 def _refuse_other_steps(time: Array, step: float) -> None:

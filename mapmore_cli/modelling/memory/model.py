@@ -4,11 +4,11 @@ program.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import Array, Columns
+from mapmore_cli.domain.arrays import Array, Columns, row_by_row
 from mapmore_cli.domain.fits import PIECE, FormulaFit, MemoryModel, SegmentedCurve
 from mapmore_cli.domain.models import CurveRange, Equation, Memory, Model
 from mapmore_cli.domain.recording import Quantity, united
@@ -25,7 +25,8 @@ from mapmore_cli.modelling.literature.model import (
     where_finite,
 )
 from mapmore_cli.modelling.memory.feedback import StateWriter, fed_back_states, parts_of_terms
-from mapmore_cli.modelling.memory.free_run import free_run, predict_one_step
+from mapmore_cli.modelling.memory.free_run import Along
+from mapmore_cli.modelling.memory.records import numbered
 from mapmore_cli.modelling.memory.simulation import bounds_of
 from mapmore_cli.modelling.memory.states import memory_inputs
 from mapmore_cli.modelling.program.statements import NOTHING, Queue
@@ -57,15 +58,38 @@ def build(
     )
 
 
-def simulate(model: Model, columns: Columns) -> Run:
-    """Return the model in free run along one recording, (n,), on its backbone where it has one."""
-    run = free_run(_memory_of(model).model, columns)
-    return Run(_base(model, columns) + run.values, run.diverged)
+def running(model: Model, ahead: bool = False) -> Callable[[Columns], Run]:
+    """Return what tells the next rows of a recording each time that it is called: in free run, or
+    one step `ahead`; on the backbone where there is one.
+    """
+    along = Along(_memory_of(model).model, ahead)
+
+    def next_rows(columns: Columns) -> Run:
+        run = along(columns)
+        return Run(_base(model, columns) + run.values, run.diverged)
+
+    return next_rows
+
+
+def simulate(model: Model, columns: Columns, ahead: bool = False) -> Run:
+    """Return the model in free run along one recording, (n,), or one step `ahead`."""
+    next_rows, diverged, rows = running(model, ahead), list[int](), 0
+
+    def values(block: Columns) -> Array:
+        nonlocal rows
+        numbers = np.arange(rows, rows + len(next(iter(block.values()))))
+        with numbered(numbers):
+            run = next_rows(block)
+        diverged.extend(numbers[list(run.diverged)].tolist())
+        rows += len(numbers)
+        return run.values
+
+    return Run(row_by_row(values, columns), tuple(diverged))
 
 
 def one_step(model: Model, columns: Columns) -> Array:
     """Prediction of every row from the measured past, (n,); NaN before there is history."""
-    return _base(model, columns) + predict_one_step(_memory_of(model).model, columns)
+    return simulate(model, columns, ahead=True).values
 
 
 def equations(model: Model, units: Mapping[str, float]) -> tuple[Equation, ...]:

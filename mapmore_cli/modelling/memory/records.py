@@ -8,10 +8,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import Array, BoolArray, Columns, IntArray
+from mapmore_cli.domain.arrays import Array, BoolArray, Columns, IntArray, extremes
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.recording import Curve
-from mapmore_cli.modelling.signals.sampling import UNEVEN, cut_after
+from mapmore_cli.modelling.signals.sampling import UNEVEN, cut_after, steps_where, typical_step
 
 
 class AtSample(DataError):
@@ -63,18 +63,20 @@ def uninterrupted(time: Array, step: float) -> list[slice]:
     Raises AtSample where stamps are neither `step` apart nor a gap: the memory of the model counts
     samples.
     """
-    distances = np.diff(time)
-    slack = UNEVEN * step + 4 * np.finfo(np.float64).eps * float(np.abs(time).max(initial=0.0))
-    early = (distances >= 0) & (distances < step - slack)
-    if early.any():
-        first = int(np.argmax(early))
+    largest = max(map(abs, extremes(time))) if len(time) else 0.0
+    slack = UNEVEN * step + 4 * np.finfo(np.float64).eps * largest
+    early = steps_where(time, lambda steps: (steps >= 0) & (steps < step - slack))
+    if len(early):
+        first = int(early[0])
         raise AtSample(
             first + 1,
-            f"only {distances[first]:.6g} s after the one before; a model with memory needs "
+            f"only {time[first + 1] - time[first]:.6g} s after the one before; "
+            "a model with memory needs "
             f"even steps of {step:.6g} s",
             f"bring the recording onto even steps of {step:.6g} s",
         )
-    return cut_after(len(time), np.flatnonzero((distances > step + slack) | (distances < 0)))
+    breaks = steps_where(time, lambda steps: (steps > step + slack) | (steps < 0))
+    return cut_after(len(time), breaks)
 
 
 def time_step(curves: Sequence[Curve]) -> float:
@@ -83,11 +85,7 @@ def time_step(curves: Sequence[Curve]) -> float:
     Raises DataError where a curve has another one: lags count samples, so all recordings must be
     sampled alike.
     """
-    steps = {
-        curve.id: float(np.median(np.diff(curve.columns["time"])))
-        for curve in curves
-        if curve.size > 1
-    }
+    steps = {curve.id: typical_step(curve.columns["time"]) for curve in curves if curve.size > 1}
     usual = float(np.median(list(steps.values()))) if steps else float("nan")
     for name, step in steps.items():
         if not abs(step - usual) <= UNEVEN * usual:
@@ -112,10 +110,11 @@ def records_of(curves: Sequence[Curve], step: float) -> tuple[Record, ...]:
     """
     records: list[Record] = []
     for curve in curves:
-        for name, rows in zip(curve.recordings, curve.logs, strict=True):
-            time = curve.columns["time"][rows]
+        for name, rows in zip(curve.recordings, curve.stretches, strict=True):
+            columns = {name: x[rows] for name, x in curve.columns.items()}
+            time, training = columns["time"], curve.training[rows]
             try:
-                parts = [rows[part] for part in uninterrupted(time, step)]
+                parts = uninterrupted(time, step)
             except AtSample as error:
                 raise DataError(
                     f"{name}: sample {error.sample} (at {time[error.sample]:.9g} s): {error.fault}",
@@ -123,7 +122,7 @@ def records_of(curves: Sequence[Curve], step: float) -> tuple[Record, ...]:
                     f"action: split}}` where recordings break off",
                 ) from error
             records += [
-                Record({name: x[part] for name, x in curve.columns.items()}, curve.training[part])
+                Record({name: x[part] for name, x in columns.items()}, training[part])
                 for part in parts
             ]
     return tuple(records)

@@ -17,7 +17,7 @@ from mapmore_cli.domain.arrays import Array, BoolArray, Columns, IntArray, Value
 from mapmore_cli.modelling.expressions import evaluate
 from mapmore_cli.modelling.memory.feedback import Feedback
 from mapmore_cli.modelling.memory.records import AtSample, complete
-from mapmore_cli.modelling.memory.states import evaluate_states, value_of
+from mapmore_cli.modelling.memory.states import Past, evaluate_states, value_of
 
 # training ranges by which a free run may leave the training range before it counts as diverged
 DIVERGED = 100.0
@@ -48,20 +48,21 @@ class ReadyPiece:
     - `inputs`: (n, k) input parts of the terms.
     - `measured`: (start + n,) output; NaN where it is not known.
     - `history`: (q, start + n) what the model recalls along the measured output, at rest before.
+    - `past`: of its states; where it has some, the piece goes on, and starts with its first row.
     """
 
-    def __init__(self, feedback: Feedback, columns: Columns) -> None:
+    def __init__(self, feedback: Feedback, columns: Columns, past: Past | None = None) -> None:
         self.feedback = feedback
         rows = len(next(iter(columns.values())))
         nothing = np.full(rows, np.nan)
         self.measured = np.asarray(columns.get(feedback.output, nothing), dtype=np.float64)
-        driven = evaluate_states(feedback.states, {**columns, feedback.output: nothing})
+        goes_on = bool(past)
+        driven = evaluate_states(feedback.states, {**columns, feedback.output: nothing}, past)
         for name in feedback.names:
             del driven[name]
         ready = complete(driven.values(), rows)
-        self.start = min(
-            rows, max(feedback.longest, int(np.argmax(ready)) if ready.any() else rows)
-        )
+        first = int(np.argmax(ready)) if ready.any() else rows
+        self.start = 0 if goes_on else min(rows, max(feedback.longest, first))
         self.size = rows - self.start
         driven = {name: values[self.start :] for name, values in driven.items()}
         self.inputs = np.empty((self.size, len(feedback.parts.inputs)), order="F")
@@ -94,10 +95,15 @@ class ReadyPiece:
         )
 
     def run(
-        self, theta: Array, constant: float, bounds: tuple[float, float], horizon: int | None = None
+        self,
+        theta: Array,
+        constant: float,
+        bounds: tuple[float, float],
+        horizon: int | None = None,
+        before: Array | None = None,
     ) -> Trajectory:
         """Simulate with the coefficients `theta` (k,), beginning anew from measured outputs after
-        every `horizon` samples.
+        every `horizon` samples; from what came `before`, (q, depth), where the piece goes on.
 
         It ends at the first sample that leaves the `bounds`, which is left out.
         """
@@ -111,24 +117,30 @@ class ReadyPiece:
         begins = self.begins(horizon)
         parts, done = [np.empty((len(self.history), 0))], 0
         for begin, end in pairwise([*np.unique(begins).tolist(), self.size]):
-            parts.append(self._stretch(range(begin, end), driven, bounds))
+            recalled = self.recalled_at(begin) if before is None else before
+            parts.append(self._stretch(range(begin, end), driven, bounds, recalled))
             done += parts[-1].shape[1]
             if done < end:
                 break
         return Trajectory(np.concatenate(parts, axis=1), begins[:done])
+
+    def recalled_at(self, sample: int) -> Array:
+        """Return what the model recalls at a sample along the measured output, (q, depth)."""
+        back = np.arange(-self.feedback.depth, 0) + self.start + sample
+        return np.asarray(self.history[:, np.maximum(back, 0)])
 
     def _stretch(
         self,
         samples: range,
         driven: Sequence[tuple[str, list[float]]],
         bounds: tuple[float, float],
+        before: Array,
     ) -> Array:
         """Return the q values of the samples, or of those before the first that leaves the
         bounds.
         """
         depth, step, (low, high) = self.feedback.depth, self.feedback.step, bounds
-        before = np.maximum(np.arange(-depth, 0) + self.start + samples.start, 0)
-        queues: list[list[Any]] = self.history[:, before].tolist()
+        queues: list[list[Any]] = before.tolist()
         recalls = [
             (name, queues[place], -steps) for name, (place, steps) in self.feedback.recalls.items()
         ]

@@ -22,15 +22,27 @@ from mapmore_cli.modelling.expressions.states import Lagged, Measured, Operated,
 from mapmore_cli.modelling.memory.records import Record
 from mapmore_cli.modelling.selection import MemoryRecipe
 
+Past = dict[str, Array]
+"""The last values of each state and of what it is made of, by their names: what a piece goes on
+from.
+"""
 
-def evaluate_states(states: StateSet, columns: Columns) -> dict[str, Array]:
+
+def evaluate_states(
+    states: StateSet, columns: Columns, past: Past | None = None
+) -> dict[str, Array]:
     """Every state along one uninterrupted piece, (n,) each, scaled and clipped as `states` says;
-    NaN before there is history.
+    NaN before there is history. With a `past` it goes on from there, and leaves its own.
 
     Raises DataError where a quantity is missing.
     """
     known: dict[str, Array] = {}
-    values = {name: value_of(state(name), columns, states, known) for name in states.names}
+    values = {name: value_of(state(name), columns, states, known, past) for name in states.names}
+    if past is not None:
+        parts = [part for name in states.names for part in state(name).parts]
+        most = max([MOST_PAST, *(one.steps for one in parts if isinstance(one, Lagged))])
+        for name, own in known.items():
+            past[name] = np.concatenate([past.get(name, np.empty(0)), own])[-most:]
     for name, low, high in zip(states.names, states.low, states.high, strict=states.scaled):
         if high > low:
             values[name] = np.clip(
@@ -41,10 +53,21 @@ def evaluate_states(states: StateSet, columns: Columns) -> dict[str, Array]:
     return values
 
 
-def value_of(found: State, columns: Columns, numbers: StateSet, known: dict[str, Array]) -> Array:
-    """One state in physical units, (n,); it and what it is made of are kept in `known`, by their
-    names.
+MOST_PAST = 2
+"""Past values that an operator needs at most."""
+
+
+def value_of(
+    found: State,
+    columns: Columns,
+    numbers: StateSet,
+    known: dict[str, Array],
+    past: Past | None = None,
+) -> Array:
+    """One state in physical units, (n,), from a `past` where there is one; it and what it is made
+    of are kept in `known`, by their names.
     """
+    before = {} if past is None else past
     if found.name in known:
         return known[found.name]
     match found:
@@ -55,12 +78,14 @@ def value_of(found: State, columns: Columns, numbers: StateSet, known: dict[str,
                 )
             values = np.asarray(columns[name], dtype=np.float64)
         case Lagged(source, steps):
-            values = delayed(value_of(source, columns, numbers, known), steps)
+            x = value_of(source, columns, numbers, known, past)
+            values = delayed(x, steps, before.get(source.name, np.empty(0)))
         case Operated(operator, source):
             values = along(
                 OPERATORS[operator],
-                value_of(source, columns, numbers, known),
+                value_of(source, columns, numbers, known, past),
                 setting_of(found, numbers),
+                (before.get(found.name, np.empty(0)), before.get(source.name, np.empty(0))),
             )
     known[found.name] = values
     return values
@@ -79,11 +104,9 @@ def setting_of(found: Operated, numbers: StateSet) -> Setting:
     return Setting(found.numbers, numbers.step)
 
 
-def delayed(x: Array, steps: int) -> Array:
-    """`x[k - steps]`, (n,); NaN before there is history."""
-    values = np.full(len(x), np.nan)
-    values[steps:] = x[: max(len(x) - steps, 0)]
-    return values
+def delayed(x: Array, steps: int, before: Array) -> Array:
+    """`x[k - steps]`, (n,), where the last values `before` came; NaN before there is history."""
+    return np.concatenate([np.full(steps, np.nan), before, x])[len(before) :][: len(x)]
 
 
 def memory_inputs(memory: MemoryModel) -> tuple[str, ...]:

@@ -6,15 +6,26 @@ calls them in one go.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from itertools import product
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mapmore_cli.domain.arrays import Array, Columns, IntArray, extremes, give_back
+from mapmore_cli.domain.arrays import (
+    LONG,
+    Array,
+    Columns,
+    IntArray,
+    by_blocks,
+    extremes,
+    give_back,
+    joined,
+    row_blocks,
+)
 from mapmore_cli.domain.declared import taken
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.fits import (
@@ -54,6 +65,7 @@ from mapmore_cli.modelling.pieces.segmentation import (
     training_curves,
 )
 from mapmore_cli.modelling.pieces.shaped import shaped
+from mapmore_cli.modelling.signals.sampling import even_share
 
 # share of the segment whose mean stands for an end of the trend, so that the anchor does not hang
 # on one noisy sample
@@ -97,22 +109,30 @@ def placements(
 def _anchored(
     X: Array, y: Array, variables: tuple[str, ...], right: tuple[bool, ...], middle: Middle
 ) -> Scaling:
-    low, high = X.min(axis=0), X.max(axis=0)
+    low, high = np.array([extremes(x) for x in X.T]).reshape(-1, 2).T
     slope, anchor = 1 / _span(high - low), np.where(right, high, low)
     y_anchor = 0.0
     # middle of the samples nearest to the anchor; all at the same distance count, so the order of
     # rows does not matter
     if variables:
-        far = np.zeros(len(y))
-        for x, at, steepness in zip(X.T, anchor, slope, strict=True):
-            distance = x - at
-            np.abs(distance, out=distance)
-            np.maximum(far, np.multiply(distance, steepness, out=distance), out=far)
-        nearest = max(1, int(np.ceil(END_FRACTION * len(y))))
-        y_anchor = float(middle(y[far <= np.partition(far, nearest - 1)[nearest - 1]]))
+
+        def farthest(*inputs: Array) -> Array:
+            return np.asarray(np.max(np.abs(inputs - anchor[:, None]) * slope[:, None], axis=0))
+
+        far = farthest(*(X.T if y.nbytes <= LONG else map(even_share, X.T)))
+        nearest = max(1, int(np.ceil(END_FRACTION * len(far))))
+        limit = np.partition(far, nearest - 1)[nearest - 1]
+        y_anchor = float(middle(by_blocks(lambda y, *x: y[farthest(*x) <= limit], y, *X.T)))
     place = ",".join("right" if r else "left" for r in right) or "-"
+    y_span = float(_span(np.ptp(extremes(y))))
     return Scaling(
-        "unit_square", place, variables, slope, -slope * anchor, float(_span(np.ptp(y))), y_anchor
+        "unit_square",
+        place,
+        variables,
+        slope,
+        -slope * anchor,
+        y_span,
+        y_anchor,
     )
 
 
@@ -197,8 +217,8 @@ def fit_segment(
     training SSE wins, the first of equals. `columns` are those of its curve.
 
     All placements share the slope of y, so their scaled SSE compare. Rows are sorted first: the
-    numbers then do not depend on the order in which a logger wrote them. `origin` says which
-    residuals go together, (n,), for the rows of the segment.
+    numbers then do not depend on the order in which a logger wrote them; more than a million are
+    not. `origin` says which residuals go together, (n,), for the rows of the segment.
     """
     n, most = len(segment.rows), recipe.fit.max_terms
     if n <= most:
@@ -211,32 +231,35 @@ def fit_segment(
     variables, unsure = quantities_in(terms), uncertainty_of(recipe.target)
     given = [unsure] if unsure in columns else []
     samples = samples_at(columns, segment.rows, (*variables, recipe.target, *given))
-    order = np.lexsort([samples[name] for name in (*given, recipe.target, *variables[::-1])])
-    X, y = np.empty((n, len(variables)), order="F"), samples[recipe.target][order]
-    for place, name in enumerate(variables):
-        X[:, place] = samples.pop(name)[order]
+    if segment.rows.nbytes <= LONG:
+        order = np.lexsort([samples[name] for name in (*given, recipe.target, *variables[::-1])])
+        samples = {name: values[order] for name, values in samples.items()}
+        origin = None if origin is None else origin[order]
+    y, parts = samples[recipe.target], [samples[name] for name in variables]
+    X = joined(parts).reshape(-1, n).T if parts else np.empty((n, 0))
     weighing = Weighing(
-        samples[unsure][order] if given else None,
+        samples[unsure] if given else None,
         recipe.fit.loss,
         recipe.fit.known_scale,
-        None if origin is None else origin[order],
+        origin,
         recipe.fit.weight == "curve",
     )
-    del samples, order  # of a long record they take more than all else
-    give_back(segment.rows)
     best: SegmentFit | None = None
     robust = recipe.fit.loss != "squares"
     middle = np.median if robust else np.mean
     for scaling in placements(recipe.fit.scaling, X, y, variables, middle):
-        z = scaled_inputs(scaling, dict(zip(variables, X.T, strict=True)))
+        inputs = dict(zip(variables, X.T, strict=True))
+        ends = {name: np.array(extremes(x)) for name, x in inputs.items()}
         written = placed(
-            recipe.dictionary, tuple((name, *extremes(values)) for name, values in z.items())
+            recipe.dictionary,
+            tuple((name, *z.tolist()) for name, z in scaled_inputs(scaling, ends).items()),
         )
         try:
             selection = _selected_terms(
                 terms if written == recipe.dictionary else list(map(parse, written)),
-                z,
-                (y - scaling.y_intercept) / scaling.y_slope,
+                scaling,
+                inputs,
+                y,
                 recipe,
                 weighing.in_unit(scaling.y_slope),
             )
@@ -256,26 +279,41 @@ def fit_segment(
 
 
 def _selected_terms(
-    terms: Sequence[Expression], z: Columns, y: Array, recipe: Recipe, weighing: Weighing
+    terms: Sequence[Expression],
+    scaling: Scaling,
+    inputs: Columns,
+    y: Array,
+    recipe: Recipe,
+    weighing: Weighing,
 ) -> Selection:
     """FROLS on the dictionary, which is never there as a whole where it need not be read more than
     once or twice.
     """
     n, how = len(y), (recipe.fit.max_terms, recipe.fit.tolerance)
+
+    def scaled(rows: slice) -> tuple[dict[str, Array], Array]:
+        z = scaled_inputs(scaling, {name: x[rows] for name, x in inputs.items()})
+        return z, (y[rows] - scaling.y_intercept) / scaling.y_slope
+
+    def blocks(some: Sequence[Expression]) -> Iterator[tuple[Array, Array]]:
+        for rows in row_blocks(n):
+            z, target = scaled(rows)
+            for part, P in dictionary_blocks(some, z, len(target)):
+                yield P, target[part]
+            for column in (y, *inputs.values()):
+                give_back(column)
+
     if reads_once(n, len(terms), recipe.fit.max_terms):
         return frols_streamed(
-            lambda: ((P, y[rows]) for rows, P in dictionary_blocks(terms, z, n)),
+            partial(blocks, terms),
             *how,
             stop=recipe.fit.stop,
             weighing=weighing,
-            only=lambda chosen: (
-                lambda: (
-                    (P, y[rows]) for rows, P in dictionary_blocks([terms[i] for i in chosen], z, n)
-                )
-            ),
+            only=lambda chosen: partial(blocks, [terms[i] for i in chosen]),
         )
+    z, target = scaled(slice(0, n))
     P = dictionary_matrix(terms, z, n)
-    return frols(P, y, *how, stop=recipe.fit.stop, weighing=weighing)
+    return frols(P, target, *how, stop=recipe.fit.stop, weighing=weighing)
 
 
 def fuse(

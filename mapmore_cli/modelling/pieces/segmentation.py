@@ -14,9 +14,10 @@ from mapmore_cli.domain.arrays import (
     Columns,
     IntArray,
     blocks_where,
+    by_blocks,
     extremes,
-    give_back,
-    in_blocks,
+    picked,
+    row_numbers,
 )
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.fits import Scaling, Segment, SegmentedCurve
@@ -126,11 +127,7 @@ def optimal_partition(
 
 def samples_at(columns: Columns, rows: IntArray, names: Iterable[str]) -> dict[str, Array]:
     """Return some columns of a curve at the given rows."""
-    samples = {}
-    for name in names:
-        samples[name] = columns[name][rows]
-        give_back(columns[name])
-    return samples
+    return {name: picked(columns[name], rows) for name in names}
 
 
 def scaled_inputs(scaling: Scaling, columns: Columns) -> dict[str, Array]:
@@ -283,19 +280,23 @@ def segment_curve(
     boundaries = {
         name: cut_points(curve, training, name, target, cut, cost) for name, cut in cuts.items()
     }
-    cells: dict[tuple[int, ...], list[IntArray]] = {}
-    start, inputs = 0, [curve.columns[name] for name in cuts]
-    for trains, *values in in_blocks(training, *inputs):
-        both = zip(values, boundaries.values(), strict=True)
-        inside = [enumerate(_members(x, ends), 1) for x, ends in both]
-        for places in product(*inside):
-            mask = np.logical_and.reduce([trains, *(own for _, own in places)])
-            cells.setdefault(tuple(i for i, _ in places), []).append(start + np.flatnonzero(mask))
-        start += len(trains)
-    segments = [
-        Segment(segment_id(curve.id, tuple(cuts), cell), curve.id, cell, rows)
-        for cell, rows in ((cell, np.concatenate(cells.pop(cell))) for cell in [*cells])
-    ]
+    inputs, segments = [curve.columns[name] for name in cuts], []
+    for cell in product(*(enumerate(pairwise(ends), 1) for ends in boundaries.values())):
+        place, sides = tuple(i for i, _ in cell), [ends for _, ends in cell]
+
+        def inside(
+            rows: range,
+            trains: BoolArray,
+            *values: Array,
+            limits: Sequence[tuple[float, float]] = sides,
+        ) -> IntArray:
+            within = [
+                (x >= low) & (x <= high) for x, (low, high) in zip(values, limits, strict=True)
+            ]
+            return row_numbers(rows)[np.logical_and.reduce([trains, *within])]
+
+        rows = by_blocks(inside, range(curve.size), training, *inputs)
+        segments.append(Segment(segment_id(curve.id, tuple(cuts), place), curve.id, place, rows))
     if empty := [segment.id for segment in segments if not len(segment.rows)]:
         remedy = "use fewer segments, move the breakpoints, or keep more samples of this curve"
         raise DataError(f"segment {empty[0]}: no training sample lies in it", remedy)

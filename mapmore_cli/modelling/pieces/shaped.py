@@ -22,7 +22,7 @@ from mapmore_cli.domain.arrays import Array, BoolArray, Columns
 from mapmore_cli.domain.errors import FitError
 from mapmore_cli.domain.fits import SegmentedCurve
 from mapmore_cli.domain.models import Model, Pieces, SegmentFunction
-from mapmore_cli.domain.recording import Curve
+from mapmore_cli.domain.recording import Curve, uncertainty_of
 from mapmore_cli.modelling.expressions import dictionary_matrix, parse
 from mapmore_cli.modelling.literature.model import backbone_values
 from mapmore_cli.modelling.pieces.definition import pieces_program
@@ -86,11 +86,14 @@ def _factor(
     training = {curve.id: curve for curve in training_curves(curves, recipe.level is not None)}
     rows = {one.id: (curve.curve, one.rows) for curve in segmentation for one in curve.segments}
     blocks: list[Any] = []
+    unsure = uncertainty_of(recipe.target)
     for segment in body.segments:
         curve, own = rows[segment.id]
-        samples = samples_at(training[curve].columns, own, segment.scaling.variables)
+        given = [unsure] if unsure in training[curve].columns else []
+        samples = samples_at(training[curve].columns, own, (*segment.scaling.variables, *given))
         z = scaled_inputs(segment.scaling, samples)
         P = dictionary_matrix([parse(text) for text in segment.terms], z, len(own))
+        P = P / samples[unsure][:, None] if given else P
         blocks.append(np.linalg.qr(segment.scaling.y_slope * P, mode="r"))
     return np.asarray(block_diag(*blocks))
 

@@ -11,7 +11,15 @@ from itertools import pairwise
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import Array, BoolArray, Columns, IntArray, give_back, in_blocks
+from mapmore_cli.domain.arrays import (
+    Array,
+    BoolArray,
+    Columns,
+    IntArray,
+    give_back,
+    in_blocks,
+    picked,
+)
 
 
 def correlation(first: Array, second: Array) -> float:
@@ -62,8 +70,7 @@ MANY = 20_000  # samples that stand for a longer record where all are not needed
 
 def even_share(values: Array) -> Array:
     """Return at most `MANY` samples of a record, evenly chosen from all of it."""
-    share = values[:: max(1, -(-len(values) // MANY))].copy()
-    give_back(values)
+    share: Array = picked(values, np.arange(0, len(values), max(1, -(-len(values) // MANY))))
     return share
 
 
@@ -92,7 +99,7 @@ def find_gaps(time: Array, longer_than: float) -> Gaps:
     """
     largest = float(np.abs(time[[0, -1]]).max()) if len(time) else 0.0
     limit = longer_than + ROUNDING * longer_than + 4 * np.finfo(float).eps * largest
-    after = _after(time, lambda steps: steps > limit)
+    after = steps_where(time, lambda steps: steps > limit)
     lengths = time[after + 1] - time[after]
     usual = typical_step(time)
     missing = int(np.round(lengths / usual - 1).clip(0).sum()) if usual > 0 else 0
@@ -106,31 +113,35 @@ PARTS, PART = (
 )
 
 
+def even_parts(n: int) -> list[slice]:
+    """Return parts of a record of n samples, evenly spread; one that is the whole where it is
+    short.
+    """
+    if n <= PARTS * PART:
+        return [slice(0, n)]
+    return [slice(start, start + PART) for start in np.linspace(0, n - PART, PARTS).astype(int)]
+
+
 def typical_step(time: Array) -> float:
     """Return the median of the positive steps, of at most a million samples; zero if time stands
     still.
     """
-    starts = (
-        np.linspace(0, len(time) - PART, PARTS).astype(int) if len(time) > PARTS * PART else [0]
-    )
-    steps = np.concatenate(
-        [np.diff(time[start : start + PART] if len(starts) > 1 else time) for start in starts]
-    )
+    steps = np.concatenate([np.diff(time[part]) for part in even_parts(len(time))])
     positive = steps[steps > 0]
     return float(np.median(positive)) if len(positive) else 0.0
 
 
 def find_resets(time: Array) -> IntArray:
     """Return the indices of the samples after which time runs backwards."""
-    return _after(time, lambda steps: steps < 0)
+    return steps_where(time, lambda steps: steps < 0)
 
 
 def find_repeats(time: Array) -> IntArray:
     """Return the indices of the samples whose stamp the next one has as well."""
-    return _after(time, lambda steps: steps == 0)
+    return steps_where(time, lambda steps: steps == 0)
 
 
-def _after(time: Array, condition: Callable[[Array], BoolArray]) -> IntArray:
+def steps_where(time: Array, condition: Callable[[Array], BoolArray]) -> IntArray:
     """Return the indices of the samples that are followed by a step of some kind."""
     found: list[IntArray] = [np.zeros(0, dtype=np.int64)]
     start = 0
@@ -240,10 +251,14 @@ def envelope(y: Array, limit: int) -> IntArray:
     if len(y) <= limit:
         return np.arange(len(y))
     rows = []
-    for run in np.array_split(np.arange(len(y)), limit // 2):
-        known = run[~np.isnan(y[run])]
+    edges = np.linspace(0, len(y), limit // 2 + 1).astype(int)
+    for number, (start, end) in enumerate(pairwise(edges.tolist())):
+        run = y[start:end]
+        known = np.flatnonzero(~np.isnan(run))
         if len(known):
-            rows += [known[np.argmin(y[known])], known[np.argmax(y[known])]]
+            rows += [start + known[np.argmin(run[known])], start + known[np.argmax(run[known])]]
         else:
-            rows.append(run[0])  # a gap stays one
+            rows.append(start)  # a gap stays one
+        if number % 100 == 0:
+            give_back(y)
     return np.unique(rows)

@@ -3,15 +3,25 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial as partial_of
+from functools import reduce
 from itertools import pairwise
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import Array, BoolArray
-from mapmore_cli.domain.recording import DIRECTION, Dataset, uncertainty_of
+from mapmore_cli.domain.arrays import (
+    Array,
+    BoolArray,
+    by_blocks,
+    extremes,
+    give_back,
+    in_blocks,
+    row_blocks,
+)
+from mapmore_cli.domain.recording import DIRECTION, Curve, Dataset, uncertainty_of
 from mapmore_cli.domain.results import ErrorBand, Forecast
 from mapmore_cli.domain.scores import Score
 from mapmore_cli.modelling.signals.rates import FALL, RISE
@@ -30,19 +40,138 @@ class Normaliser:
         return error / self.value if self.value > 0 else math.nan
 
 
-NORMALISERS: Mapping[str, tuple[str, Callable[[Array], Any]]] = {
-    "max": ("max|{}| over {}", lambda y: np.abs(y).max()),
-    "range": ("range of {} over {}", np.ptp),
+NORMALISERS: Mapping[str, tuple[str, Callable[[float, float], float]]] = {
+    "max": ("max|{}| over {}", lambda low, high: max(abs(low), abs(high))),
+    "range": ("range of {} over {}", lambda low, high: high - low),
 }
 """By the names that specs have for them: `max |y|` (M2 eq 13), and `max y - min y` for quantities
 whose zero is arbitrary.
 """
 
 
-def normaliser(kind: str, y: Array, quantity: str, split: str) -> Normaliser:
-    """Return one of `NORMALISERS` over the samples of a split."""
+def normaliser(kind: str, ends: tuple[float, float], quantity: str, split: str) -> Normaliser:
+    """Return one of `NORMALISERS` by the least and the largest sample of a split."""
     name, size = NORMALISERS[kind]
-    return Normaliser(name.format(quantity, split), float(size(y)), float(np.ptp(y)))
+    return Normaliser(name.format(quantity, split), size(*ends), ends[1] - ends[0])
+
+
+# Sums over samples, which add up over blocks of a curve and over curves
+# --------------------------------------------------------------------------------------------------
+
+
+class Squares(NamedTuple):
+    """Number, mean and sum of squares of some values about their mean, or about zero. The sum is in
+    units of `unit` squared, a power of two in which squares neither vanish nor overflow.
+    """
+
+    n: int
+    mean: float
+    total: float
+    unit: float
+
+    @classmethod
+    def of(cls, values: Array, centred: bool = False) -> Squares:
+        """Sum up values, (n,), about their mean where they are `centred`."""
+        unit, mean = _unit_of(values), float(values.mean()) if centred and len(values) else 0.0
+        return cls(len(values), mean, float(np.sum(((values - mean) / (unit or 1.0)) ** 2)), unit)
+
+    def with_more(self, other: Squares) -> Squares:
+        """Return the sum of both (T. F. Chan, G. H. Golub, R. J. LeVeque 1983)."""
+        n, unit = self.n + other.n, max(self.unit, other.unit)
+        apart = (other.mean - self.mean) / (unit or 1.0)
+        between = apart**2 * self.n * other.n / max(n, 1)
+        of_each = (one.total * (one.unit / unit) ** 2 for one in (self, other) if one.unit)
+        mean = self.mean + apart * unit * other.n / max(n, 1)
+        return Squares(n, mean, sum(of_each) + between, unit)
+
+    @property
+    def about_zero(self) -> Squares:
+        """The sum of squares about zero."""
+        shift = self.n * (self.mean / (self.unit or 1.0)) ** 2
+        return Squares(self.n, 0.0, self.total + shift, self.unit)
+
+    @property
+    def root_mean(self) -> float:
+        """Root of the mean square."""
+        return self.unit * math.sqrt(self.total / self.n)
+
+    def over(self, other: Squares) -> float:
+        """Return this sum over another; NaN where that is zero."""
+        if not other.total > 0:
+            return math.nan
+        return self.total / other.total * (self.unit / other.unit) ** 2
+
+
+class Sums(NamedTuple):
+    """What a row of the score table follows from.
+
+    Samples that are not ready are the history that a model with memory goes on from: they count in
+    no sum but the spread of `all_measured`, which is that of the RRSE, as it is usual.
+    """
+
+    all_measured: Squares  # about their mean, as the next
+    measured: Squares
+    predicted: Squares
+    errors: Squares
+    one_step: Squares
+    worst: float
+    given: int  # samples with an interval
+    inside: int  # those within it
+    chi2: float  # sum of squared errors over that of the uncertainty, NaN where none is known
+    weight: float  # sum of the inverse of its square
+    widths: Array  # of all intervals, or of an even share
+
+    @classmethod
+    def of(
+        cls, measured: Array, forecast: Forecast, every: int = 1, sigma: Array | None = None
+    ) -> Sums:
+        """Sum up `measured` samples, (n,), of the uncertainty `sigma` where it is known, and what a
+        model forecasts of them; one in `every` width of an interval is kept.
+        """
+        known = forecast.ready
+        y, predicted = measured[known], forecast.values[known]
+        error = predicted - y
+        half = np.full(len(y), np.nan) if forecast.half is None else forecast.half[known]
+        ahead = np.empty(0) if forecast.one_step is None else forecast.one_step[known] - y
+        given = np.isfinite(half)
+        return cls(
+            Squares.of(measured, True),
+            Squares.of(y, True),
+            Squares.of(predicted),
+            Squares.of(error),
+            Squares.of(ahead),
+            float(np.abs(error).max(initial=0.0)),
+            int(np.count_nonzero(given)),
+            int(np.count_nonzero(np.abs(error[given]) <= half[given])),
+            math.nan if sigma is None else float(np.sum((error / sigma[known]) ** 2)),
+            math.nan if sigma is None else float(np.sum(sigma[known] ** -2.0)),
+            half[np.flatnonzero(given)[::every]],
+        )
+
+    def with_more(self, other: Sums) -> Sums:
+        """Return the sums over both."""
+        return Sums(
+            self.all_measured.with_more(other.all_measured),
+            self.measured.with_more(other.measured),
+            self.predicted.with_more(other.predicted),
+            self.errors.with_more(other.errors),
+            self.one_step.with_more(other.one_step),
+            float(np.maximum(self.worst, other.worst)),
+            self.given + other.given,
+            self.inside + other.inside,
+            self.chi2 + other.chi2,
+            self.weight + other.weight,
+            np.concatenate([self.widths, other.widths]),
+        )
+
+    @property
+    def correlation(self) -> float:
+        """`sum y yhat / sqrt(sum y^2 sum yhat^2)`: W's correlation index, not Pearson's; NaN where
+        either is zero throughout. By the law of cosines, as `yhat - y` is the error.
+        """
+        size = math.sqrt(self.predicted.over(self.measured.about_zero))
+        error = self.errors.over(self.measured.about_zero)
+        return (1 + size**2 - error) / (2 * size) if size > 0 else math.nan
 
 
 def score(
@@ -50,76 +179,49 @@ def score(
     target: str,
     split: str,
     curve: str,
-    measured: Array,
-    forecast: Forecast,
+    sums: Sums,
     scale: Normaliser,
-    uncertainty: Array | None = None,
     free: int = 0,
 ) -> Score:
-    """One row of the score table over n pooled samples, `measured` (n,) and as a model forecasts
-    them.
+    """One row of the score table over n pooled samples y, and as a model forecasts them.
 
     `RMSE = sqrt(mean (y - yhat)^2)`, `NRMSE = RMSE / scale` (M2 eq 13), `R^2 = 1 - SSE / sum (y -
     mean y)^2`, which is NaN for a constant y, and `RRSE = sqrt(SSE / sum (y - mean y)^2)`. `scale`
-    is the normaliser over all samples of the split, so that the rows of its curves can be compared.
-
-    Samples that are not `ready` are the history that a model with memory goes on from: they count
-    in no number but the spread of the RRSE, as it is usual. `uncertainty`, (n,), is that of the
-    measured samples where it is known; `free` are the numbers that were fitted to them.
+    is the normaliser over all samples of the split, so that the rows of its curves can be compared;
+    `free` are the numbers that were fitted to them.
     """
-    known, predicted = forecast.ready, forecast.values
-    y, error = measured[known], (predicted - measured)[known]
-    unit = _unit_of(error, y)
-    spread, squares = float(np.sum(((y - y.mean()) / unit) ** 2)), (error / unit) ** 2
-    rmse, worst = unit * float(np.sqrt(np.mean(squares))), float(np.abs(error).max())
-    width = np.full(len(y), np.nan) if forecast.half is None else forecast.half[known]
-    given = np.isfinite(width)
-    sigma = np.full(len(y), np.nan) if uncertainty is None else uncertainty[known]
-    chi2 = float(np.sum((error / sigma) ** 2))
+    n, errors, spread = sums.errors.n, sums.errors, sums.all_measured
+    rmse = errors.root_mean
+    given = sums.given > 0
     return Score(
         model=model,
         target=target,
         split=split,
         curve=curve,
-        n=len(y),
+        n=n,
         rmse=rmse,
         nrmse=scale.fraction(rmse),
         normaliser=scale.value,
         normaliser_name=scale.name,
-        max_abs_error=worst,
-        max_abs_error_fs=scale.fraction(worst),
-        r2=1 - float(np.sum(squares)) / spread if spread > 0 else math.nan,
-        rrse=relative(error, measured),
-        rrse_one_step=math.nan
-        if forecast.one_step is None
-        else relative((forecast.one_step - measured)[known], measured),
-        r_uncentred=uncentred_correlation(y, predicted[known]),
-        interval_coverage=float(np.mean(np.abs(error[given]) <= width[given]))
-        if given.any()
-        else math.nan,
-        interval_half_width=float(np.median(width[given])) if given.any() else math.nan,
+        max_abs_error=sums.worst,
+        max_abs_error_fs=scale.fraction(sums.worst),
+        r2=1 - errors.over(sums.measured),
+        rrse=math.sqrt(errors.over(spread)),
+        rrse_one_step=math.sqrt(sums.one_step.over(spread)) if sums.one_step.n else math.nan,
+        r_uncentred=sums.correlation,
+        interval_coverage=sums.inside / sums.given if given else math.nan,
+        interval_half_width=float(np.median(sums.widths)) if given else math.nan,
         nrmse_range=rmse / scale.extent if scale.extent > 0 else math.nan,
-        rmse_weighted=math.sqrt(chi2 / float(np.sum(sigma**-2.0))),
-        chi2_dof=chi2 / (len(y) - free) if len(y) > free else math.nan,
+        rmse_weighted=math.sqrt(sums.chi2 / sums.weight),
+        chi2_dof=sums.chi2 / (n - free) if n > free else math.nan,
     )
-
-
-def uncentred_correlation(measured: Array, predicted: Array) -> float:
-    """`sum y yhat / sqrt(sum y^2 sum yhat^2)`: W's correlation index, not Pearson's; NaN where
-    either is zero throughout.
-    """
-    measured, predicted = measured / _unit_of(measured), predicted / _unit_of(predicted)
-    size = float(np.linalg.norm(measured) * np.linalg.norm(predicted))
-    return float(measured @ predicted) / size if size > 0 else math.nan
 
 
 def relative(error: Array, measured: Array) -> float:
     """`sqrt(sum error^2 / sum (y - mean y)^2)`, of errors of some or all of the measured samples;
     NaN for a constant y.
     """
-    unit = _unit_of(error, measured)
-    spread = float(np.sum(((measured - measured.mean()) / unit) ** 2))
-    return float(np.sqrt(np.sum((error / unit) ** 2) / spread)) if spread > 0 else math.nan
+    return math.sqrt(Squares.of(error).over(Squares.of(measured, True)))
 
 
 def information_criteria(n: int, rmse: float, parameters: int) -> tuple[float, float]:
@@ -133,12 +235,15 @@ def information_criteria(n: int, rmse: float, parameters: int) -> tuple[float, f
     return fit + 2 * parameters, fit + parameters * math.log(n)
 
 
-def _unit_of(*values: Array) -> float:
+def _unit_of(values: Array) -> float:
     """Return a power of two next to the largest value, in which squares neither vanish nor
-    overflow; dividing by it changes no digit.
+    overflow: dividing by it changes no digit. 0 where there is none but zeros, 1 where it is no
+    number.
     """
-    largest = max(float(np.abs(array).max(initial=0.0)) for array in values)
-    return math.ldexp(0.5, math.frexp(largest)[1]) if 0 < largest < math.inf else 1.0
+    largest = float(np.abs(values).max(initial=0.0))
+    if largest == 0.0:
+        return 0.0
+    return math.ldexp(0.5, math.frexp(largest)[1]) if largest < math.inf else 1.0
 
 
 EDGES = (0.0, 0.1, 0.25, 0.5, 1.0)
@@ -160,26 +265,35 @@ def bands(dataset: Dataset, predictions: Mapping[str, tuple[Array, ...]]) -> tup
 
     `predictions` are by model, for every curve of the dataset. A band without samples is left out.
     """
-    masks = judged(dataset)
+    masks, curves = judged(dataset), dataset.curves
+    measured = [curve.columns[dataset.target] for curve in curves]
+    largest = max(map(abs, ends_of(measured, masks)), default=0.0)
+    edges, count = np.array(EDGES) * largest, len(EDGES) - 1
+    samples, known = np.zeros(count, dtype=int), {model: np.zeros(count) for model in predictions}
+    squares = {model: np.zeros(count) for model in predictions}
+    for place, (y, mask) in enumerate(zip(measured, masks, strict=True)):
+        said = {model: every[place] for model, every in predictions.items()}
+        for of, wanted, *values in in_blocks(y, mask, *said.values()):
+            inside = np.digitize(np.abs(of), edges[1:-1], right=True)
+            samples += np.bincount(inside[wanted], minlength=count)
+            for model, own in zip(said, values, strict=True):
+                error = own - of
+                rows = wanted & np.isfinite(error)
+                known[model] += np.bincount(inside[rows], minlength=count)
+                squares[model] += np.bincount(inside[rows], error[rows] ** 2, count)
+    with np.errstate(invalid="ignore"):
+        rmse = {model: np.sqrt(total / known[model]) for model, total in squares.items()}
+    return tuple(
+        ErrorBand(low, high, int(n), {model: float(of[number]) for model, of in rmse.items()})
+        for number, ((low, high), n) in enumerate(
+            zip(pairwise(edges.tolist()), samples, strict=True)
+        )
+        if n
+    )
 
-    def chosen(values: Iterable[Array]) -> Array:
-        return np.concatenate([own[mask] for own, mask in zip(values, masks, strict=True)])
 
-    measured = chosen(curve.columns[dataset.target] for curve in dataset.curves)
-    errors = {model: chosen(values) - measured for model, values in predictions.items()}
-    edges = np.array(EDGES) * float(np.abs(measured).max(initial=0.0))
-    inside = np.digitize(np.abs(measured), edges[1:-1], right=True)
-    told = []
-    for number, (low, high) in enumerate(pairwise(edges.tolist())):
-        rows = inside == number
-        known = {model: error[rows & np.isfinite(error)] for model, error in errors.items()}
-        rmse = {
-            model: float(np.sqrt(np.mean(error**2))) if len(error) else math.nan
-            for model, error in known.items()
-        }
-        told.append(ErrorBand(low, high, int(rows.sum()), rmse))
-    return tuple(band for band in told if band.samples)
-
+MOST_WIDTHS = 1_000_000
+"""Samples whose intervals the median width is of; of more, an even share."""
 
 # names of the splits, and whether their samples are held out
 SPLITS = (
@@ -193,10 +307,16 @@ def divisor(dataset: Dataset, kind: str) -> Normaliser:
     papers, else of the training rows.
     """
     held_out = any(curve.held_out.any() for curve in dataset.curves)
-    measured = np.concatenate(
-        [curve.columns[dataset.target][curve.held_out == held_out] for curve in dataset.curves]
-    )
-    return normaliser(kind, measured, dataset.target, "validate" if held_out else "train")
+    masks = [curve.held_out == held_out for curve in dataset.curves]
+    ends = ends_of([curve.columns[dataset.target] for curve in dataset.curves], masks)
+    return normaliser(kind, ends, dataset.target, "validate" if held_out else "train")
+
+
+def ends_of(columns: Sequence[Array], masks: Sequence[BoolArray]) -> tuple[float, float]:
+    """Return the least and the largest value of some columns where each has its mask."""
+    ends = [extremes(x, mask) for x, mask in zip(columns, masks, strict=True) if mask.any()]
+    low, high = zip(*ends, strict=True)
+    return min(low), max(high)
 
 
 def on_common_rows(forecasts: Mapping[str, Sequence[Forecast]]) -> dict[str, tuple[Forecast, ...]]:
@@ -231,61 +351,52 @@ def score_rows(
     of the quantity `group`. What has no sample that could be predicted has no row. `scale` is the
     `divisor` of the study, `free` are the numbers that were fitted to all training samples.
     """
-    curves, unsure = dataset.curves, uncertainty_of(dataset.target)
-
-    def column(name: str) -> Array:
-        return np.concatenate([curve.columns[name] for curve in curves])
-
-    measured, whole = column(dataset.target), _concatenated(forecasts)
-    held_out = np.concatenate([curve.held_out for curve in curves])
-    sigma = column(unsure) if unsure in curves[0].columns else None
-    every = np.split(np.arange(len(measured)), np.cumsum([curve.size for curve in curves])[:-1])
+    every = 1 + sum(curve.size for curve in dataset.curves) // MOST_WIDTHS
     for split, held in SPLITS:
-        wanted = (held_out == held) & (whole.ready if partial else True)
-        of_curves = [rows[wanted[rows]] for rows in every]
-        parts = [
-            ("all", of_curves),
-            *((curve.id, [rows]) for curve, rows in zip(curves, of_curves, strict=True)),
-        ]
-        if DIRECTION in curves[0].columns:
-            way = column(DIRECTION)
-            for curve, rows in zip(curves, of_curves, strict=True):
-                parts += [
-                    (f"{curve.id};direction={word}", [rows[way[rows] == sign]])
-                    for word, sign in (("rise", RISE), ("fall", FALL))
-                ]
+        parts: dict[tuple[int, Any], tuple[str, list[Sums]]] = {}
+        for number, (curve, said) in enumerate(zip(dataset.curves, forecasts, strict=True)):
+            wanted = (curve.held_out == held) & (said.ready if partial else True)
+            for place, name, rows in _parts_of(curve, number, wanted, group):
+                sums = summed(curve, dataset.target, said, every, rows)
+                if sums.errors.n:
+                    parts.setdefault(place, (name, []))[1].append(sums)
+        whole = [own[0] for (kind, _), (_, own) in parts.items() if kind == 0]
+        for name, own in [("all", whole), *(parts[place] for place in sorted(parts))]:
+            if own:
+                fitted = free if split == "train" and own is whole else 0
+                sums = reduce(Sums.with_more, own)
+                yield score(model, target, split, name, sums, scale, fitted)
+
+
+def _parts_of(
+    curve: Curve, number: int, wanted: BoolArray, group: str | None
+) -> Iterator[tuple[tuple[int, Any], str, BoolArray]]:
+    """Yield the rows of the score table that wanted samples of a curve count in: their place, their
+    name, and which samples, (n,).
+    """
+    if wanted.any():
+        yield (0, number), curve.id, wanted
+        if DIRECTION in curve.columns:
+            for place, (word, sign) in enumerate((("rise", RISE), ("fall", FALL))):
+                on = by_blocks(partial_of(np.equal, sign), curve.columns[DIRECTION])
+                yield (1, (number, place)), f"{curve.id};direction={word}", wanted & on
         if group is not None:
-            of = column(group)
-            parts += [
-                (f"{group}={value:g}", [rows[of[rows] == value] for rows in of_curves])
-                for value in np.unique(of[wanted])
-            ]
-        for name, some in parts:
-            predicted = [rows for rows in some if whole.ready[rows].any()]
-            if predicted:
-                rows = np.concatenate(predicted)
-                others = (
-                    None if column is None else column[rows]
-                    for column in (whole.one_step, whole.half)
-                )
-                yield score(
-                    model,
-                    target,
-                    split,
-                    name,
-                    measured[rows],
-                    Forecast(whole.values[rows], whole.ready[rows], *others),
-                    scale,
-                    None if sigma is None else sigma[rows],
-                    free if split == "train" and name == "all" else 0,
-                )
+            of = curve.columns[group]
+            for value in np.unique(of[wanted]).tolist():
+                yield (2, value), f"{group}={value:g}", wanted & (of == value)
 
 
-def _concatenated(forecasts: Sequence[Forecast]) -> Forecast:
-    """Return the forecasts of several curves as one; what one of them lacks, the whole lacks."""
-
-    def whole(name: str) -> Any:
-        columns = [getattr(one, name) for one in forecasts]
-        return None if any(column is None for column in columns) else np.concatenate(columns)
-
-    return Forecast(whole("values"), whole("ready"), whole("one_step"), whole("half"))
+def summed(curve: Curve, target: str, said: Forecast, every: int, wanted: BoolArray) -> Sums:
+    """Return the sums over the `wanted` samples of a curve, (n,), block by block."""
+    y, sigma = curve.columns[target], curve.columns.get(uncertainty_of(target))
+    nothing = None if sigma is None else np.empty(0)
+    whole = Sums.of(np.empty(0), said.at(slice(0)), every, nothing)
+    for rows in row_blocks(curve.size):
+        where = wanted[rows]
+        if where.any():
+            unsure = None if sigma is None else sigma[rows][where]
+            block = Sums.of(y[rows][where], said.at(rows).at(where), every, unsure)
+            whole = whole.with_more(block)
+        give_back(y)
+        give_back(said.values)
+    return whole

@@ -8,10 +8,22 @@ everything but noise are correlated neither with their own past nor with the inp
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from functools import partial
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import Array, BoolArray, IntArray
+from mapmore_cli.domain.arrays import (
+    Array,
+    BoolArray,
+    IntArray,
+    by_blocks,
+    extremes,
+    give_back,
+    in_blocks,
+    picked,
+    row_blocks,
+    row_by_row,
+)
 from mapmore_cli.domain.models import Model, Pieces
 from mapmore_cli.domain.recording import Curve, Dataset, uncertainty_of
 from mapmore_cli.domain.results import AUTOCORRELATION, ResidualTest
@@ -19,6 +31,7 @@ from mapmore_cli.domain.scores import OWN, Score
 from mapmore_cli.modelling import literature
 from mapmore_cli.modelling.kinds import outside_range, predict, runs_over_time
 from mapmore_cli.modelling.literature.backbone import pooled_training
+from mapmore_cli.modelling.signals.sampling import MANY, PART
 from mapmore_cli.modelling.validation.intervals import NORMAL
 from mapmore_cli.modelling.validation.metrics import judged
 
@@ -43,34 +56,56 @@ def residual_tests(
     residuals: list[Array] = []
     columns: dict[str, list[Array]] = {quantity.name: [] for quantity in model.inputs}
     for curve, values, wanted in zip(dataset.curves, predicted, judged(dataset), strict=True):
-        errors = values - curve.columns[dataset.target]
-        logs: Sequence[IntArray] = curve.logs
-        if order_by is not None:
-            logs = [np.argsort(curve.columns[order_by], kind="stable")]
-        for rows in (order[wanted[order]] for order in logs):
-            if np.isfinite(errors[rows]).any():
-                residuals.append(errors[rows])
+        errors = by_blocks(np.subtract, values, curve.columns[dataset.target])
+        for rows in _pieces(curve, wanted, order_by):
+            piece = picked(errors, rows)
+            if len(piece) and _finite([piece])[0]:
+                residuals.append(piece)
                 for name in columns.keys() & curve.columns.keys():
-                    x = curve.columns[name][rows]
+                    x = picked(curve.columns[name], rows)
                     # a level is one value: noise around it is no range
                     held = name == dataset.level and curve.level is not None
                     columns[name].append(np.full(len(x), curve.level) if held else x)
-    every = np.concatenate([*residuals, np.empty(0)])
-    if max(map(len, residuals), default=0) < FEWEST or np.isfinite(every).sum() < FEWEST:
-        return ()
-    if not np.nanstd(every) > 0:
+    known, low, high = _finite(residuals)
+    if max(map(len, residuals), default=0) < FEWEST or known < FEWEST or low == high:
         return ()
     tests = [autocorrelation(residuals)]
     for name, parts in columns.items():
-        x = np.concatenate([*parts, np.empty(0)])
-        if len(x) < len(every) or not np.nanstd(x) > 1e-9 * np.nanmax(np.abs(x)):
-            continue  # it was not measured everywhere, or does not vary
+        _, low, high = _finite(parts)
+        varies = high - low > 1e-9 * max(abs(low), abs(high))
+        if sum(map(len, parts)) < sum(map(len, residuals)) or not varies:
+            continue  # it was not measured everywhere
         tests.append(
             cross_correlation(name, residuals, parts)
             if order_by is None
-            else means_over(name, every, x)
+            else means_over(name, np.concatenate(residuals), np.concatenate(parts))
         )
     return tuple(tests)
+
+
+def _pieces(
+    curve: Curve, wanted: BoolArray, order_by: str | None
+) -> Iterator[IntArray | BoolArray]:
+    """Yield the wanted samples of each recording of a curve as a mask, (n,); those of all in the
+    order of a quantity as row numbers. Of a long curve, these are an even share.
+    """
+    if order_by is not None:
+        every = 1 if curve.size <= PART else -(-curve.size // MANY)
+        rows = np.arange(0, curve.size, every)
+        rows = rows[wanted[rows]]
+        yield rows[np.argsort(picked(curve.columns[order_by], rows), kind="stable")]
+    elif curve.origin is None:
+        yield wanted
+    else:
+        yield from (wanted & (curve.origin == number) for number in np.unique(curve.origin))
+
+
+def _finite(parts: Sequence[Array]) -> tuple[int, float, float]:
+    """Return how many values of some columns are finite, the least and the largest of them."""
+    blocks = (x[np.isfinite(x)] for part in parts for (x,) in in_blocks(part))
+    ends = [(len(x), float(x.min()), float(x.max())) for x in blocks if len(x)]
+    n, low, high = zip(*ends, strict=True) if ends else ((0,), (0.0,), (0.0,))
+    return sum(n), min(low), max(high)
 
 
 def autocorrelation(residuals: Sequence[Array]) -> ResidualTest:
@@ -92,28 +127,31 @@ def cross_correlation(
     """`r_k = sum_t u_t e_(t+k) / sqrt(sum u^2 sum e^2)`, both less their means: at a positive lag k
     the input came k samples before.
     """
-    known = [np.isfinite(e) & np.isfinite(u) for e, u in zip(residuals, inputs, strict=True)]
-    e, u = (_centred(series, known) for series in (residuals, inputs))
-    most = min(LAGS, max(map(len, e)) // 4)
-    lags = np.arange(-most, most + 1)
-    scale = np.sqrt(_shifted(e, e, 0) * _shifted(u, u, 0))
-    values = np.array([_shifted(u, e, k) for k in lags.tolist()]) / scale
-    bound = NORMAL / np.sqrt(sum(int(rows.sum()) for rows in known))
+    pairs = list(zip(residuals, inputs, strict=True))
+    count, means = 0, np.zeros(2)
+    for pair in pairs:
+        for block in in_blocks(*pair):
+            known = np.isfinite(block).all(axis=0)
+            count += int(known.sum())
+            means += [x[known].sum() for x in block]
+    means /= max(count, 1)
+    most = min(LAGS, max(map(len, residuals)) // 4)
+    lags, sums, squares = np.arange(-most, most + 1), np.zeros(2 * most + 1), np.zeros(2)
+    for pair in pairs:
+        n = len(pair[0])
+        for rows in row_blocks(n):
+            first, last = max(rows.start - most, 0), min(rows.stop + most, n)
+            wide = [x[first:last] - mean for x, mean in zip(pair, means, strict=True)]
+            e, u = np.where(np.isfinite(wide).all(axis=0), wide, 0.0)
+            own = slice(rows.start - first, rows.stop - first)
+            beyond = (most - own.start, most - (last - rows.stop))
+            sums += np.correlate(np.pad(e, beyond), u[own], "valid")
+            squares += [x[own] @ x[own] for x in (e, u)]
+            give_back(pair[0])
+            give_back(pair[1])
+    bound = NORMAL / np.sqrt(count)
+    values = sums / np.sqrt(squares.prod())
     return ResidualTest(name, lags.astype(np.float64), values, np.full(len(lags), bound))
-
-
-def _shifted(u: Sequence[Array], e: Sequence[Array], k: int) -> float:
-    pieces = (
-        (a[max(-k, 0) : max(len(a) - k, 0)], b[max(k, 0) : max(len(b) + k, 0)])
-        for a, b in zip(u, e, strict=True)
-    )
-    return sum(float(a @ b) for a, b in pieces)
-
-
-def _centred(series: Sequence[Array], known: Sequence[BoolArray]) -> list[Array]:
-    """Return a series less its mean over all pieces, zero at samples that are not known."""
-    mean = np.concatenate([piece[rows] for piece, rows in zip(series, known, strict=True)]).mean()
-    return [np.where(rows, piece - mean, 0.0) for piece, rows in zip(series, known, strict=True)]
 
 
 def means_over(name: str, residuals: Array, x: Array) -> ResidualTest:
@@ -183,10 +221,11 @@ def alarms(
             "no input was selected: the model only goes on from its own past, or is one number"
         )
     told += _bare(model, dataset.curves, predictions)
-    outside = np.concatenate(
-        [outside_range(model, curve.columns)[curve.held_out] for curve in dataset.curves]
-    )
-    every, count = len(outside), int(outside.sum())
+    every = count = 0
+    for curve in dataset.curves:
+        outside = row_by_row(partial(outside_range, model), curve.columns)
+        every += int(curve.held_out.sum())
+        count += int((outside & curve.held_out).sum())
     if count == every > 0:
         told.append(
             "all held-out samples lie outside of the training range: every score of theirs is "
@@ -229,11 +268,12 @@ def _bare(model: Model, curves: Sequence[Curve], predictions: Sequence[Array]) -
             "worse with them"
         )
         return
-    said, alone = (
-        np.concatenate(predictions),
-        np.concatenate([formula.predict(body.backbone.parameters, c.columns) for c in curves]),
-    )
-    if np.allclose(
-        said, alone, rtol=SAME, atol=SAME * float(np.abs(alone).max(initial=0.0)), equal_nan=True
+    says = partial(formula.predict, body.backbone.parameters)
+    alone = [row_by_row(says, curve.columns) for curve in curves]
+    near = SAME * max((max(map(abs, extremes(x))) for x in alone if len(x)), default=0.0)
+    if all(
+        np.allclose(ours, its, rtol=SAME, atol=near, equal_nan=True)
+        for pair in zip(predictions, alone, strict=True)
+        for ours, its in in_blocks(*pair)
     ):
         yield f"{same}, on every sample: its pieces add nothing"

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import Array, IntArray, Ranges, extremes
+from mapmore_cli.domain.arrays import Array, IntArray, Ranges, by_blocks, extremes, picked
 from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.recording import Dataset
 from mapmore_cli.domain.results import Validation
@@ -36,7 +36,7 @@ def for_report(validation: Validation, model: Model, dataset: Dataset) -> Valida
     if max([one.rows_kept for one in recordings] + [one.size for one in curves]) <= MANY:
         return made
     of_curves = [
-        _extremes([y := curve.columns[dataset.target], values - y])
+        _extremes([y := curve.columns[dataset.target], by_blocks(np.subtract, values, y)])
         for curve, values in zip(curves, own, strict=True)
     ]
     shown = replace(
@@ -45,7 +45,7 @@ def for_report(validation: Validation, model: Model, dataset: Dataset) -> Valida
         curves=tuple(curve.at(rows) for curve, rows in zip(curves, of_curves, strict=True)),
     )
     kept = {
-        name: tuple(values[rows] for values, rows in zip(every, of_curves, strict=True))
+        name: tuple(picked(values, rows) for values, rows in zip(every, of_curves, strict=True))
         for name, every in predictions.items()
     }
     return replace(made, predictions=kept, shown=shown)

@@ -24,7 +24,9 @@ from pathlib import Path
 from typing import Any, Generic, TypeVar
 
 import h5py
+import numpy as np
 
+from mapmore_cli.domain.arrays import LONG
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.fits import SegmentedCurve
 from mapmore_cli.domain.models import Model
@@ -65,6 +67,11 @@ CHECKSUM = "checksum"
 _ALTERED = "its values are not those that were written: the checksum does not match"
 _GIVE_OURS = "give a file out of a run folder, as runs/NAME/model.h5"
 _GET_ANOTHER = "get a fresh copy, or make it again with `mapmore run CONFIG`"
+
+_as_written = set[tuple[int, ...]]()
+"""Marks of the files that this process wrote, or found to be as they were written: of a long one,
+the checksum is not computed again.
+"""
 
 Warn = Callable[[str], None]
 T = TypeVar("T")
@@ -110,6 +117,7 @@ class FileKind(Generic[T]):
                 put_text(file, f"provenance/{name}", text, "where the file comes from")
             digest.update(document.encode())
             file.attrs.update(about | {CHECKSUM: digest.hexdigest()})
+        _as_written.add(_mark(path))
 
     def read(self, path: Path, warn: Warn = lambda _message: None, unverified: bool = False) -> T:
         """Return the record in a file; `warn` is told where nothing says that it is as it was
@@ -139,7 +147,10 @@ class FileKind(Generic[T]):
         """Return what a file holds, and why its values may not be those that were written."""
         look_over(file, size, self.ratio)
         digest, (text, document) = hashlib.sha256(), take_document(file)
+        known = size > LONG and _mark(Path(file.filename)) in _as_written
         once: dict[int | None, str] = {}
+        # one map for all arrays: each keeps a file open
+        mapped = cache(lambda: np.memmap(file.filename, np.uint8, "r"))
 
         @cache
         def take(path: str, dtype: str, ndim: int) -> Any:
@@ -147,8 +158,9 @@ class FileKind(Generic[T]):
             if other := once.pop(address, None):
                 digest.update(as_link(path, other))
                 return take(other, dtype, ndim)
-            values = take_array(file, path, dtype, ndim)
-            add_to_hash(digest, path, values, dtype)
+            values = take_array(file, path, dtype, ndim, mapped)
+            if not known:
+                add_to_hash(digest, path, values, dtype)
             once[address] = path
             return values
 
@@ -161,7 +173,10 @@ class FileKind(Generic[T]):
             )
         if newer:
             return record, "is of a newer format: its checksum cannot be verified here"
-        return record, "" if root_text(file, CHECKSUM) == digest.hexdigest() else _ALTERED
+        if known or root_text(file, CHECKSUM) == digest.hexdigest():
+            _as_written.add(_mark(Path(file.filename)))
+            return record, ""
+        return record, _ALTERED
 
 
 DATASET_FILE = FileKind("dataset", "ingest", Dataset)
@@ -213,6 +228,12 @@ def write_segmentation(path: Path, curves: tuple[SegmentedCurve, ...], *units: U
 def read_segmentation(path: Path, *warn_and_unverified: Any) -> tuple[SegmentedCurve, ...]:
     """Read where the training curves are cut."""
     return SEGMENTATION_FILE.read(path, *warn_and_unverified).curves
+
+
+def _mark(path: Path) -> tuple[int, ...]:
+    """Return what changes where a file is replaced or written to."""
+    state = path.stat()
+    return state.st_dev, state.st_ino, state.st_mtime_ns, state.st_size
 
 
 @contextmanager

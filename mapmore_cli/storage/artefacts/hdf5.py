@@ -13,7 +13,7 @@ import math
 import signal
 import threading
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from io import FileIO
 from typing import Any, NamedTuple
@@ -36,7 +36,7 @@ from mapmore_cli.storage.artefacts.schema import (
     stored_at,
 )
 
-LONG, HUGE = 4096, 1 << 20
+LONG, HUGE = 4096, 1 << 17
 """Elements from which on an array is compressed, and from which on it is so no more. Shorter ones
 stay contiguous, so that any reader finds them at once; huge ones, so that they can be mapped, and
 because compressing them takes longer than all else."""
@@ -56,9 +56,10 @@ DOCUMENT = 32_000_000
 
 
 def put_array(
-    file: h5py.File, path: str, value: Any, dtype: str, description: str, unit: str
+    file: h5py.File, path: str, value: Any, digest: Any, description: str, unit: str
 ) -> None:
-    """Store an array under a path; one that is mapped from a file is taken by blocks."""
+    """Store an array under a path, and take it into a checksum; a huge one by blocks."""
+    dtype = TYPES[value.dtype.type]
     if value.size < HUGE:
         packed: dict[str, Any] = (
             {"compression": "gzip", "shuffle": True} if value.size >= LONG else {}
@@ -66,10 +67,14 @@ def put_array(
         dataset = file.create_dataset(
             path, data=np.asarray(value, dtype), track_times=False, **packed
         )
+        add_to_hash(digest, path, value, dtype)
     else:
         dataset = file.create_dataset(path, value.shape, dtype, track_times=False)
+        digest.update(head_of_array(path, value, dtype))
         for rows in row_blocks(len(value)):
-            dataset[rows] = np.asarray(value[rows], dtype=dtype)
+            block = np.ascontiguousarray(value[rows], dtype=dtype)
+            digest.update(block.data)
+            dataset[rows] = block
             give_back(value)
     dataset.attrs.update({"description": description, "unit": unit})
 
@@ -111,9 +116,7 @@ def put_arrays(file: h5py.File, arrays: Sequence[Waiting], digest: Any) -> None:
                 file[path] = file[other]
                 continue
             once[id(value), unit] = path
-        dtype = TYPES[value.dtype.type]
-        add_to_hash(digest, path, value, dtype)
-        put_array(file, path, value, dtype, *members[0].label)
+        put_array(file, path, value, digest, *members[0].label)
 
 
 def put_text(file: h5py.File, path: str, text: str, description: str) -> None:
@@ -124,9 +127,14 @@ def put_text(file: h5py.File, path: str, text: str, description: str) -> None:
     dataset.attrs.update({"description": description, "unit": NO_UNIT})
 
 
+def head_of_array(path: str, value: Any, dtype: str) -> bytes:
+    """Return what a checksum takes in before the values of an array."""
+    return f"{path} {dtype} {value.shape}\n".encode()
+
+
 def add_to_hash(digest: Any, path: str, value: Any, dtype: str) -> None:
     """Take in an array, after its path, type and shape."""
-    digest.update(f"{path} {dtype} {value.shape}\n".encode())
+    digest.update(head_of_array(path, value, dtype))
     for (block,) in in_blocks(np.atleast_1d(value)):
         digest.update(np.ascontiguousarray(block, dtype=dtype).data)
 
@@ -144,17 +152,20 @@ def address_of(file: h5py.File, path: str) -> Any:
         return h5o.get_info(file[path].id).addr if path in file else None
 
 
-def take_array(file: h5py.File, path: str, dtype: str, ndim: int) -> NDArray[Any]:
-    """Return an array; a huge one is mapped from the file. Raises Invalid for another type or
-    shape.
+def take_array(
+    file: h5py.File, path: str, dtype: str, ndim: int, mapped: Callable[[], Any]
+) -> NDArray[Any]:
+    """Return an array; a huge one is a part of the `mapped` bytes of the file. Raises Invalid for
+    another type or shape.
     """
     with stored_at(path):
         found = file.get(path)
         if isinstance(found, h5py.Dataset) and (found.dtype, found.ndim) == (np.dtype(dtype), ndim):
             if found.size < HUGE or found.chunks is not None:
                 return np.asarray(found[()])
-            place, shape = found.id.get_offset(), found.shape
-            return np.asarray(np.memmap(file.filename, dtype, "r", place, shape))
+            place = found.id.get_offset()
+            values = mapped()[place : place + found.nbytes].view(dtype).reshape(found.shape)
+            return np.asarray(values)
     raise Invalid(path, f"is no array of {ndim} dimensions of {np.dtype(dtype).name}")
 
 

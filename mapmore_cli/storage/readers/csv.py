@@ -15,9 +15,8 @@ from typing import Any
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import Array
+from mapmore_cli.domain.arrays import Array, stacked
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.storage.spool import in_a_row
 from mapmore_cli.storage.tables import (
     RawTable,
     Reader,
@@ -111,11 +110,18 @@ def _parse(lines: Lines, raw: BufferedReader, request: TableRequest) -> RawTable
     layout = _layout(first[1], request, split_at)
     *_, (row, _) = [first, *islice(records, max(request.header - 1, 0))]
     leading = [] if request.header else [values_of_records([first], layout)]
-    blocks = chain(leading, _blocks_of(lines, row, layout, raw, last))
-    begin = next(blocks, None)
-    if begin is None:
+    numbers: list[Any] = []
+
+    def values() -> Iterator[list[Any]]:
+        for rows, *block in chain(leading, _blocks_of(lines, row, layout, raw, last)):
+            numbers.append(rows)
+            yield block
+
+    columns = stacked(values())
+    if not numbers:
         raise DataError(f"{request.label}: the file has a header but no data")
-    rows, *columns = in_a_row(chain([begin], blocks))
+    every = range(numbers[0][0], numbers[-1][-1] + 1)
+    rows = every if len(every) == len(columns[0]) else np.concatenate(numbers)
     whole = RawTable(dict(zip(request.columns, columns, strict=True)), rows, request.label)
     return whole if zipped else _without_cut_number(whole, "".join(last), layout)
 
@@ -155,7 +161,7 @@ def _blocks_of(
             for (_, _, read), column in zip(layout.wanted, values, strict=True):
                 if read.clock and np.isfinite(column).any():
                     read.form = NUMBER
-            yield [np.arange(row + 1, row + len(values[0]) + 1), *values]
+            yield [range(row + 1, row + len(values[0]) + 1), *values]
             row += len(values[0])
         else:
             taken = _lines_in(text)

@@ -19,6 +19,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 
+from mapmore_cli.domain.arrays import row_numbers
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.storage import workbooks
 from mapmore_cli.storage.tables import (
@@ -196,8 +197,9 @@ def _refuse_merged(sheet: SheetCells, table: RawTable, places: Mapping[SourceCol
     """Raise DataError where a value is missing since it stands in the first of merged cells."""
     for (top, left), (bottom, right) in sheet.merged:
         for column, place in places.items():
-            inside = (table.rows > top) & (table.rows <= bottom + 1)
-            empty = table.rows[inside & np.isnan(table.columns[column])]
+            rows = row_numbers(table.rows)
+            inside = (rows > top) & (rows <= bottom + 1)
+            empty = rows[inside & np.isnan(table.columns[column])]
             if left <= place <= right and empty.size:
                 cells = f"{_column_letters(left)}{top + 1}:{_column_letters(right)}{bottom + 1}"
                 where = f"{table.label}:row {empty[0]}, column {column}"

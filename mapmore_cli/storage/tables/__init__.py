@@ -99,7 +99,7 @@ class RawTable:
     """
 
     columns: Mapping[Any, Array]
-    rows: IntArray
+    rows: IntArray | range
     label: str
     place: str = "row"
     element: int | str | None = None

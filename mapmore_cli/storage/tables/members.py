@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import Array
+from mapmore_cli.domain.arrays import Array, by_blocks
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.storage.tables import (
     Noted,
@@ -205,7 +205,8 @@ def _table_of_member(
     noted: dict[SourceColumn, Noted] = {}
     columns: dict[SourceColumn, Array] = {}
     for column in request.columns:
-        columns[column], noted[column] = _column(base, column, label, request.cells(column))
+        values, noted[column] = _column(base, column, label, request.cells(column))
+        columns[column] = by_blocks(np.asarray, values)  # one long column is in memory at a time
     refuse_other_clocks(noted, label)
     lengths = {column: len(values) for column, values in columns.items()}
     shortest, longest = min(lengths, key=lengths.__getitem__), max(lengths, key=lengths.__getitem__)
@@ -220,7 +221,7 @@ def _table_of_member(
             "ends all with the shortest.",
         )
     columns = {column: values[:n] for column, values in columns.items()}
-    return RawTable(columns, np.arange(n), label, "index", element, noted=noted)
+    return RawTable(columns, range(n), label, "index", element, noted=noted)
 
 
 def refuse_other_clocks(noted: Mapping[SourceColumn, Noted], label: str) -> None:

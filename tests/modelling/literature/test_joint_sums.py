@@ -8,8 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from literature_cases import MUSCLE_LIKE, TABLE_I, muscle_like, uniform
 
-from mapmore_cli.annexes.sums import joint
-from mapmore_cli.annexes.sums.body import Part
+from mapmore_cli.annexes.sums import Part, joint
 from mapmore_cli.annexes.sums.joint import (
     Summand,
     fit_jointly,

@@ -22,7 +22,7 @@ from mapmore_cli.modelling.expressions import evaluate, families
 from mapmore_cli.modelling.expressions.families import lags, operated
 from mapmore_cli.modelling.expressions.operators.play import play
 from mapmore_cli.modelling.memory.fitting import fit_with_memory
-from mapmore_cli.modelling.memory.free_run import free_run
+from mapmore_cli.modelling.memory.free_run import Along
 
 NARX = texts(lags(["y", "x"], [1, 2]), 2)
 LAGGED = recipe_of("y", NARX, STEP, max_terms=4)
@@ -113,8 +113,8 @@ def hysteretic_fit(n=2000, **changed):
 def test_operators_predict_a_recording_that_nobody_has_seen():
     x, y, fit = hysteretic_fit(3000, margin=1.0)
     other, truth = hysteretic(1000, 2)
-    assert nrmse_by_range(truth, free_run(fit.model, {"x": other}).values) < 0.05
-    assert nrmse_by_range(y, free_run(fit.model, {"x": x}).values) < 0.02
+    assert nrmse_by_range(truth, Along(fit.model)({"x": other}).values) < 0.05
+    assert nrmse_by_range(y, Along(fit.model)({"x": x}).values) < 0.02
 
 
 def test_pruned_terms_leave_their_traces():
@@ -123,7 +123,7 @@ def test_pruned_terms_leave_their_traces():
     assert set(fit.selection.chosen) <= set(fit.forward)
     assert fit.model.terms == tuple(fit.candidates[i] for i in fit.selection.chosen)
     assert fit.selection.stop == "pruned"
-    residual = y - free_run(fit.model, {"x": x}).values
+    residual = y - Along(fit.model)({"x": x}).values
     assert fit.selection.sse == pytest.approx(residual @ residual, rel=1e-6)
     assert fit.selection.yy == pytest.approx(np.sum((y - y.mean()) ** 2))
     assert residual.mean() == pytest.approx(0.0, abs=1e-9)
@@ -137,7 +137,7 @@ def test_the_equation_is_the_model(scaling):
     whole, where = summed(fit.model.terms, fit.model.theta, fit.model.scaling, {})
     columns |= {short: evaluate(line, columns) for short, line in where.items()}
     np.testing.assert_allclose(
-        evaluate(whole, columns), free_run(fit.model, {"x": x}).values, rtol=1e-8
+        evaluate(whole, columns), Along(fit.model)({"x": x}).values, rtol=1e-8
     )
 
 
@@ -179,11 +179,12 @@ def test_a_free_run_on_held_out_samples_passes_over_models_that_diverge():
     x = rng.uniform(-1, 1, 60)
     y = narx_truth(x) + 0.3 * rng.normal(size=60)
     recipe = replace(LAGGED, dictionary=texts(lags(["y", "x"], [1, 2, 3]), 3), max_terms=25)
-    assert free_run(fit_with_memory([record(x=x, y=y)], recipe).model, {"x": x, "y": y}).diverged
+    unstable = fit_with_memory([record(x=x, y=y)], recipe).model
+    assert Along(unstable)({"x": x, "y": y}).diverged
     fit = fit_with_memory([record(x=x, y=y)], replace(recipe, stop="free_run"))
     assert len(fit.model.terms) < 25
     assert fit.selection.stop == "free_run"
-    assert free_run(fit.model, {"x": x, "y": y}).diverged == ()
+    assert Along(fit.model)({"x": x, "y": y}).diverged == ()
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from memory_samples import STEP, memory_model, narx_truth, state_set
 
-from mapmore_cli.modelling.memory.free_run import free_run, predict_one_step
+from mapmore_cli.modelling.memory.free_run import Along
 
 LAGS = state_set("x[k-1]", "x[k-2]", "y[k-1]", "y[k-2]")
 TRUTH = memory_model(["x[k-2]", "y[k-2]", "x[k-1]*y[k-1]", "y[k-1]^2"], [0.6, -0.5, 0.7, 0.2], LAGS)
@@ -15,9 +15,9 @@ TRUTH = memory_model(["x[k-2]", "y[k-2]", "x[k-1]*y[k-1]", "y[k-1]^2"], [0.6, -0
 def test_a_noise_free_record_is_repeated_from_its_first_two_outputs():
     x = np.random.default_rng(0).uniform(-1, 1, 500)
     y = narx_truth(x, 0.3, -0.2)
-    run = free_run(TRUTH, {"x": x, "y": y})
+    run = Along(TRUTH)({"x": x, "y": y})
     assert np.isnan(run.values[:2]).all()
-    for values in (run.values, predict_one_step(TRUTH, {"x": x, "y": y})):
+    for values in (run.values, Along(TRUTH, ahead=True)({"x": x, "y": y}).values):
         np.testing.assert_allclose(values[2:], y[2:], rtol=1e-12, atol=1e-12)
     assert run.diverged == ()
 
@@ -25,8 +25,30 @@ def test_a_noise_free_record_is_repeated_from_its_first_two_outputs():
 def test_only_the_sample_after_the_first_outputs_has_a_measured_past():
     x = np.random.default_rng(0).uniform(-1, 1, 200)
     known = np.where(np.arange(200) < 2, narx_truth(x), np.nan)
-    assert np.isfinite(predict_one_step(TRUTH, {"x": x, "y": known})).sum() == 1
-    assert np.isfinite(free_run(TRUTH, {"x": x, "y": known}).values).sum() == 198
+    assert np.isfinite(Along(TRUTH, ahead=True)({"x": x, "y": known}).values).sum() == 1
+    assert np.isfinite(Along(TRUTH)({"x": x, "y": known}).values).sum() == 198
+
+
+WITH_MEMORY = ("x[k-3]", "y[k-1]", "slow(x, 0.3)", "play(x, 0.1)", "stop(x, 0.1)", "rate(x)")
+WITH_MEMORY += ("resonance(x, 4, 0.2)", "direction(x)", "creep(x, 0.5, 0.05)", "slow(y[k-1], 0.1)")
+
+
+@given(st.integers(0, 10**6), st.integers(1, 40), st.booleans())
+def test_blocks_of_a_recording_give_what_the_whole_gives(seed, size, ahead):
+    random = np.random.default_rng(seed)
+    states = state_set(*WITH_MEMORY, ranges={"x": (-3.0, 3.0)})
+    model = memory_model(WITH_MEMORY, 0.03 * random.normal(size=len(WITH_MEMORY)), states)
+    x, y = np.cumsum(random.normal(size=(2, 90)), axis=1) / 5
+    x[random.integers(90)] = np.nan
+    columns = {"time": STEP * np.arange(90) + 3 * (np.arange(90) > random.integers(90)), "x": x}
+    columns["y"] = y
+    blocks = Along(model, ahead)
+    parts = [
+        blocks({name: column[row : row + size] for name, column in columns.items()}).values
+        for row in range(0, 90, size)
+    ]
+    whole = Along(model, ahead)(columns).values
+    np.testing.assert_allclose(np.concatenate(parts), whole, rtol=1e-12, atol=1e-12)
 
 
 TERMS = {
@@ -84,7 +106,7 @@ def test_any_model_runs_as_written(terms, seed, scaled, margin):
 
     with np.errstate(all="ignore"):
         expected = reference(model, x, y, scale)
-    run = free_run(model, {"x": x, "y": y})
+    run = Along(model)({"x": x, "y": y})
     end = run.diverged[0] if run.diverged else 40
     np.testing.assert_allclose(run.values[4:end], expected[4:end], rtol=1e-6, atol=1e-9)
     assert np.isnan(run.values[:4]).all()
@@ -94,7 +116,7 @@ def test_any_model_runs_as_written(terms, seed, scaled, margin):
 def test_a_run_that_leaves_all_bounds_is_reported_with_its_sample():
     states = state_set("y[k-1]", "x")
     model = memory_model(["y[k-1]", "x"], [2.0, 0.0], states, limits=(0.0, 1.0))
-    run = free_run(model, {"x": np.zeros(30), "y": np.full(30, 1.0)})
+    run = Along(model)({"x": np.zeros(30), "y": np.full(30, 1.0)})
     np.testing.assert_array_equal(run.values[1:7], 2.0 ** np.arange(1, 7))
     assert run.diverged == (7,)  # 128 is more than a hundred ranges beyond 0..1
     assert np.isnan(run.values[7:]).all()
@@ -103,7 +125,7 @@ def test_a_run_that_leaves_all_bounds_is_reported_with_its_sample():
 @pytest.mark.parametrize("term", ["y[k-1]^20", "exp(y[k-1])", "log(-y[k-1])", "1/(y[k-1] - 1)"])
 def test_overflow_and_undefined_values_are_divergence_without_a_warning(term):
     model = memory_model([term], [10.0], state_set("y[k-1]"), limits=(0.0, 1e307))
-    run = free_run(model, {"y": np.full(30, 1.0)})
+    run = Along(model)({"y": np.full(30, 1.0)})
     assert len(run.diverged) == 1
     assert run.diverged[0] < 30
 
@@ -111,11 +133,11 @@ def test_overflow_and_undefined_values_are_divergence_without_a_warning(term):
 def test_every_piece_diverges_by_itself():
     explosive = memory_model(["y[k-1]"], [3.0], state_set("y[k-1]"), limits=(0.0, 1.0))
     time = np.arange(300) * STEP + np.where(np.arange(300) >= 120, 0.5, 0.0)
-    assert free_run(explosive, {"y": np.ones(300), "time": time}).diverged == (5, 125)
+    assert Along(explosive)({"y": np.ones(300), "time": time}).diverged == (5, 125)
 
 
 def test_a_piece_shorter_than_its_history_has_no_prediction():
     for n in (0, 1, 2):
-        run = free_run(TRUTH, {"x": np.zeros(n), "y": np.zeros(n)})
+        run = Along(TRUTH)({"x": np.zeros(n), "y": np.zeros(n)})
         assert np.isnan(run.values).all()
         assert (len(run.values), run.diverged) == (n, ())

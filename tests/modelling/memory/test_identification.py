@@ -11,7 +11,7 @@ from mapmore_cli.modelling.expressions import state
 from mapmore_cli.modelling.expressions.operator import FLOATS, Setting, along
 from mapmore_cli.modelling.expressions.operators import OPERATORS
 from mapmore_cli.modelling.memory.fitting import fit_with_memory
-from mapmore_cli.modelling.memory.free_run import free_run
+from mapmore_cli.modelling.memory.free_run import Along
 
 
 @pytest.mark.parametrize("rates", [(2.0, 8.0), (0.0, 3.0), (5.0, 0.0), (-1.4, 9.0), (30.0, 30.0)])
@@ -71,7 +71,7 @@ def test_a_hysteretic_oscillator_is_found_again(operator, numbers):
     fit = identified(operator, u, y)
     np.testing.assert_allclose(fit.identified.numbers, numbers, rtol=0.01)
     assert not fit.identified.held.any()
-    assert np.abs(free_run(fit.model, {"u": u, "y": y}).values[2:] - y[2:]).max() < 1e-3 * np.ptp(y)
+    assert np.abs(Along(fit.model)({"u": u, "y": y}).values[2:] - y[2:]).max() < 1e-3 * np.ptp(y)
 
 
 @pytest.mark.parametrize("nested", [False, True])
@@ -140,7 +140,7 @@ def random_runs(count, seed):
         theta = rng.normal(0, 1, 4) * 10 ** rng.uniform(-2, 2)
         model = memory_model(["y[k-1]", "u", name, f"u*{name}"], theta, states)
         u = np.cumsum(rng.normal(0, 1, 30)) * 10 ** rng.uniform(-1, 3)
-        yield numbers, free_run(model, {"u": u, "y": np.full(30, rng.normal())})
+        yield numbers, Along(model)({"u": u, "y": np.full(30, rng.normal())})
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,7 @@ from memory_samples import recipe_of, record, rrse, texts
 
 from mapmore_cli.modelling.expressions.families import lags
 from mapmore_cli.modelling.memory.fitting import fit_with_memory
-from mapmore_cli.modelling.memory.free_run import free_run, predict_one_step
+from mapmore_cli.modelling.memory.free_run import Along
 
 
 @pytest.fixture(scope="module")
@@ -38,9 +38,11 @@ def in_our_words(term):
 
 
 def scored(fit, columns):
-    run = free_run(fit.model, columns)
+    run = Along(fit.model)(columns)
     assert run.diverged == ()
-    return rrse(columns["y"], run.values), rrse(columns["y"], predict_one_step(fit.model, columns))
+    return rrse(columns["y"], run.values), rrse(
+        columns["y"], Along(fit.model, ahead=True)(columns).values
+    )
 
 
 def test_the_buck_converter_beside_the_peer(folder, peer):

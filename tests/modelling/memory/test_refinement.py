@@ -9,7 +9,7 @@ from memory_samples import memory_model, narx_truth, recipe_of, record, state_se
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.modelling.memory.feedback import Feedback
 from mapmore_cli.modelling.memory.fitting import fit_with_memory
-from mapmore_cli.modelling.memory.free_run import free_run, predict_one_step
+from mapmore_cli.modelling.memory.free_run import Along
 from mapmore_cli.modelling.memory.refinement import (
     THOROUGH,
     Coefficients,
@@ -70,11 +70,14 @@ def test_runs_that_begin_anew_follow_the_measured_output():
     ahead = course(TERMS, NAMES, x, y)
     run = ahead.run(model.theta, 0.1, WIDE, horizon=1)
     np.testing.assert_allclose(
-        run.output, predict_one_step(model, {"x": x, "y": y})[ahead.start :], rtol=1e-12, atol=1e-12
+        run.output,
+        Along(model, ahead=True)({"x": x, "y": y}).values[ahead.start :],
+        rtol=1e-12,
+        atol=1e-12,
     )
     free = ahead.run(model.theta, 0.1, WIDE)
     np.testing.assert_allclose(
-        free.output, free_run(model, {"x": x, "y": y}).values[ahead.start :], rtol=1e-12, atol=1e-12
+        free.output, Along(model)({"x": x, "y": y}).values[ahead.start :], rtol=1e-12, atol=1e-12
     )
 
 
@@ -115,15 +118,14 @@ def test_a_system_with_friction_in_its_output_is_found_again():
     names = ["x[k-1]", "y[k-1]", "y[k-2]", "stop(y[k-1], 0.05)"]
     states = state_set(*names, ranges={"y[k-1]": (0.0, 1.0)})
     theta = [0.05, 1.6, -0.65, -0.2]
-    y = free_run(
-        memory_model(names, theta, states, limits=(-20.0, 20.0)), {"x": x, "y": np.zeros(1200)}
-    ).values
+    model = memory_model(names, theta, states, limits=(-20.0, 20.0))
+    y = Along(model)({"x": x, "y": np.zeros(1200)}).values
     y[:2] = 0.0
     given = record(np.arange(1200) < 800, x=x, y=y)
     width = float(0.05 / np.ptp(y[:799]))  # the same friction as a part of the training range
     dictionary = [*names[:3], f"stop(y[k-1], {width!r})", "stop(x[k-1], 0.1)"]
     fit = fit_with_memory([given], recipe_of("y", dictionary, max_terms=4, criterion="free_run"))
-    run = free_run(fit.model, {"x": x, "y": y}).values
+    run = Along(fit.model)({"x": x, "y": y}).values
     assert set(fit.model.terms) == set(dictionary[:4])
     np.testing.assert_allclose(run[800:], y[800:], atol=1e-6 * np.ptp(y))
 
@@ -189,7 +191,7 @@ def test_the_held_out_end_decides_on_the_number_of_terms(ridge):
             "y", fit.model.terms, max_terms=len(fit.model.terms), ridge=ridge, criterion="free_run"
         ),
     )
-    run = free_run(alone.model, given.columns).values
+    run = Along(alone.model)(given.columns).values
     assert fit.held_out.min() == pytest.approx(
         np.sqrt(np.mean((run - given.columns["y"])[300:] ** 2)), rel=0.02
     )

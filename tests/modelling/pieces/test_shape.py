@@ -13,11 +13,11 @@ import cvxpy
 import numpy as np
 import pytest
 from agreement import compare
-from surfaces import built, curves, recipe
+from surfaces import built, changed, curves, recipe
 
 from mapmore_cli.domain.errors import FitError
 from mapmore_cli.domain.models import CurveRange, Formula
-from mapmore_cli.domain.recording import Curve
+from mapmore_cli.domain.recording import Curve, uncertainty_of
 from mapmore_cli.modelling.inverse import UNIQUE, invert
 from mapmore_cli.modelling.kinds import outside_range, predict
 from mapmore_cli.modelling.literature.backbone import fit_formula
@@ -213,3 +213,13 @@ def test_a_formula_keeps_a_shape_by_itself_or_is_refused():
         FitError, match=r"the fitted formula violates it by .* strain: increasing at"
     ):
         verified(whole, samples, wrong)
+
+
+def test_samples_count_by_their_uncertainty():
+    """A uniform uncertainty changes nothing of a solution that a shape binds."""
+    samples = curves(held_out=(), noise=5.0)
+    sure = [changed(one, **{uncertainty_of("force"): np.full(one.size, 2.0)}) for one in samples]
+    plain, weighted = (built(some, cuts={}, **WAVY) for some in (samples, sure))
+    assert any(one.binds for one in plain.shape.kept)
+    for one, other in zip(plain.body.segments, weighted.body.segments, strict=True):
+        assert other.theta == pytest.approx(one.theta, rel=1e-6, abs=1e-8)

@@ -21,7 +21,7 @@ from mapmore_cli.modelling.expressions.operator import (
     Operator,
     Setting,
     along,
-    run_recursion,
+    from_rest,
 )
 from mapmore_cli.modelling.expressions.operators import OPERATORS, families
 from mapmore_cli.modelling.program.model import with_slopes_by
@@ -121,8 +121,8 @@ def test_every_way_along_a_recording_is_the_recursion(name, x, empty):
     assert np.isnan(late[:empty]).all()
     for found in (
         along(operator, x, setting),
-        run_recursion(rule, x),
-        run_recursion(replace(rule, weights=None), x),
+        from_rest(rule, x),
+        from_rest(replace(rule, weights=None), x),
         late[empty:],
     ):
         np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-9)

@@ -383,4 +383,4 @@ def test_quoted_fields_are_as_rfc_4180_has_them(tmp_path):
     content = b'"F","x ""y"", z"\r\n"20.5","1"\r\n1,"a ""b"" c\r\nd"\r\n'
     table = csv_table(tmp_path / "a", content, "F")
     assert table.columns["F"].tolist() == [20.5, 1]
-    assert table.rows.tolist() == [2, 4]
+    assert [*table.rows] == [2, 4]

@@ -132,7 +132,7 @@ def outcome(path, content, *columns, **request):
     except DataError as error:
         return str(error)
     return [
-        table.rows.tolist(),
+        [*table.rows],
         *(table.columns[column].view(np.int64).tolist() for column in columns),
     ]
 
@@ -228,7 +228,7 @@ def test_a_quoted_field_may_go_on_in_the_next_block(tmp_path, monkeypatch):
     monkeypatch.setattr("mapmore_cli.storage.readers.csv.CHUNK", 2)
     table = csv_table(tmp_path / "a", b't,note\n1,a\n2,"b\nb\nb"\n3,c\n4,d\n5,e\n', "t")
     assert table.columns["t"].tolist() == [1, 2, 3, 4, 5]
-    assert table.rows.tolist() == [2, 5, 6, 7, 8]
+    assert [*table.rows] == [2, 5, 6, 7, 8]
 
 
 @pytest.mark.parametrize("suffix", ["", ".gz"])

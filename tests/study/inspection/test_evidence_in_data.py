@@ -12,7 +12,7 @@ from mapmore_cli.checking.evidence import (
     spikes,
 )
 from mapmore_cli.domain.recording import Recording
-from mapmore_cli.modelling.expressions.operator import linear, run_recursion
+from mapmore_cli.modelling.expressions.operator import from_rest, linear
 
 
 def recording(**columns):
@@ -71,7 +71,7 @@ def test_commands_and_steps_have_no_spikes(n, seed, kind):
     held = rng.geometric(rng.uniform(0.02, 1.0), size=n)
     if kind == "steps":
         values = np.cumsum(rng.normal(size=n) * (rng.random(n) < 3 / n))
-        values = run_recursion(linear([0.7], [0.3]), values) + 1e-3 * rng.normal(size=n)
+        values = from_rest(linear([0.7], [0.3]), values) + 1e-3 * rng.normal(size=n)
     else:
         values = np.repeat(
             rng.integers(0, 2, size=n) if kind == "two" else rng.uniform(size=n), held
