@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
@@ -176,17 +175,6 @@ def _term_rows(segment: SegmentFit) -> Iterator[tuple[Cell, ...]]:
         ours = (term, 100 * own, 100 * float(running[step]))
         theirs = (rival, 100 * rival_err, 100 * (own - rival_err))
         yield segment.id, step + 1, *ours, *theirs, int(chosen.tied[step]) or None, stop
-
-
-def coefficient_rows(fit: FitResult) -> list[dict[str, Any]]:
-    """Return a row for each coefficient of every segment, or of the model with memory: `{"piece",
-    "term", "coefficient", "standard_error", "t", "err"}`, in scaled coordinates.
-    """
-    return [
-        {"piece": piece.id, **row, "term": term}
-        for piece in fit.pieces
-        for term, row in zip(piece.terms, piece.selection.table(), strict=True)
-    ]
 
 
 def coefficients_table(fit: FitResult, unit: str, model: Model | None = None) -> Table:

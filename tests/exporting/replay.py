@@ -12,6 +12,7 @@ import re
 import subprocess
 import sys
 from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -283,17 +284,9 @@ def simulated(model, file, columns, step):
     return found
 
 
-def by_fmpy(model, columns, folder):
+def by_fmpy(model, columns, folder, to="fmu"):
     """The unit as FMPy simulates it."""
-    (file,) = written(model, "fmu", folder)
-    return np.asarray(
-        simulated(model, file, columns, program_of(model).step or 0.1)[model.output.name][1:]
-    )
-
-
-def by_fmpy_of_3(model, columns, folder):
-    """The unit of FMI 3 as FMPy simulates it."""
-    (file,) = written(model, "fmu3", folder)
+    (file,) = written(model, to, folder)
     return np.asarray(
         simulated(model, file, columns, program_of(model).step or 0.1)[model.output.name][1:]
     )
@@ -331,7 +324,7 @@ READERS = {
     "C Caller": by_c_caller,
     "MuJoCo": by_mujoco,
     "FMU by FMPy": by_fmpy,
-    "FMU 3 by FMPy": by_fmpy_of_3,
+    "FMU 3 by FMPy": partial(by_fmpy, to="fmu3"),
     "MATLAB by Octave": by_octave,
 }
 TABLES = ("MAT by SciPy", "Modelica's text by NumPy")

@@ -42,15 +42,6 @@ def test_formulas(tmp_path, name):
     assert compare(FORMULAS[name], tmp_path)[0] < 1e-12
 
 
-def test_optimised_code_has_the_same_numbers_and_no_warning_either(tmp_path):
-    assert (
-        compare(
-            STATIC["straight on one side"], tmp_path, 3_000, more=("-O2",), inverse=("strain",)
-        )[0]
-        < 1e-12
-    )
-
-
 @pytest.mark.parametrize("name", WITH_MEMORY)
 def test_whole_recordings_in_free_run(tmp_path, name):
     assert compare(WITH_MEMORY[name], tmp_path, 3_000)[0] < 1e-12

@@ -220,7 +220,8 @@ def test_names_with_special_characters_are_escaped(tmp_path):
 
 
 def test_failed_fits_show_as_failed_and_never_as_numbers(failed, tmp_path):
-    write_report(failed, tmp_path, **EVERYTHING)
+    models = ("fit", "error", "nrmse", "bands")
+    write_report(failed, tmp_path, models, EVERYTHING["formats"])
     page = Page((tmp_path / "index.html").read_text(encoding="utf-8"))
     assert "Failed, and without a prediction: sarosi." in page.text
     assert "the solver found no step" in page.text
@@ -280,7 +281,7 @@ def test_forty_levels(tmp_path):
         levels=list(range(60, 460, 10)),
         held_out=lambda _level, strain: np.arange(len(strain)) % 5 == 0,
     )
-    page = page_of(inputs, tmp_path)
+    page = page_of(inputs, tmp_path, ("fit", *OF_SEGMENTS))
     assert len(page.named("details")) >= 4  # long tables are folded
     assert "6 of 40 held-out curves are drawn" in page.text
     assert (tmp_path / "index.html").stat().st_size < 3e6

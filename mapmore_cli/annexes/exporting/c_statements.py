@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from mapmore_cli.annexes.exporting.dialect import Expressions, Statements
+from mapmore_cli.annexes.exporting.dialect import Expressions, Statements, indented
 from mapmore_cli.domain.foreign import c_comment
 from mapmore_cli.modelling.program.statements import Choose, Function
 from mapmore_cli.modelling.program.writing import names_used_in
@@ -48,50 +48,24 @@ class CStatements(Statements):
         ]
 
     def _chosen(self, choice: Choose, expressions: Expressions) -> None:
-        conditions = [expressions.condition(condition) for condition, _ in choice.cases]
-        blocks = [block for _, block in choice.cases] + [choice.otherwise]
-        if len(choice.names) == 1 and not any(block.statements for block in blocks):
-            inner = [expressions.inner() for _ in blocks]
-            values = [own.text(block.results[0]) for own, block in zip(inner, blocks, strict=True)]
+        if len(choice.names) == 1 and not any(block.statements for block in choice.blocks):
+            inner = [expressions.inner() for _ in choice.blocks]
+            *values, last = (
+                own.text(block.results[0]) for own, block in zip(inner, choice.blocks, strict=True)
+            )
             if not any(own.lines for own in inner):
-                text = (
-                    "".join(
-                        f"{condition} ? {value} : "
-                        for condition, value in zip(conditions, values, strict=False)
-                    )
-                    + values[-1]
-                )
+                conditions = (expressions.condition(condition) for condition, _ in choice.cases)
+                cases = zip(conditions, values, strict=True)
+                text = "".join(f"{condition} ? {value} : " for condition, value in cases) + last
                 expressions.lines.append(self.dialect.constant(choice.names[0], text))
                 return
-        lines = [f"{self.real} {name};" for name in choice.names]
-        openings = [f"if ({condition}) {{" for condition in conditions] + ["{"]
-        for i, (opening, block) in enumerate(zip(openings, blocks, strict=True)):
-            lines.append(f"}} else {opening}" if i else opening)
-            own, results = self.block(block, expressions.inner())
-            lines.extend(
-                indented(
-                    [
-                        *own,
-                        *(
-                            f"{name} = {text};"
-                            for name, text in zip(choice.names, results, strict=True)
-                        ),
-                    ]
-                )
-            )
-        expressions.lines.extend([*lines, "}"])
+        words = ("} else ", "} else {", "}")
+        lines = self.branches(choice, expressions, "if ({}) {{".format, words)
+        expressions.lines.extend([*(f"{self.real} {name};" for name in choice.names), *lines])
 
     def _recalled(self, queue: str, steps: int) -> str:
         size = self.program.kept.queues[queue]
         return f"s->{queue}[(s->{queue}_at + {size - steps}) % {size}]"
 
-    def _kept(self, place: str, text: str) -> str:
-        return f"{place} = {text};"
-
     def _queued(self, queue: str, text: str, size: int) -> list[str]:
         return [f"{queue}[{queue}_at] = {text};", f"{queue}_at = ({queue}_at + 1) % {size};"]
-
-
-def indented(lines: Sequence[str]) -> list[str]:
-    """Lines one step to the right."""
-    return [f"    {line}" if line else line for line in lines]

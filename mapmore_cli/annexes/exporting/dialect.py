@@ -68,24 +68,19 @@ class Dialect:
 
 
 C_FUNCTIONS = {
-    **{
-        name: name
-        for name in (
-            "exp",
-            "log",
-            "sqrt",
-            "sin",
-            "cos",
-            "tan",
-            "atan",
-            "sinh",
-            "cosh",
-            "tanh",
-            "expm1",
-            "log1p",
-            "pow",
-        )
-    },
+    "exp": "exp",
+    "log": "log",
+    "sqrt": "sqrt",
+    "sin": "sin",
+    "cos": "cos",
+    "tan": "tan",
+    "atan": "atan",
+    "sinh": "sinh",
+    "cosh": "cosh",
+    "tanh": "tanh",
+    "expm1": "expm1",
+    "log1p": "log1p",
+    "pow": "pow",
     "abs": "fabs",
     "sign": "sign_of",
 }
@@ -213,7 +208,9 @@ class Expressions:
 
 @dataclass
 class Statements(ABC):
-    """Writes the statements of a program."""
+    """Writes the statements of a program; `end` stands behind an assignment."""
+
+    end = ";"
 
     program: Program
     dialect: Dialect
@@ -249,6 +246,26 @@ class Statements(ABC):
         results = [expressions.text(result) for result in block.results]
         return expressions.lines, results
 
+    def branches(
+        self,
+        choice: Choose,
+        expressions: Expressions,
+        form: Callable[[str], str],
+        words: tuple[str, str, str],
+    ) -> list[str]:
+        """Return a choice of which one side is computed: `form` writes a condition, `words` stand
+        before other conditions, before what is left, and at the end.
+        """
+        conditions = [form(expressions.condition(condition)) for condition, _ in choice.cases]
+        other, otherwise, end = words
+        lines = []
+        openings = (conditions[0], *(f"{other}{one}" for one in conditions[1:]), otherwise)
+        for opening, block in zip(openings, choice.blocks, strict=True):
+            own, results = self.block(block, expressions.inner())
+            values = zip(choice.names, results, strict=True)
+            lines += [opening, *indented([*own, *(f"{name} = {x};" for name, x in values)])]
+        return [*lines, end]
+
     def write(self, statements: Sequence[Statement], expressions: Expressions) -> None:
         """Write statements behind the lines that `expressions` has."""
         lines = expressions.lines
@@ -265,7 +282,7 @@ class Statements(ABC):
                 case Recall(name, queue, steps):
                     lines.append(self.dialect.constant(name, self._recalled(queue, steps)))
                 case Keep(kept, value):
-                    lines.append(self._kept(f"{self.state}{kept}", expressions.text(value)))
+                    lines.append(f"{self.state}{kept} = {expressions.text(value)}{self.end}")
                 case Queue(queue, value):
                     size = self.program.kept.queues[queue]
                     lines.extend(
@@ -282,7 +299,9 @@ class Statements(ABC):
     def _recalled(self, queue: str, steps: int) -> str: ...
 
     @abstractmethod
-    def _kept(self, place: str, text: str) -> str: ...
-
-    @abstractmethod
     def _queued(self, queue: str, text: str, size: int) -> list[str]: ...
+
+
+def indented(lines: Sequence[str]) -> list[str]:
+    """Lines one step to the right."""
+    return [f"    {line}" if line else line for line in lines]

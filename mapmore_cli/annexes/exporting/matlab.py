@@ -8,8 +8,7 @@ import shutil
 from collections.abc import Sequence
 from dataclasses import replace
 
-from mapmore_cli.annexes.exporting.c_statements import indented
-from mapmore_cli.annexes.exporting.dialect import C_FUNCTIONS, NUMPY, Expressions
+from mapmore_cli.annexes.exporting.dialect import C_FUNCTIONS, NUMPY, Expressions, indented
 from mapmore_cli.annexes.exporting.python_module import PythonStatements, words_of
 from mapmore_cli.annexes.exporting.templates import (
     Code,
@@ -69,6 +68,7 @@ def matlab_function(model: Model) -> tuple[Code, str]:
 class MatlabStatements(PythonStatements):
     """Writes statements in MATLAB, of one sample: of a choice, one side is computed."""
 
+    end = ";"
     beyond, between, nowhere = "beyond", "interpolated", "false"
 
     def function(self, function: Function) -> list[Code]:
@@ -83,19 +83,11 @@ class MatlabStatements(PythonStatements):
         return [f"[{', '.join(names)}] = {function}({', '.join(arguments)});"]
 
     def _chosen(self, choice: Choose, expressions: Expressions) -> None:
-        conditions = [expressions.condition(condition) for condition, _ in choice.cases]
-        openings = [f"if {conditions[0]}", *(f"elseif {one}" for one in conditions[1:]), "else"]
-        for opening, block in zip(openings, choice.blocks, strict=True):
-            own, results = self.block(block, expressions.inner())
-            ends = [f"{name} = {text};" for name, text in zip(choice.names, results, strict=True)]
-            expressions.lines.extend([opening, *indented([*own, *ends])])
-        expressions.lines.append("end")
+        words = ("else", "else", "end")
+        expressions.lines.extend(self.branches(choice, expressions, "if {}".format, words))
 
     def _recalled(self, queue: str, steps: int) -> str:
         return f"s.{queue}(end - {steps - 1})"
-
-    def _kept(self, place: str, text: str) -> str:
-        return f"{place} = {text};"
 
     def _queued(self, queue: str, text: str, size: int) -> list[str]:  # noqa: ARG002
         return [f"{queue} = [{queue}(2:end), {text}];"]

@@ -100,6 +100,7 @@ def words_of(
 class PythonStatements(Statements):
     """Writes statements in Python; all cases of a choice are worked out for all rows."""
 
+    end = ""
     beyond, between, nowhere = "_beyond", "np.interp", "np.False_"
 
     def coded(self, block: Block) -> tuple[list[Code], list[Code]]:
@@ -155,8 +156,9 @@ class PythonStatements(Statements):
 
     def _chosen(self, choice: Choose, expressions: Expressions) -> None:
         conditions = [expressions.condition(condition) for condition, _ in choice.cases]
-        blocks = [*(block for _, block in choice.cases), choice.otherwise]
-        results = [self.block(block, expressions.inner(own_lines=False))[1] for block in blocks]
+        results = [
+            self.block(block, expressions.inner(own_lines=False))[1] for block in choice.blocks
+        ]
         for i, name in enumerate(choice.names):
             text = results[-1][i]
             for condition, values in reversed(list(zip(conditions, results, strict=False))):
@@ -165,9 +167,6 @@ class PythonStatements(Statements):
 
     def _recalled(self, queue: str, steps: int) -> str:
         return f"s.{queue}[-{steps}]"
-
-    def _kept(self, place: str, text: str) -> str:
-        return f"{place} = {text}"
 
     def _queued(self, queue: str, text: str, size: int) -> list[str]:  # noqa: ARG002
         return [f"{queue} = [*{queue}[1:], {text}]"]
