@@ -49,7 +49,7 @@ def fail(*_):
 READER = Reader("late", fail, (".late",))
 draw = fail
 lazy = ModuleType("late")
-lazy.draw = lambda _: [Drawing("lazy", "", "", (Panel("", fail, "x", ("y",)),), Layout())]
+lazy.draw = lambda _: [Drawing("lazy", "", (Panel("", fail, "x", ("y",)),), Layout())]
 """
 FAULTS = """
 operators  o      ZeroDivisionError
