@@ -539,6 +539,16 @@ def shapes(spec: ExperimentSpec) -> Iterator[Finding]:
     that the fit can find again.
     """
     target, no_terms = spec.target_quantity, spec.model.type not in ("mapmore", "literature")
+    bounded = any(entry.bounded for entry in spec.dictionary)
+    weighed = spec.fit.loss != "squares" or spec.fit.weight == "curve"
+    yield from told(
+        (
+            weighed and (spec.fit.shape is not None or bounded),
+            ("fit", "loss" if spec.fit.loss != "squares" else "weight"),
+            "a shape, a sign and bounds are kept by least squares over samples",
+            "use `loss: squares` and `weight: sample` with them",
+        )
+    )
     for name, words in (spec.fit.shape or {}).items():
         loc: Loc = ("fit", "shape", name)
         yield from unknown_quantity(name, (*spec.quantities, target), loc, on_key=True)

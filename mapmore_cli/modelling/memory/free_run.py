@@ -111,7 +111,7 @@ class Along:
         before, stamps = len(self.last), joined([self.last, time])
         with numbered(np.concatenate([rows[:before], rows])):
             if not self.rows:
-                _refuse_other_steps(stamps, step)
+                _refuse_other_steps(stamps, rows, step)
             parts = uninterrupted(stamps, step)
         self.last = stamps[-1:]
         names = [name for name in (*inputs, self.model.output) if name in columns]
@@ -122,14 +122,17 @@ class Along:
                 yield own, given, number == 0 and before > 0
 
 
-def _refuse_other_steps(time: Array, step: float) -> None:
-    """Refuse a record with longer steps than the model's, which would be all gaps; a longer step
-    between two samples is taken for a gap.
+def _refuse_other_steps(time: Array, rows: IntArray, step: float) -> None:
+    """Refuse a record with longer steps than the model's, which would be all gaps, where most steps
+    from row to row are; a longer one between two samples is taken for a gap.
     """
-    distances, longest = np.diff(time), step * (1 + UNEVEN)
-    if len(distances) > 1 and (usual := float(np.median(distances))) > longest:
+    neighbours, longest = np.flatnonzero(np.diff(rows) == 1), step * (1 + UNEVEN)
+    distances = np.diff(time)[neighbours]
+    if len(distances) < 2:
+        return
+    if (usual := float(np.quantile(distances, 0.5, method="lower"))) > longest:
         raise AtSample(
-            int(np.argmax(distances > longest)) + 1,
+            int(neighbours[np.argmax(distances > longest)]) + 1,
             f"{usual:.6g} s after the one before, as most are; the model was trained on steps "
             f"of {step:.6g} s: its memory counts samples",
             f"bring the recording onto even steps of {step:.6g} s",
