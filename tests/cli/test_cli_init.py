@@ -25,7 +25,8 @@ def rig(tmp_path):
     return tmp_path / "rig"
 
 
-@pytest.mark.parametrize("muscle", ["mckibben", pytest.param("peano", marks=pytest.mark.long)])
+@pytest.mark.long
+@pytest.mark.parametrize("muscle", ["mckibben", "peano"])
 def test_a_spec_for_the_shipped_recordings_checks_and_runs(
     muscle, tmp_path, mapmore, document, rig, fewer_families
 ):

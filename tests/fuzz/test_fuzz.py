@@ -30,7 +30,7 @@ pytestmark = pytest.mark.filterwarnings("ignore")
         (expressions.TARGET, 400),
         (specs.TARGET, 60),
         (readers.TARGET, 60),
-        *((target, 60) for target in readers.BINARY),
+        *((target, 30) for target in readers.BINARY),
         (structures.DAMAGED, 50),
         (tables.TARGET, 300),
         (drafts.TARGET, 6),
@@ -47,7 +47,7 @@ def test_what_strangers_may_write_is_read_or_refused(target, count, tmp_path):
 
 @pytest.mark.parametrize(
     ("target", "count"),
-    [(structures.TARGET, 20), (documents.TARGET, 12)],
+    [(structures.TARGET, 12), (documents.TARGET, 12)],
     ids=["artefacts", "documents"],
 )
 def test_results_that_somebody_changed_are_refused_or_say_the_same(
@@ -60,7 +60,7 @@ def test_results_that_somebody_changed_are_refused_or_say_the_same(
     assert sum(found.outcomes[outcome] for outcome in target.past) >= count / 2
 
 
-@pytest.mark.parametrize("count", [50, pytest.param(200, marks=pytest.mark.long)])
+@pytest.mark.parametrize("count", [36, pytest.param(200, marks=pytest.mark.long)])
 def test_forged_models_are_refused_or_used(count, tmp_path):
     found = explore(forged.TARGET, count, 16, tmp_path)
     assert found.faults == []
