@@ -14,6 +14,7 @@ from mapmore_cli.modelling.kinds import parameters
 from mapmore_cli.modelling.literature.linear import half_width
 from mapmore_cli.modelling.validation.metrics import information_criteria
 from mapmore_cli.reporting.table import Cell, Table
+from mapmore_cli.reporting.tables import coefficient_rows
 
 COLUMNS = ("part", "term", "coefficient #.6g", "standard error .3g", "t .3g", "ERR [%] .4f")
 
@@ -27,9 +28,9 @@ def summary_table(fit: FitResult, model: Model, scores: ScoreTable) -> Table:
     zero.
     """
     rows, unclear = list[tuple[Cell, ...]](), list[str]()
-    for part, term, value, error, err, freedom in _fitted_numbers(fit):
+    for part, term, value, error, err, width in _fitted_numbers(fit, model):
         rows.append((part, term, value, error, value / error if error else math.nan, 100 * err))
-        if not half_width(error, freedom) < abs(value):
+        if width > abs(value):
             unclear.append(f"{term} of {part}")
     notes = list(fit.formula.notes) if fit.formula is not None else []
     if unclear:
@@ -43,13 +44,15 @@ def summary_table(fit: FitResult, model: Model, scores: ScoreTable) -> Table:
     return Table.of("summary", f"Summary of {model.name}", COLUMNS, rows, *notes)
 
 
-def _fitted_numbers(fit: FitResult) -> Iterator[tuple[str, str, float, float, float, int]]:
-    """Yield part, term, coefficient, standard error, ERR and degrees of freedom of each."""
+def _fitted_numbers(
+    fit: FitResult, model: Model
+) -> Iterator[tuple[str, str, float, float, float, float]]:
+    """Yield part, term, coefficient, standard error, ERR and half the 95 % interval of each."""
     if formula := fit.formula:
         freedom = formula.samples - len(formula.parameters)
         for name, value in formula.parameters.items():
-            yield formula.name, name, value, formula.errors[name], math.nan, freedom
-    for piece in fit.pieces:
-        for term, row in zip(piece.terms, piece.selection.table(), strict=True):
-            numbers = row["coefficient"], row["standard_error"], row["err"]
-            yield piece.id, term, *numbers, piece.selection.freedom
+            error = formula.errors[name]
+            yield formula.name, name, value, error, math.nan, half_width(error, freedom)
+    for piece, row in coefficient_rows(fit, model):
+        numbers = row["coefficient"], row["standard_error"], row["err"], row["width"]
+        yield piece.id, row["term"], *numbers

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -177,10 +178,28 @@ def _term_rows(segment: SegmentFit) -> Iterator[tuple[Cell, ...]]:
         yield segment.id, step + 1, *ours, *theirs, int(chosen.tied[step]) or None, stop
 
 
+def coefficient_rows(
+    fit: FitResult, model: Model | None = None
+) -> Iterator[tuple[SegmentFit, dict[str, Any]]]:
+    """Yield each segment, or the model with memory, with a row for each of its terms: that of
+    `Selection.table`, and half the `width` of its 95 % interval.
+
+    Coefficients of a `model` that keeps a shape stand for those of the fit.
+    """
+    shaped = model.pieces if model is not None and model.shape is not None else None
+    kept = {one.id: one for one in (shaped.segments if shaped else ())}
+    for piece in fit.pieces:
+        chosen = piece.selection
+        if own := kept.get(piece.id):
+            chosen = replace(chosen, theta=own.theta, theta_error=own.theta_error)
+        for term, row in zip(piece.terms, chosen.table(), strict=True):
+            width = half_width(row["standard_error"], chosen.freedom)
+            yield piece, {**row, "term": term, "width": width}
+
+
 def coefficients_table(fit: FitResult, unit: str, model: Model | None = None) -> Table:
     """Coefficients of every segment with standard errors and 95 % confidence intervals, in scaled
-    coordinates and in the target's unit; what the data do not tell is named. Those of a `model`
-    that keeps a shape stand for those of the fit.
+    coordinates and in the target's unit; what the data do not tell is named.
     """
     columns = (
         *("segment", "term", "theta", "standard error .3g", "t .3g", "± 95 % .3g"),
@@ -188,18 +207,11 @@ def coefficients_table(fit: FitResult, unit: str, model: Model | None = None) ->
     )
     rows: list[tuple[Cell, ...]] = []
     unknown: list[str] = []
-    shaped = model.pieces if model is not None and model.shape is not None else None
-    kept = {one.id: one for one in (shaped.segments if shaped else ())}
-    for piece in fit.pieces:
-        slope, freedom = piece.scaling.y_slope, piece.selection.freedom
-        chosen = piece.selection
-        if own := kept.get(piece.id):
-            chosen = replace(chosen, theta=own.theta, theta_error=own.theta_error)
-        for term, row in zip(piece.terms, chosen.table(), strict=True):
-            theta, width = row["coefficient"], half_width(row["standard_error"], freedom)
-            ends = (width, theta - width, theta + width, theta * slope, width * abs(slope))
-            rows.append((piece.id, term, theta, row["standard_error"], row["t"], *ends))
-            unknown += [f"{term} ({piece.id})"] if freedom > 0 and not width <= abs(theta) else []
+    for piece, row in coefficient_rows(fit, model):
+        theta, width, slope = row["coefficient"], row["width"], piece.scaling.y_slope
+        ends = (width, theta - width, theta + width, theta * slope, width * abs(slope))
+        rows.append((piece.id, row["term"], theta, row["standard_error"], row["t"], *ends))
+        unknown += [f"{row['term']} ({piece.id})"] if width > abs(theta) else []
     by_curve = all(piece.selection.curves for piece in fit.pieces)
     notes = [BY_CURVE_NOTE if by_curve else f"{INDEPENDENCE_CAVEAT} {GUESS_NOTE}"]
     if unknown:

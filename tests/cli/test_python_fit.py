@@ -217,6 +217,25 @@ def test_it_shows_itself(fitted):
     assert "<li><code>" in html
 
 
+def test_a_summary_of_a_model_that_keeps_a_shape_has_its_coefficients():
+    p, e = (grid.ravel() for grid in np.meshgrid([100.0, 200, 300], np.linspace(0, 0.2, 30)))
+    steep = p * (1 - e - np.tanh((e - 0.1) / 0.02))  # a polynomial overshoots beside the step
+    model = mm.fit(
+        {"pressure": p, "strain": e, "force": steep},
+        target="static",
+        segment={"strain": "none"},
+        dictionary=[{"polynomial": {"of": ["pressure", "strain"], "order": 5}}],
+        fit={"max_terms": 12, "shape": {"strain": "decreasing"}},
+    )
+    (one,) = model.model.pieces.segments
+    kept = dict(zip(one.terms, one.theta, strict=True))
+    shown = {row["term"]: row["coefficient"] for row in model.summary().records}
+    assert shown == pytest.approx(kept)
+    plain = [x for piece in model.fit.pieces for x in piece.selection.theta]
+    assert list(shown.values()) != pytest.approx(plain)
+    assert "identified" not in repr(model.summary())
+
+
 def test_a_summary_has_what_a_regression_table_has():
     """By hand: one straight line, y = 2 + 3 x and noise."""
     rng = np.random.default_rng(0)
