@@ -125,15 +125,7 @@ def _anchored(
         y_anchor = float(middle(by_blocks(lambda y, *x: y[farthest(*x) <= limit], y, *X.T)))
     place = ",".join("right" if r else "left" for r in right) or "-"
     y_span = float(_span(np.ptp(extremes(y))))
-    return Scaling(
-        "unit_square",
-        place,
-        variables,
-        slope,
-        -slope * anchor,
-        y_span,
-        y_anchor,
-    )
+    return Scaling("unit_square", place, variables, slope, -slope * anchor, y_span, y_anchor)
 
 
 def _span(width: ArrayLike) -> Array:
