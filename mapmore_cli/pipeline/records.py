@@ -180,7 +180,7 @@ class Sheet:
         return {str(name): place for name, place in located.items()}
 
     def is_blank(self, row: Row) -> bool:
-        """Whether a record is a blank line, which in a table of one column is an empty field."""
+        """Return whether a record is a blank line; in one column it is an empty field."""
         return not row.text.strip() and len(self.names) > 1
 
     def values(self, block: Sequence[Row], places: Mapping[str, int]) -> dict[str, Array]:

@@ -70,7 +70,7 @@ class TitledColumn:
 
     @property
     def called(self) -> str:
-        """How messages call it."""
+        """Return how messages call it."""
         return self.title or (
             self.column if isinstance(self.column, str) else f"column {self.column}"
         )

@@ -30,7 +30,7 @@ WITHIN = (1, 3)
 
 @dataclass(frozen=True)
 class Situation:
-    """What families of candidates look at.
+    """Hold what families of candidates look at.
 
     Attributes
     ----------

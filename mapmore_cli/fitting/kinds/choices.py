@@ -21,7 +21,7 @@ SegmentSection = Mapping[str, Segmented]
 
 @dataclass(frozen=True)
 class ModelChoices:
-    """What a model depends on. Stages before the model read those sections alone that they need.
+    """Hold what a model depends on. A stage before the model reads only the sections that it needs.
 
     - `lengths`: dimensions of the muscle (m) that its formula has.
     - `summands`: the specs of the runs whose models are added up.

@@ -39,7 +39,7 @@ class End:
 
     @property
     def status(self) -> str:
-        """That of a fit which ends here."""
+        """Return the status of a fit that ends here."""
         return "converged" if self.converged else "stopped_by_limit"
 
 
