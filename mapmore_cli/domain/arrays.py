@@ -49,24 +49,27 @@ Ranges = Mapping[QuantityName, Span]
 """Least and greatest value of each quantity."""
 
 
-ROWS = 1 << 17
-"""Samples of a block: one megabyte of a column."""
+ROWS, WIDE = 1 << 13, 1 << 17
+"""Samples of a block: of 64 KB of a column, so that what is computed of it stays in the processor's
+cache; and of one for work that costs much to begin, as a model does.
+"""
 
 
-def row_blocks(size: int) -> Iterator[slice]:
-    """Slices that follow each other over `size` rows, at least one."""
-    return (slice(start, min(start + ROWS, size)) for start in range(0, max(size, 1), ROWS))
+def row_blocks(size: int, rows: int = ROWS) -> Iterator[slice]:
+    """Slices of so many `rows` that follow each other over `size` rows, at least one."""
+    return (slice(start, min(start + rows, size)) for start in range(0, max(size, 1), rows))
 
 
-def in_blocks(*columns: Any, overlap: int = 0) -> Iterator[tuple[Any, ...]]:
+def in_blocks(*columns: Any, overlap: int = 0, rows: int = ROWS) -> Iterator[tuple[Any, ...]]:
     """Blocks of columns of one length, `(n, ...)` each, at least one.
 
     Every block but the first begins with the last `overlap` rows of the one before.
     """
-    for part in row_blocks(len(columns[0])):
+    for part in row_blocks(len(columns[0]), rows):
         yield tuple(column[max(0, part.start - overlap) : part.stop] for column in columns)
-        for column in columns:
-            give_back(column)
+        if part.stop % WIDE == 0 or part.stop == len(columns[0]):
+            for column in columns:
+                give_back(column)
 
 
 def extremes(column: Array, mask: BoolArray | None = None) -> tuple[float, float]:
@@ -127,15 +130,17 @@ def _in_files(blocks: Iterable[Sequence[Any]], kinds: Sequence[Any]) -> list[Any
     return list(map(np.frombuffer, contents, kinds))
 
 
-def by_blocks(function: Callable[..., Any], *columns: Any) -> Any:
+def by_blocks(function: Callable[..., Any], *columns: Any, rows: int = ROWS) -> Any:
     """`function(*columns)`, where each row, or each choice of rows, depends on these rows alone."""
-    return stacked([function(*block)] for block in in_blocks(*columns))[0]
+    return stacked([function(*block)] for block in in_blocks(*columns, rows=rows))[0]
 
 
 def row_by_row(function: Callable[[dict[str, Any]], Any], columns: Mapping[str, Any]) -> Any:
     """`function(columns)`, (n,), where each row depends on this row of the columns alone."""
     return by_blocks(
-        lambda *block: function(dict(zip(columns, block, strict=True))), *columns.values()
+        lambda *block: function(dict(zip(columns, block, strict=True))),
+        *columns.values(),
+        rows=WIDE,
     )
 
 
@@ -151,13 +156,20 @@ def picked(values: Any, rows: IntArray | BoolArray) -> Any:
     if rows.dtype == np.bool_:
         return by_blocks(chosen, values, rows)
 
+    if len(rows) and rows[-1] - rows[0] == len(rows) - 1 and _ascends_by_one(rows):
+        return values[rows[0] : rows[-1] + 1]
+
     def parts() -> Iterator[list[Any]]:
-        for part in np.array_split(rows, -(-len(values) // ROWS) or 1):
+        for part in np.array_split(rows, -(-len(values) // WIDE) or 1):
             yield [values[part]]
             give_back(values)
             give_back(rows)
 
     return stacked(parts())[0]
+
+
+def _ascends_by_one(rows: IntArray) -> bool:
+    return all((np.diff(block) == 1).all() for (block,) in in_blocks(rows, overlap=1))
 
 
 def joined(columns: Sequence[Any]) -> Any:

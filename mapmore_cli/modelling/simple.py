@@ -45,11 +45,11 @@ def polynomial_fit(degree: int, dataset: Dataset, names: Sequence[str]) -> list[
         return None
     low, high = x.min(axis=0), x.max(axis=0)
     middle, half = (low + high) / 2, np.where(high > low, (high - low) / 2, 1.0)
-    theta = np.linalg.lstsq(_monomial_columns((x - middle) / half, degree), y, rcond=None)[0]
+    theta = np.linalg.lstsq(_monomials(((x - middle) / half).T, degree).T, y, rcond=None)[0]
 
     def polynomial(*at: Array) -> Array:
-        scaled = (np.column_stack(at) - middle) / half
-        return np.asarray(_monomial_columns(scaled, degree) @ theta)
+        ends = zip(at, middle, half, strict=True)
+        return np.asarray(theta @ _monomials([(x - m) / h for x, m, h in ends], degree))
 
     return [by_blocks(polynomial, *(one.columns[name] for name in names)) for one in dataset.curves]
 
@@ -104,13 +104,13 @@ def _even_rows(rows: Array) -> Array:
     )
 
 
-def _monomial_columns(x: Array, degree: int) -> Array:
-    """Every monomial of the columns of `x`, (n, m), of total degree up to `degree`."""
-    columns: dict[tuple[int, ...], Array] = {(): np.ones(len(x))}
+def _monomials(x: Sequence[Array] | Array, degree: int) -> Array:
+    """Every monomial of `m` inputs, (n,) each, of total degree up to `degree`: (k, n)."""
+    values: dict[tuple[int, ...], Array] = {(): np.ones(len(x[0]))}
     for total in range(1, degree + 1):
-        for of in combinations_with_replacement(range(x.shape[1]), total):
-            columns[of] = columns[of[:-1]] * x[:, of[-1]]
-    return np.column_stack([*columns.values()])
+        for of in combinations_with_replacement(range(len(x)), total):
+            values[of] = values[of[:-1]] * x[of[-1]]
+    return np.array([*values.values()])
 
 
 def _past(values: Array, order: int, first: int) -> Array:
