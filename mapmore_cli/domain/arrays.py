@@ -14,7 +14,7 @@ from contextlib import ExitStack
 from contextvars import ContextVar
 from itertools import chain
 from typing import Annotated, Any
-from weakref import WeakSet
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -49,7 +49,7 @@ Ranges = Mapping[QuantityName, Span]
 """Least and greatest value of each quantity."""
 
 
-ROWS, WIDE = 1 << 13, 1 << 17
+ROWS, WIDE = 1 << 14, 1 << 17
 """Samples of a block: of 64 KB of a column, so that what is computed of it stays in the processor's
 cache; and of one for work that costs much to begin, as a model does.
 """
@@ -76,7 +76,18 @@ def extremes(column: Array, mask: BoolArray | None = None) -> tuple[float, float
     """Return the least and the largest value of a column, (n,), or of those where `mask`; NaN where
     one is NaN. Raises ValueError where there is no value.
     """
-    blocks = blocks_where(column, mask)
+    if mask is not None and not mask.all():
+        return _ends_of(blocks_where(column, mask))
+    # what is in a file does not change
+    of = _map_of(column)
+    known = {} if of is None else _mapped.setdefault(of, {})
+    place = (column.__array_interface__["data"][0], column.shape, column.strides)
+    if place not in known:
+        known[place] = _ends_of(x for (x,) in in_blocks(column, rows=WIDE))
+    return known[place]
+
+
+def _ends_of(blocks: Iterable[Array]) -> tuple[float, float]:
     ends = np.array([(x.min(), x.max()) for x in blocks if x.size]).reshape(-1, 2)
     return float(ends[:, 0].min()), float(ends[:, 1].max())
 
@@ -98,7 +109,8 @@ SCRATCH: ContextVar[str | None] = ContextVar("SCRATCH", default=None)
 None for that of the system.
 """
 
-_mapped: WeakSet[mmap.mmap] = WeakSet()
+_mapped: WeakKeyDictionary[mmap.mmap, dict[Any, tuple[float, float]]] = WeakKeyDictionary()
+"""The ends of columns that are in files, as far as they are known."""
 
 
 def stacked(blocks: Iterable[Sequence[Any]]) -> list[Any]:
@@ -126,7 +138,7 @@ def _in_files(blocks: Iterable[Sequence[Any]], kinds: Sequence[Any]) -> list[Any
         for file in files:
             file.flush()
         contents = [mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) for file in files]
-    _mapped.update(contents)
+    _mapped.update((one, {}) for one in contents)
     return list(map(np.frombuffer, contents, kinds))
 
 
@@ -155,7 +167,6 @@ def picked(values: Any, rows: IntArray | BoolArray) -> Any:
     """
     if rows.dtype == np.bool_:
         return by_blocks(chosen, values, rows)
-
     if len(rows) and rows[-1] - rows[0] == len(rows) - 1 and _ascends_by_one(rows):
         return values[rows[0] : rows[-1] + 1]
 
@@ -187,9 +198,13 @@ def give_back(column: Any) -> None:
     """Let go of the memory that a column mapped from a file takes; its values are read from the
     file again where they are needed.
     """
-    owner = column
-    while isinstance(owner, np.ndarray):
-        owner = owner.base
-    owner = owner.obj if isinstance(owner, memoryview) else owner
-    if isinstance(owner, mmap.mmap) and hasattr(mmap, "MADV_DONTNEED"):
+    if (owner := _map_of(column)) is not None and hasattr(mmap, "MADV_DONTNEED"):
         owner.madvise(mmap.MADV_DONTNEED)
+
+
+def _map_of(column: Any) -> mmap.mmap | None:
+    """Return the file that a column is mapped from; None of one in memory."""
+    while isinstance(column, np.ndarray):
+        column = column.base
+    column = column.obj if isinstance(column, memoryview) else column
+    return column if isinstance(column, mmap.mmap) else None

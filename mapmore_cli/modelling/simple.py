@@ -12,7 +12,7 @@ from math import comb
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import Array, IntArray, by_blocks, in_blocks, stacked
+from mapmore_cli.domain.arrays import WIDE, Array, IntArray, by_blocks, in_blocks, stacked
 from mapmore_cli.domain.recording import Curve, Dataset
 
 # total degree of each polynomial, every monomial up to it included
@@ -85,7 +85,9 @@ def _training_samples(dataset: Dataset, names: Sequence[str]) -> list[Array]:
     parts = [
         [column[np.flatnonzero(training)[::every]] for column in columns]
         for curve in dataset.curves
-        for training, *columns in in_blocks(curve.training, *map(curve.columns.get, names))
+        for training, *columns in in_blocks(
+            curve.training, *map(curve.columns.get, names), rows=WIDE
+        )
     ]
     return [np.concatenate(columns) for columns in zip(*parts, strict=True)]
 
@@ -129,7 +131,9 @@ def _one_step_fit(dataset: Dataset, names: Sequence[str], order: int) -> Array |
     for curve in dataset.curves:
         for rows in curve.stretches:
             columns = [curve.columns[name][rows] for name in (dataset.target, *names)]
-            for training, y, *inputs in in_blocks(curve.training[rows], *columns, overlap=order):
+            for training, y, *inputs in in_blocks(
+                curve.training[rows], *columns, overlap=order, rows=WIDE
+            ):
                 past = [_past(y, order, 1), *(_past(x, order, 0) for x in inputs)]
                 train = np.flatnonzero(training & (np.arange(len(y)) >= order))[::every]
                 tables.append(np.hstack([np.ones((len(y), 1)), *past])[train])
