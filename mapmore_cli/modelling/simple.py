@@ -26,21 +26,34 @@ MOST_ROWS = 50_000  # training rows that a fit takes, an even share
 LARGEST = 1e3  # times the largest measured output, from which a free run has diverged
 
 
-def polynomial_fit(degree: int, dataset: Dataset, names: Sequence[str]) -> list[Array] | None:
-    """Least-squares polynomial in the quantities `names`, of every curve: (n_c,) each.
+Rows = tuple[Array, Array]
+"""Inputs, (n, m), and outputs, (n,), that a polynomial is fitted to."""
 
-    Inputs are scaled to [-1, 1] on the training samples; where these leave coefficients open, the
-    solution of least norm is taken. None where there are fewer training samples than coefficients,
-    or no inputs.
+
+def training_rows(dataset: Dataset, names: Sequence[str]) -> Rows:
+    """Return known inputs and outputs of training samples, in an order that does not depend on that
+    of the samples; of many, an even share.
     """
-    if not names:
-        return None
     *inputs, y = _training_samples(dataset, [*names, dataset.target])
     x = np.column_stack(inputs)
     known = np.isfinite(x).all(axis=1) & np.isfinite(y)
     x, y = x[known], y[known]
     order = np.lexsort([y, *x.T])  # the order of the rows must not change a digit
-    x, y = _even_rows(x[order]), _even_rows(y[order])
+    return _even_rows(x[order]), _even_rows(y[order])
+
+
+def polynomial_fit(
+    degree: int, dataset: Dataset, names: Sequence[str], rows: Rows | None = None
+) -> list[Array] | None:
+    """Least-squares polynomial in the quantities `names`, of every curve: (n_c,) each.
+
+    Inputs are scaled to [-1, 1] on the training samples; where these leave coefficients open, the
+    solution of least norm is taken. It is fitted to `rows`, the `training_rows` where they are
+    left out. None where there are fewer of them than coefficients, or no inputs.
+    """
+    if not names:
+        return None
+    x, y = rows or training_rows(dataset, names)
     if len(y) < comb(len(names) + degree, degree):
         return None
     low, high = x.min(axis=0), x.max(axis=0)

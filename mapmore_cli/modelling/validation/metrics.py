@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial as partial_of
-from functools import reduce
 from itertools import pairwise
 from typing import Any, NamedTuple
 
@@ -84,14 +83,14 @@ class Squares(NamedTuple):
             total = float(apart @ apart)
         return cls(len(values), mean, total, unit)
 
-    def with_more(self, other: Squares) -> Squares:
-        """Return the sum of both (T. F. Chan, G. H. Golub, R. J. LeVeque 1983)."""
-        n, unit = self.n + other.n, max(self.unit, other.unit)
-        share = other.n / max(n, 1)
-        between = ((other.mean - self.mean) / unit) ** 2 * self.n * share
-        of_each = (one.total * (one.unit / unit) ** 2 for one in (self, other))
-        mean = self.mean + (other.mean - self.mean) * share
-        return Squares(n, mean, sum(of_each) + between, unit)
+    @classmethod
+    def together(cls, parts: Iterable[Squares]) -> Squares:
+        """Return the sum of all parts (T. F. Chan, G. H. Golub, R. J. LeVeque 1983)."""
+        n, mean, total, unit = np.array([*parts]).T
+        whole, largest = float(n.sum()), float(unit.max())
+        middle = float(n @ mean) / max(whole, 1.0)
+        between = float(n @ ((mean - middle) / largest) ** 2)
+        return cls(int(whole), middle, float(total @ (unit / largest) ** 2) + between, largest)
 
     @property
     def about_zero(self) -> Squares:
@@ -163,20 +162,15 @@ class Sums(NamedTuple):
             (widths,),
         )
 
-    def with_more(self, other: Sums) -> Sums:
-        """Return the sums over both."""
-        return Sums(
-            self.all_measured.with_more(other.all_measured),
-            self.measured.with_more(other.measured),
-            self.predicted.with_more(other.predicted),
-            self.errors.with_more(other.errors),
-            self.one_step.with_more(other.one_step),
-            float(np.maximum(self.worst, other.worst)),
-            self.given + other.given,
-            self.inside + other.inside,
-            self.chi2 + other.chi2,
-            self.weight + other.weight,
-            self.widths + other.widths,
+    @classmethod
+    def together(cls, parts: Iterable[Sums]) -> Sums:
+        """Return the sums over all parts."""
+        *squares, worst, given, inside, chi2, weight, widths = zip(*parts, strict=True)
+        return cls(
+            *map(Squares.together, squares),
+            float(np.max(worst)),
+            *map(sum, (given, inside, chi2, weight)),
+            sum(widths, ()),
         )
 
     @property
@@ -282,9 +276,10 @@ def bands(dataset: Dataset, predictions: Mapping[str, tuple[Array, ...]]) -> tup
             samples += np.bincount(inside[wanted], minlength=count)
             for model, own in zip(said, values, strict=True):
                 error = own - of
-                rows = wanted & np.isfinite(error)
-                known[model] += np.bincount(inside, rows, count)
-                squares[model] += np.bincount(inside, np.where(rows, error, 0.0) ** 2, count)
+                rows: Any = wanted & np.isfinite(error)
+                rows = slice(None) if rows.all() else rows
+                known[model] += np.bincount(inside[rows], minlength=count)
+                squares[model] += np.bincount(inside[rows], error[rows] ** 2, count)
     with np.errstate(invalid="ignore"):
         rmse = {model: np.sqrt(total / known[model]) for model, total in squares.items()}
     return tuple(
@@ -368,7 +363,7 @@ def score_rows(
         for name, own in [("all", whole), *(parts[place] for place in sorted(parts))]:
             if own:
                 fitted = free if split == "train" and own is whole else 0
-                sums = reduce(Sums.with_more, own)
+                sums = Sums.together(own)
                 yield score(model, target, split, name, sums, scale, fitted)
 
 
@@ -394,15 +389,14 @@ def summed(curve: Curve, target: str, said: Forecast, every: int, wanted: BoolAr
     """Return the sums over the `wanted` samples of a curve, (n,), block by block."""
     y, sigma = curve.columns[target], curve.columns.get(uncertainty_of(target))
     nothing = None if sigma is None else np.empty(0)
-    whole = Sums.of(np.empty(0), said.at(slice(0)), every, nothing)
+    parts = [Sums.of(np.empty(0), said.at(slice(0)), every, nothing)]
     for rows in row_blocks(curve.size):
         where: Any = wanted[rows]
         if where.any():
             where = slice(None) if where.all() else where
             unsure = None if sigma is None else sigma[rows][where]
-            block = Sums.of(y[rows][where], said.at(rows).at(where), every, unsure)
-            whole = whole.with_more(block)
+            parts.append(Sums.of(y[rows][where], said.at(rows).at(where), every, unsure))
         if rows.stop % WIDE == 0:
             give_back(y)
             give_back(said.values)
-    return whole
+    return Sums.together(parts)
