@@ -164,9 +164,7 @@ def program_words(program: Program, dialect: Dialect, apart: bool = True) -> dic
         for limit in program.limits
     ]
     return {
-        "functions": [
-            _function(program, dialect, number) for number in range(len(program.functions))
-        ],
+        "functions": [_function(program, dialect, one) for one in program.functions],
         "lines": body.lines,
         "results": results,
         "range_lines": ranges.lines if apart else [],
