@@ -128,7 +128,7 @@ def swarm(problem: Problem, recipe: MotionRecipe) -> Found:
         )
     walls = _walls(Bounds(), problem)
     begin = None if recipe.begin is None else _walls(recipe.begin, problem)
-    best, history = fly(lambda x: problem.rmse(*x[:2], x[2:]), walls, problem.random, begin)
+    best, history = fly(lambda x: problem.rmse(x[0], x[1], x[2:]), walls, problem.random, begin)
     p1, p2, p3 = best.tolist()
     if not stable(p1, p2):
         raise FitError("the swarm found no stable section", "use `solver: least_squares`")

@@ -115,7 +115,7 @@ class Regulator(Settings):
 
     def command(self, wanted: Array) -> Array:
         """Input (V) that asks for a pressure (Pa)."""
-        return np.asarray((wanted - self.offset) / self.slope)
+        return (wanted - self.offset) / self.slope
 
     def inflow(self, wanted: float, pressure: float) -> float:
         """Air flow into the muscle at p0, m3/s."""

@@ -139,7 +139,7 @@ def regulated_pressure(
     memory = np.exp(-sample_time / regulation.correlation_time)
     driven = np.sqrt(1.0 - memory**2) * shocks
     driven[0] = shocks[0]
-    return np.asarray(pressure * (1.0 + regulation.ripple * lfilter([1.0], [1.0, -memory], driven)))
+    return pressure * (1.0 + regulation.ripple * lfilter([1.0], [1.0, -memory], driven))
 
 
 @dataclass(frozen=True)

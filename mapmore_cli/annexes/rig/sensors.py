@@ -116,7 +116,7 @@ class Sensor(Settings):
         """Return readings `(n,)`: whole multiples of `resolution`."""
         noisy = truth + self.noise * rng.standard_normal(len(truth))
         # + 0.0 turns -0 into 0
-        return np.asarray(np.round(noisy / self.resolution) * self.resolution + 0.0)
+        return np.round(noisy / self.resolution) * self.resolution + 0.0
 
 
 def recording_generator(seed: int, recording: str) -> np.random.Generator:

@@ -112,8 +112,8 @@ def volume(muscle: McKibben, strain: Array) -> Array:
     length, radius, _ = _braid(muscle, strain)
     growth = radius - muscle.radius
     end = muscle.taper * np.abs(growth)
-    return np.asarray(
-        np.pi * radius**2 * (length - 2.0 * end) + 2.0 * np.pi * end * _end_section(muscle, growth)
+    return np.pi * radius**2 * (length - 2.0 * end) + 2.0 * np.pi * end * _end_section(
+        muscle, growth
     )
 
 
@@ -130,14 +130,12 @@ def volume_slope(muscle: McKibben, strain: Array) -> Array:
         end_slope * _end_section(muscle, growth)
         + end * (4.0 / 3.0 * muscle.radius + 16.0 / 15.0 * growth) * radius_slope
     )
-    return np.asarray(np.pi * cylinder + 2.0 * np.pi * ends)
+    return np.pi * cylinder + 2.0 * np.pi * ends
 
 
 def _end_section(muscle: McKibben, growth: Array) -> Array:
     """Mean squared radius of a tapered end, m2."""
-    return np.asarray(
-        muscle.radius**2 + 4.0 / 3.0 * muscle.radius * growth + 8.0 / 15.0 * growth**2
-    )
+    return muscle.radius**2 + 4.0 / 3.0 * muscle.radius * growth + 8.0 / 15.0 * growth**2
 
 
 def energy_slope(muscle: McKibben, strain: Array) -> Array:
@@ -204,9 +202,7 @@ class Peano(Settings):
         driving, strain = np.broadcast_arrays(driving, np.asarray(strain, dtype=np.float64))
         # By the fabric's law and not by the arc's: exact at alpha = 0, where the latter divides by
         # zero.
-        return np.asarray(
-            self.stiffness * (geometric_strain(opening(self, driving, strain)) - strain)
-        )
+        return self.stiffness * (geometric_strain(opening(self, driving, strain)) - strain)
 
     def respond(self, pressure: float, strain: float) -> Response:
         """Fabric tension, `V'(alpha) dalpha/dP`, `V'(alpha) dalpha/de`."""
@@ -245,7 +241,7 @@ def geometric_strain(alpha: Array) -> Array:
     """`e_g = 1 - sin(alpha)/alpha`: contraction of a tube of inextensible fabric; zero at alpha =
     0.
     """
-    return np.asarray(1.0 - np.sinc(alpha / np.pi))
+    return 1.0 - np.sinc(alpha / np.pi)
 
 
 def geometric_slope_ratio(alpha: float) -> float:
@@ -295,7 +291,7 @@ def _excess(
         * (muscle.tube_length - 2.0 * muscle.end_loss * width * np.sin(alpha))
         * np.cos(alpha)
     )
-    return np.asarray(
+    return (
         alpha * (1.0 - strain)
         - np.sin(alpha)
         - (bulge - muscle.bending * alpha**2) / muscle.stiffness

@@ -200,7 +200,7 @@ def joint_formula(summands: Sequence[Summand]) -> Formula:
             for name, text in one.printed.items()
         ]
         printed = {_numbered(name, i): to_text(_renamed(text, i)) for i, name, text in texts}
-        form = LinearForm(_sum((one.expression for one in forms), signs), linear, printed)
+        form = LinearForm(_sum((parse(one.text) for one in forms), signs), linear, printed)
     return Formula(
         name=" ".join(
             f"{'-' if sign < 0 else '+'} {part.name}"

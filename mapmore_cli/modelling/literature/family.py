@@ -141,8 +141,8 @@ class Family(Formula):
         def shape(log_b: float) -> Array:
             b = math.exp(log_b)
             if self.settings.scale == "power":
-                return np.asarray(b * np.log(lengths))
-            return np.asarray(np.log(np.arctan(b * np.maximum(lengths - DEAD, 1e-6))))
+                return b * np.log(lengths)
+            return np.log(np.arctan(b * np.maximum(lengths - DEAD, 1e-6)))
 
         def cost(log_b: float) -> float:
             rest = np.log(largest) - shape(log_b)
@@ -242,4 +242,4 @@ def _root_weights(strain: Array) -> Array:
     _, number, counts = np.unique(
         np.round(strain / span, 2), return_inverse=True, return_counts=True
     )
-    return np.asarray(1 / np.sqrt(counts[number]))
+    return 1 / np.sqrt(counts[number])

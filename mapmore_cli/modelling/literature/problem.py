@@ -215,7 +215,7 @@ def nominal(column: Array) -> Array:
             (highest - lowest).max()
         ) <= SCATTER * float(parting):
             group = np.searchsorted(starts, np.arange(len(values)), side="right") - 1
-            return np.asarray(((lowest + highest) / 2)[group[place]])
+            return ((lowest + highest) / 2)[group[place]]
     return column
 
 

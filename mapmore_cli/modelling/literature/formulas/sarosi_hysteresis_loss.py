@@ -43,7 +43,7 @@ class ForceCurve(NamedTuple):
 
     def __call__(self, strain: Array) -> Array:
         """Force at one strain for each pressure, `(n,)`."""
-        return np.asarray(self.A * np.exp(self.c * strain) + self.B * strain + self.C)
+        return self.A * np.exp(self.c * strain) + self.B * strain + self.C
 
     def mean(self, start: float, end: Array) -> Array:
         """Mean force from strain `start` to each `end`, `(n,)`; the force itself where they are
