@@ -72,13 +72,13 @@ def descend(
     starts: Sequence[Array],
     bounds: Bounds = (-np.inf, np.inf),
     method: Literal["trf", "lm"] = "trf",
-    evaluations: int = EVALUATIONS,
+    evaluations: int | None = None,
 ) -> list[End]:
     """Return the nearest minimum of `|r(x)|^2` from every start in which it is finite, in their
     order, by SciPy's least squares.
 
     `bounds` are the lowest and the highest coordinates, each `(k,)`; `lm` takes none. Each start
-    has so many `evaluations`.
+    has so many `evaluations`, by default `EVALUATIONS`.
     """
     from scipy.optimize import least_squares
 
@@ -101,15 +101,14 @@ def descend(
         return both[1]
 
     limits: Any = dict.fromkeys(("xtol", "ftol", "gtol"), TOLERANCE)
+    limits["max_nfev"] = evaluations or EVALUATIONS
     ends = []
     for start in starts:
         x = np.clip(start, *bounds)
         first = at(x.tobytes())
         if first is not None:
             refused = np.full(len(first[0]), REFUSED)
-            end = least_squares(
-                residual, x, slopes, bounds, method, x_scale="jac", max_nfev=evaluations, **limits
-            )
+            end = least_squares(residual, x, slopes, bounds, method, x_scale="jac", **limits)
             ends.append(End(end.x, float(end.cost), end.status > 0))
     return ends
 
