@@ -20,9 +20,9 @@ from scipy.signal import lfilter
 
 from mapmore_cli.annexes.rig.muscle import (
     GRAVITY,
-    IN_KPA,
     SLACK_WIDTH,
     Hysteresis,
+    NonNegativeKpa,
     StaticMuscle,
     softplus,
     zero_force_strain,
@@ -153,7 +153,7 @@ class ContractionTable(Settings):
     masses: Annotated[Sequence[NonNegative], Len(1)]  # kg, in the order in which they are hung on
     repeats: Annotated[int, Ge(1)]
     # standard deviation of the pressure from one repeat to the next, Pa
-    regulator_error: Annotated[NonNegative, IN_KPA]
+    regulator_error: NonNegativeKpa
 
 
 def contraction_table(

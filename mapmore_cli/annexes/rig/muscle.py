@@ -28,6 +28,9 @@ IN_KPA = After(lambda pressure: pressure * 1e3)
 Pressure = Annotated[float, Interval(ge=0, le=2000), IN_KPA]
 """Gauge, Pa; above the bound, the geometry of the muscles means nothing."""
 
+PositiveKpa = Annotated[Positive, IN_KPA]
+NonNegativeKpa = Annotated[NonNegative, IN_KPA]
+
 GRAVITY = 9.81
 """m/s2."""
 

@@ -12,7 +12,7 @@ from annotated_types import Ge, Interval
 from scipy.interpolate import CubicHermiteSpline
 
 from mapmore_cli.annexes.rig.air import ATMOSPHERE, TOLERANCE, Air, ClosedMuscle, Regulator
-from mapmore_cli.annexes.rig.muscle import IN_KPA, Pressure, Rubber
+from mapmore_cli.annexes.rig.muscle import PositiveKpa, Pressure, Rubber
 from mapmore_cli.annexes.rig.sensors import Pressures, clock, integrate, low_pass
 from mapmore_cli.annexes.rig.static_muscles import volume
 from mapmore_cli.domain.arrays import Array, Columns
@@ -31,7 +31,7 @@ class Tendon(Settings):
 class RestLength(Settings):
     """The muscle's state at the length that its elongation is measured from."""
 
-    pressure: Annotated[Positive, IN_KPA]  # Pa
+    pressure: PositiveKpa  # Pa
     force: Positive  # N
 
 

@@ -16,7 +16,8 @@ from annotated_types import Ge, Interval
 from scipy.optimize import brentq
 
 from mapmore_cli.annexes.rig.muscle import (
-    IN_KPA,
+    NonNegativeKpa,
+    PositiveKpa,
     Response,
     effective_pressure,
     effective_pressure_slope,
@@ -50,12 +51,12 @@ class McKibben(Settings):
         0.85  # length of each tapered end over the change of radius
     )
     wall: Positive = 0.002  # rubber thickness t, m
-    c10: Annotated[NonNegative, IN_KPA] = 280e3  # Mooney-Rivlin constants, Pa
-    c01: Annotated[NonNegative, IN_KPA] = 60e3
-    threshold: Annotated[NonNegative, IN_KPA] = 22e3  # P_th that unfolds the wall, Pa
-    threshold_width: Annotated[Positive, IN_KPA] = 8e3  # Pa
+    c10: NonNegativeKpa = 280e3  # Mooney-Rivlin constants, Pa
+    c01: NonNegativeKpa = 60e3
+    threshold: NonNegativeKpa = 22e3  # P_th that unfolds the wall, Pa
+    threshold_width: PositiveKpa = 8e3  # Pa
     crimp_force: NonNegative = 150.0  # N
-    crimp_pressure: Annotated[Positive, IN_KPA] = 150e3  # Pa
+    crimp_pressure: PositiveKpa = 150e3  # Pa
     crimp_strain: Positive = 0.012
     crimp_exponent: Positive = 1.5
     stretch_stiffness: NonNegative = 9000.0  # N
@@ -186,8 +187,8 @@ class Peano(Settings):
     stiffness: Positive = 26000.0  # K of the fabric, N per strain
     bending: NonNegative = 26.0  # k_b of the tube's edges, N per rad
     tubes: Annotated[int, Ge(1)] = 4  # n; the wet rig has to fill them all
-    threshold: Annotated[NonNegative, IN_KPA] = 6e3  # P_th, Pa
-    threshold_width: Annotated[Positive, IN_KPA] = 3e3  # Pa
+    threshold: NonNegativeKpa = 6e3  # P_th, Pa
+    threshold_width: PositiveKpa = 3e3  # Pa
 
     @property
     def length(self) -> float:
