@@ -189,6 +189,7 @@ def adapted(
         f"{NAME}, adapted", family.reference, text, {"zero": None, "q_force": None, **bounds}, {}
     )
     formula, n = formula_of(made), len(target)
+    columns = columns or dict.fromkeys(("pressure", "strain"), target)  # no rows
     # samples of one strain err together
     span = float(np.ptp(columns["strain"])) or 1.0 if n else 1.0
     strains = np.round(columns["strain"] / span, 2)
