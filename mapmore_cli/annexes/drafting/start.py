@@ -20,7 +20,6 @@ from mapmore_cli.annexes.drafting.proof import proven
 from mapmore_cli.annexes.drafting.questions import Ask, interview
 from mapmore_cli.annexes.drafting.recordings import (
     cleaned,
-    read_draft,
     table_of,
     with_columns,
     with_second_log,
@@ -124,15 +123,14 @@ def _with_experiment(
     draft: Draft, study: Study, folder: Path, known: Understood, target: str, answers: Answers
 ) -> Draft:
     """Return the draft with what its recordings need to be read, and what was done."""
-    draft, dataset = cleaned(draft, folder, target)
     told = {one.quantity: one.in_model_units for one in known.conditions}
     hold, made = answers.hold, ""
     if answers.length is not None:
-        draft, made = with_strain(draft, dataset, answers.length)
+        draft, made = with_strain(draft, answers.length, told)
         target = "strain" if target == made else target
-        dataset = read_draft(draft, folder, target)
         told.pop(made, None)
         hold = hold._replace(name="strain") if hold is not None and hold.name == made else hold
+    draft, dataset = cleaned(draft, folder, target)
     ignored = ("time", target, answers.group, made)
     used = dict.fromkeys([*dataset.recordings[0].columns, *told])
     inputs = [name for name in used if name not in ignored]
