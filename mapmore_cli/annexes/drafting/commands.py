@@ -9,9 +9,9 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
+from typer import Argument, Option
 
-from mapmore_cli.cli import console
+from mapmore_cli.cli.console import STANDARD, Quiet
 from mapmore_cli.cli.progress import Reporter
 from mapmore_cli.domain.errors import UsageError, WriteError
 from mapmore_cli.storage.atomic import write_text
@@ -29,59 +29,51 @@ class Paper(StrEnum):
 
 
 def init(
-    path: Annotated[
-        Path, typer.Argument(metavar="PATH", help="A recording, or a folder of recordings.")
-    ],
+    path: Annotated[Path, Argument(metavar="PATH", help="A recording, or a folder of recordings.")],
     output: Annotated[
         Path | None,
-        typer.Option(
+        Option(
             "--output",
             "-o",
             metavar="FILE",
             help="Where to write; NAME.yaml here by default, - for stdout.",
         ),
     ] = None,
-    name: Annotated[str | None, typer.Option(metavar="NAME", help="Name of the study.")] = None,
+    name: Annotated[str | None, Option(metavar="NAME", help="Name of the study.")] = None,
     length: Annotated[
         str | None,
-        typer.Option(
-            metavar="LENGTH", help="Of the muscle, as 88mm: makes a strain of a displacement."
-        ),
+        Option(metavar="LENGTH", help="Of the muscle, as 88mm: makes a strain of a displacement."),
     ] = None,
     columns: Annotated[
         str | None,
-        typer.Option(
-            metavar="LIST", help='What the columns are, as "time:ms,_,pressure:bar,force:N".'
-        ),
+        Option(metavar="LIST", help='What the columns are, as "time:ms,_,pressure:bar,force:N".'),
     ] = None,
     target: Annotated[
-        str | None, typer.Option(metavar="LIST", help="The column to predict; several with commas.")
+        str | None, Option(metavar="LIST", help="The column to predict; several with commas.")
     ] = None,
     inputs: Annotated[
         str | None,
-        typer.Option(metavar="LIST", help="The columns that drive it; else all that move."),
+        Option(metavar="LIST", help="The columns that drive it; else all that move."),
     ] = None,
     hold: Annotated[
-        str | None, typer.Option(metavar="NAME", help="What was held, as strain:%, or none.")
+        str | None, Option(metavar="NAME", help="What was held, as strain:%, or none.")
     ] = None,
     group: Annotated[
         str | None,
-        typer.Option(
+        Option(
             metavar="NAME", help="What names tell apart, as specimen: each is scored by itself."
         ),
     ] = None,
     like: Annotated[
-        Paper | None, typer.Option(help="Take the settings of a paper; nothing is searched.")
+        Paper | None, Option(help="Take the settings of a paper; nothing is searched.")
     ] = None,
     budget: Annotated[
         str,
-        typer.Option(metavar="TIME", help="Computing time for the search of each model, as 60s."),
+        Option(metavar="TIME", help="Computing time for the search of each model, as 60s."),
     ] = "20s",
-    yes: Annotated[
-        bool, typer.Option("--yes", "-y", help="Ask nothing: mark what is not sure.")
-    ] = False,
-    force: Annotated[bool, typer.Option("--force", help="Replace specs that exist.")] = False,
-    quiet: console.Quiet = False,
+    yes: Annotated[bool, Option("--yes", "-y", help="Ask nothing: mark what is not sure.")] = False,
+    force: Annotated[bool, Option("--force", help="Replace specs that exist.")] = False,
+    quiet: Quiet = False,
 ) -> None:
     """Start a spec from recordings.
 
@@ -103,7 +95,7 @@ def init(
         like=None if like is None else like.value,
     )
     seconds = read_size("--budget", budget, "s", "60s")
-    folder = Path() if output is None or output == console.STANDARD else output.parent
+    folder = Path() if output is None or output == STANDARD else output.parent
     asking = ask if sys.stdin.isatty() and sys.stderr.isatty() and not (yes or quiet) else None
     with Reporter(quiet) as reporter:
         search = partial(proven, budget=seconds, progress=reporter.progress)
@@ -121,7 +113,7 @@ def _write(drafts: Sequence[Draft], output: Path | None, force: bool, reporter: 
     from mapmore_cli.annexes.drafting.page import draft_page
     from mapmore_cli.spec.schema import write_schema_beside
 
-    if output == console.STANDARD:
+    if output == STANDARD:
         if len(drafts) > 1:
             raise UsageError(f"-o -: {len(drafts)} specs are no one text", "name a file by -o")
         print(drafts[0].text(), end="")
