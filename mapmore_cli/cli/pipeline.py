@@ -94,9 +94,9 @@ def _bring_up_to_date(
                 warnings.append(message)
                 reporter.warn(message)
 
-            outcome = runner.bring_up_to_date(
-                loaded, runs, until, options=options, **{**reporter.listeners, "warn": warn}
-            )
+            listeners = reporter.listeners
+            listeners["warn"] = warn
+            outcome = runner.bring_up_to_date(loaded, runs, until, options=options, **listeners)
             if count := len(loaded.spec.unconfirmed):
                 guesses = "guess of the spec is" if count == 1 else "guesses of the spec are"
                 warn(

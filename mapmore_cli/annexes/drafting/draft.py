@@ -29,6 +29,9 @@ Column = str | int
 Raw = Mapping[Column, Sequence[Array]]
 """Values of every column, one array `(n,)` for each file."""
 
+Told = Mapping[str, Sequence[float]]
+"""Values of quantities that names of files tell, one for each recording."""
+
 Loc = tuple[str | int, ...]
 
 
@@ -46,10 +49,6 @@ class NamedColumn:
     scale: float = 1.0
     offset: float = 0.0
 
-    def at(self, column: Column) -> NamedColumn:
-        """Return the same of another column."""
-        return replace(self, column=column)
-
     def refers_to(self, name: str) -> bool:
         """Return True for a column that a person called by its name or place alone."""
         return self.column in (name, int(name) if name.isdigit() else name)
@@ -60,6 +59,10 @@ class NamedColumn:
         told = {key: getattr(self, key) for key in usual}
         changed = {key: value for key, value in told.items() if value not in usual[key]}
         return {"column": self.column, **changed}
+
+
+Named = dict[str, NamedColumn]
+"""Columns by the names of their quantities."""
 
 
 @dataclass(frozen=True)

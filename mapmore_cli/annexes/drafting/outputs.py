@@ -57,12 +57,12 @@ def _shared(specs: Sequence[dict[str, Any]]) -> tuple[dict[str, Any], list[dict[
     common: dict[str, Any] = {}
     rests: list[dict[str, Any]] = [{} for _ in specs]
     for key in {key: None for spec in specs for key in spec}:
-        values = [spec.get(key) for spec in specs]
+        values: list[Any] = [spec.get(key) for spec in specs]
         if all(value == values[0] for value in values):
             common[key] = values[0]
             continue
         if key in ("data", "columns", "units"):
-            common[key], values = _shared([value or {} for value in values])
+            common[key], values[:] = _shared([value or {} for value in values])
         for rest, value in zip(rests, values, strict=True):
             if value:
                 rest[key] = value

@@ -94,14 +94,14 @@ def _options(table: Table, but: Iterable[NamedColumn] = ()) -> tuple[Option, ...
 
 def _target(table: Table, view: View, answers: Answers) -> Question | None:
     with suppress(UsageError):  # while nobody says what is predicted
-        if answers.targets or view(answers):
+        if answers.target or view(answers):
             return None
 
     def take(reply: str) -> Answers:
         said = read_names("the target", reply)
         for one in said.values():
             find(table, one.column, "the target")
-        return replace(answers, targets=said)
+        return replace(answers, target=said)
 
     form = "numbers or titles; with a name and a unit as `force=6:N`"
     return Question("What is to be predicted?", _options(table), form, take)

@@ -17,15 +17,15 @@ from mapmore_cli.annexes.drafting.columns import (
     named_by_person,
     read_titles,
 )
-from mapmore_cli.annexes.drafting.draft import Column, Draft, NamedColumn
-from mapmore_cli.annexes.drafting.sources import Study, patterns
+from mapmore_cli.annexes.drafting.draft import Column, Draft, Named, Told
+from mapmore_cli.annexes.drafting.sources import Study, started
 from mapmore_cli.annexes.drafting.understanding import Understood
 from mapmore_cli.checking.evidence import MUCH, two_digits
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import DataError, SpecError
 from mapmore_cli.domain.recording import Dataset
 from mapmore_cli.ingestion.dataset import build_dataset
-from mapmore_cli.ingestion.files import IngestSlice, Meter, find_sources, relative_name
+from mapmore_cli.ingestion.files import IngestSlice, Meter, find_sources
 from mapmore_cli.ingestion.samples import Samples, read_tables
 from mapmore_cli.spec.sections.data import Data
 from mapmore_cli.spec.units import can_convert, convert, default_unit, is_canonical
@@ -81,15 +81,15 @@ def table_of(study: Study, folder: Path) -> Table:
     Where one cannot be read, every column is read by itself. Raises DataError where no column is
     left.
     """
-    layout = study.layout
+    layout, section = study.layout, started(study, folder).data
     last = DataError(f"{study.files[0].name}: no column has numbers", "fill its cells")
     try:
-        raw = _read_columns(study, folder, layout.columns)
+        raw = _read_columns(section, folder, layout.columns)
     except DataError:
         raw = {}
         for place, column in enumerate(layout.columns):
             try:
-                raw |= _read_columns(study, folder, (column,))
+                raw |= _read_columns(section, folder, (column,))
             except DataError as fault:
                 if isinstance(fault, NotANumber) and fault.known and place in layout.numeric:
                     raise
@@ -104,29 +104,21 @@ def table_of(study: Study, folder: Path) -> Table:
 
 
 def _read_columns(
-    study: Study, folder: Path, columns: Sequence[Column]
+    section: Mapping[str, Any], folder: Path, columns: Sequence[Column]
 ) -> dict[Column, list[Array]]:
     """Return the numbers of every column; of none that is empty in a file, or that mostly has
     words.
     """
     names = {f"column_{place}": column for place, column in enumerate(columns)}
-    some = study.files[:: -(-len(study.files) // MOST_FILES)]  # columns are the same in all
-    section = {
-        "files": [
-            {"path": relative_name(file, folder), "id": str(place)}
-            for place, file in enumerate(some)
-        ],
-        "reader": study.layout.reader,
-        **study.layout.settings,
-        "columns": {name: {"column": column} for name, column in names.items()},
-    }
+    entries = {name: {"column": column} for name, column in names.items()}
     units = {**dict.fromkeys(names, "1"), "time": "s"}
 
     def read(missing: Any) -> list[Samples]:
-        data = _Columns.model_validate({**section, "missing": missing})
-        sources = find_sources(data.files, folder)
-        meter = Meter(sources, lambda *_: None)
-        logs = [read_tables(source, data, data, units, meter) for source in sources]
+        data = _Columns.model_validate({**section, "columns": entries, "missing": missing})
+        every = find_sources(data.files, folder)
+        some = every[:: -(-len(every) // MOST_FILES)]  # columns are the same in all
+        meter = Meter(some, lambda *_: None)
+        logs = [read_tables(source, data, data, units, meter) for source in some]
         return [table for log in logs for table in log]
 
     missing, tables = _with_words(read)
@@ -234,9 +226,7 @@ def _with_losses_told(draft: Draft, dataset: Dataset) -> Draft:
     return draft
 
 
-def with_strain(
-    draft: Draft, length: float, told: Mapping[str, Sequence[float]]
-) -> tuple[Draft, str]:
+def with_strain(draft: Draft, length: float, told: Told) -> tuple[Draft, str]:
     """Return the draft with the strain that a length or a displacement makes of the muscle's own
     length in m, and which of them; empty where a column holds the strain, or there is none.
 
@@ -263,14 +253,12 @@ def with_strain(
     return draft.with_data("derive", {"strain": rules[measured]}, why, False), measured
 
 
-def with_second_log(
-    draft: Draft, second: Study, folder: Path, target: str, said: Mapping[str, NamedColumn]
-) -> Draft:
+def with_second_log(draft: Draft, second: Study, folder: Path, target: str, said: Named) -> Draft:
     """Return the draft with the pressure of a second log, shifted as the changes of the target and
     of the pressure tell, where they do.
     """
     table = table_of(second, folder)
-    columns = known_by_titles(table).columns
+    columns, _ = known_by_titles(table)
     columns |= named_by_person(said, table, "--columns", columns)
     if not {"time", "pressure"} <= columns.keys() or "time" not in draft.data["columns"]:
         raise DataError(
@@ -280,9 +268,7 @@ def with_second_log(
     steps = np.diff(table[columns["time"].column].values[0])
     usual = convert(float(np.median(steps[steps > 0])), columns["time"].unit, "s")
     entry: dict[str, Any] = {
-        "files": patterns(second.files, folder),
-        "reader": second.layout.reader,
-        **second.layout.settings,
+        **started(second, folder).data,
         "columns": {name: columns[name].as_spec() for name in ("time", "pressure")},
         "shift": "auto",
         "match": {"first": target, "second": "pressure"},

@@ -153,7 +153,9 @@ def _glob_of(parts: Sequence[str]) -> str:
     return f"{glob.escape(begin)}*{glob.escape(end[mark.start() :]) if mark else ''}"
 
 
-def started(study: Study, folder: Path, conditions: Sequence[Condition], remark: str) -> Draft:
+def started(
+    study: Study, folder: Path, conditions: Sequence[Condition] = (), remark: str = ""
+) -> Draft:
     """Return a draft with the name and the files; recordings for which the same values are set
     share an entry.
 

@@ -5,14 +5,14 @@ Titles, units and the person decide what columns are; nothing is guessed from va
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 from mapmore_cli.annexes.drafting.answers import Answers
 from mapmore_cli.annexes.drafting.columns import Table, find
-from mapmore_cli.annexes.drafting.draft import Draft, NamedColumn
+from mapmore_cli.annexes.drafting.draft import Draft, Named
 from mapmore_cli.annexes.drafting.experiment import find_held, with_experiment
 from mapmore_cli.annexes.drafting.like import with_paper
 from mapmore_cli.annexes.drafting.names import numbered_groups, tests_of
@@ -90,9 +90,7 @@ def propose(
     return drafts
 
 
-def _shared_out(
-    columns: Mapping[str, NamedColumn], table: Table
-) -> tuple[dict[str, NamedColumn], dict[str, NamedColumn]]:
+def _shared_out(columns: Named, table: Table) -> tuple[Named, Named]:
     """Return the named columns that a table has, and those of another log."""
     here = {}
     for name, one in columns.items():
