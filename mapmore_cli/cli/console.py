@@ -101,6 +101,10 @@ NONE: list[Any] = []
 # --------------------------------------------------------------------------------------------------
 
 
+Document = dict[str, Any]
+"""Members of a JSON document."""
+
+
 @dataclass(frozen=True)
 class View:
     """A result as the members of one JSON document, as tables, and as closing lines for people."""
@@ -114,7 +118,7 @@ class View:
         return View({**head, **self.document}, self.tables, self.lines)
 
 
-def picked(of: object, *names: str) -> dict[str, Any]:
+def picked(of: object, *names: str) -> Document:
     """Return attributes by their names, or as `key=attribute` by another."""
     return {(parts := name.split("="))[0]: getattr(of, parts[-1]) for name in names}
 

@@ -16,6 +16,7 @@ from mapmore_cli.cli.console import (
     RUNS,
     AsJson,
     Config,
+    Document,
     Explain,
     Force,
     Junit,
@@ -137,7 +138,7 @@ def _of_outcome(
     from mapmore_cli.storage.run_folder import RunFiles
 
     done = outcome.run_dir
-    head: dict[str, Any] = {"name": outcome.name, "run_dir": str(done), "stages": outcome.stages}
+    head: Document = {"name": outcome.name, "run_dir": str(done), "stages": outcome.stages}
     if "search" in outcome.stages and (search := RunFiles(done).search()):
         head["search"] = search_document(search)
     if finished is None:

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from mapmore_cli.annexes.drafting.answers import Hold
-from mapmore_cli.annexes.drafting.draft import Draft, Told
+from mapmore_cli.annexes.drafting.draft import Draft, Section, Told
 from mapmore_cli.annexes.drafting.recordings import BREAK
 from mapmore_cli.checking.evidence import MUCH, settling, two_digits
 from mapmore_cli.domain.errors import DataError, UsageError
@@ -194,7 +193,7 @@ def _with_static_samples(draft: Draft, recordings: Sequence[Recording], held: He
 
 
 def _with_levels(draft: Draft, held: Held) -> Draft:
-    levels: dict[str, Any] = {"of": held.of, "at": [float(f"{level:.6g}") for level in held.at]}
+    levels: Section = {"of": held.of, "at": [float(f"{level:.6g}") for level in held.at]}
     why = f"{held.why}: {held.of} was held, in {default_unit(held.of, draft.spec.get('units', {}))}"
     if held.within is not None:
         levels["within"] = held.within

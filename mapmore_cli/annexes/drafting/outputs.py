@@ -7,16 +7,19 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from mapmore_cli.annexes.drafting.draft import Draft, yaml_text
+from mapmore_cli.annexes.drafting.draft import Draft, Section, yaml_text
+
+Files = dict[Path, tuple[str, Draft]]
+"""The text of every file, and the draft that it is of."""
 
 
-def as_files(drafts: Sequence[Draft], output: Path | None) -> dict[Path, tuple[str, Draft]]:
+def as_files(drafts: Sequence[Draft], output: Path | None) -> Files:
     """Return the text of every file, and the draft that it is of: a spec for each study; for a
     study of several outputs a campaign, a fragment with what its specs share, and a spec for each.
 
     The first file is `output` where that is given, and those beside it have its name.
     """
-    files: dict[Path, tuple[str, Draft]] = {}
+    files: Files = {}
     studies: dict[str, list[Draft]] = {}
     for draft in drafts:
         studies.setdefault(draft.of or draft.name, []).append(draft)
@@ -29,7 +32,7 @@ def as_files(drafts: Sequence[Draft], output: Path | None) -> dict[Path, tuple[s
     return files
 
 
-def _campaign(name: str, own: Sequence[Draft], first: Path) -> dict[Path, tuple[str, Draft]]:
+def _campaign(name: str, own: Sequence[Draft], first: Path) -> Files:
     shared = first.with_name(f"_{first.name}")
     common, rests = _shared([draft.spec for draft in own])
     specs = {
@@ -50,12 +53,12 @@ def _campaign(name: str, own: Sequence[Draft], first: Path) -> dict[Path, tuple[
     }
 
 
-def _shared(specs: Sequence[dict[str, Any]]) -> tuple[dict[str, Any], list[dict[str, Any]]]:
+def _shared(specs: Sequence[Section]) -> tuple[Section, list[Section]]:
     """Return what all specs have alike, and what each has beyond; `data`, its columns and units
     are looked at key by key.
     """
-    common: dict[str, Any] = {}
-    rests: list[dict[str, Any]] = [{} for _ in specs]
+    common: Section = {}
+    rests: list[Section] = [{} for _ in specs]
     for key in {key: None for spec in specs for key in spec}:
         values: list[Any] = [spec.get(key) for spec in specs]
         if all(value == values[0] for value in values):

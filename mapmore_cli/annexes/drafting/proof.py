@@ -7,11 +7,11 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mapmore_cli.annexes.drafting.draft import Draft, Note
+from mapmore_cli.annexes.drafting.draft import Draft, Note, Section
 from mapmore_cli.annexes.search.searching import search
 from mapmore_cli.annexes.search.stage import search_slice
 from mapmore_cli.checking.evidence import two_digits
@@ -100,13 +100,13 @@ def _tried(draft: Draft, folder: Path, budget: float, progress: Progress) -> tup
     return draft, score_in_words(own, min(known, key=lambda row: row.rmse, default=None))
 
 
-def _loaded(spec: dict[str, Any], folder: Path) -> LoadedSpec:
+def _loaded(spec: Section, folder: Path) -> LoadedSpec:
     return load_text(dump(spec), "draft.yaml", folder)
 
 
 def _with_structure(draft: Draft, found: Search) -> Draft:
     """Return the draft with the sections that a search has found, and how."""
-    sections: dict[str, Any] = {}
+    sections: Section = {}
     for key, value in found.found.sections.items():
         section, _, inner = key.partition(".")
         sections[section] = {**sections.get(section, {}), inner: value} if inner else value

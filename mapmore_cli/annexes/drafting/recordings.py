@@ -17,7 +17,7 @@ from mapmore_cli.annexes.drafting.columns import (
     named_by_person,
     read_titles,
 )
-from mapmore_cli.annexes.drafting.draft import Column, Draft, Named, Told
+from mapmore_cli.annexes.drafting.draft import Column, Draft, Named, Section, Told
 from mapmore_cli.annexes.drafting.sources import Study, started
 from mapmore_cli.annexes.drafting.understanding import Understood
 from mapmore_cli.checking.evidence import MUCH, two_digits
@@ -150,7 +150,8 @@ def with_columns(draft: Draft, known: Understood, target: str, table: Table) -> 
         for name, one in columns.items()
         if not is_canonical(name) and one.unit != "1"
     }
-    if units := units | draft.spec.get("units", {}):
+    told = {one.quantity: one.unit for one in known.conditions if one.unit}
+    if units := units | {name: unit for name, unit in told.items() if not is_canonical(name)}:
         draft = draft.with_section("units", units)
     if "time" in columns:
         draft = draft.without("data.sample_time")
@@ -267,7 +268,7 @@ def with_second_log(draft: Draft, second: Study, folder: Path, target: str, said
         )
     steps = np.diff(table[columns["time"].column].values[0])
     usual = convert(float(np.median(steps[steps > 0])), columns["time"].unit, "s")
-    entry: dict[str, Any] = {
+    entry: Section = {
         **started(second, folder).data,
         "columns": {name: columns[name].as_spec() for name in ("time", "pressure")},
         "shift": "auto",

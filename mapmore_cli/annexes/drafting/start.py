@@ -34,7 +34,6 @@ from mapmore_cli.annexes.drafting.sources import (
 from mapmore_cli.annexes.drafting.understanding import Understood, understood
 from mapmore_cli.checking.evidence import Unequal, unequal
 from mapmore_cli.domain.errors import DataError, SpecError, UsageError
-from mapmore_cli.spec.units import is_canonical
 
 Search = Callable[[Draft, Path], Draft]
 """Returns a draft with the model that was found for it, given the folder that its paths start at.
@@ -80,9 +79,17 @@ def propose(
     if ask is not None:
         answers = interview(table, view, answers, ask)
     known = view(answers)
+    told, group = [*known.conditions], answers.group
+    if group is not None:
+        told.append(numbered_groups(study.names, group))
     drafts = []
     for target in known.targets:
-        draft = _with_data(study, folder, known, target, answers.group)
+        draft = started(study, folder, told, known.remark)
+        if group is not None:
+            draft = draft.with_data("groups", {"of": group}, "you; each is scored by itself")
+        if len(known.targets) > 1:
+            name = f"{study.name}-{target}"
+            draft = replace(draft.with_section("name", name), of=study.name)
         draft = with_columns(draft, known, target, table)
         if second is not None and "pressure" not in known.columns:
             draft = with_second_log(draft, second, folder, target, beside)
@@ -98,23 +105,6 @@ def _shared_out(columns: Named, table: Table) -> tuple[Named, Named]:
             find(table, one.column, "--columns")
             here[name] = one
     return here, {name: one for name, one in columns.items() if name not in here}
-
-
-def _with_data(
-    study: Study, folder: Path, known: Understood, target: str, group: str | None
-) -> Draft:
-    """Return a draft with the files of a study, and what their names tell."""
-    conditions = list(known.conditions)
-    if group is not None:
-        conditions.append(numbered_groups(study.names, group))
-    draft = started(study, folder, conditions, known.remark)
-    if group is not None:
-        draft = draft.with_data("groups", {"of": group}, "you; each is scored by itself")
-    if len(known.targets) > 1:
-        draft = replace(draft, spec={**draft.spec, "name": f"{study.name}-{target}"}, of=study.name)
-    units = {one.quantity: one.unit for one in conditions if one.unit}
-    units = {name: unit for name, unit in units.items() if not is_canonical(name)}
-    return draft.with_section("units", units) if units else draft
 
 
 def _with_experiment(
