@@ -39,6 +39,7 @@ from mapmore_cli.spec.tree import (
     SourceText,
     merged,
     nearest,
+    values_at,
     with_child,
     without,
     written,
@@ -364,32 +365,15 @@ def _with_units(root: Node) -> Node:
     Per cent is a plain number where `units` does not name it.
     """
     units = root.child("units") or Node({}, root.at)
-    data = root.child("data")
-    if data is None or not isinstance(units.value, dict):
+    if not isinstance(units.value, dict):
         return root
-    joined = data.child("join")
-    tables = (
-        data,
-        *(joined.value if joined is not None and isinstance(joined.value, list) else ()),
-    )
     found = dict(units.value)
-    for columns in (table.child("columns") for table in tables):
-        for name, column in (
-            columns.value.items() if columns is not None and isinstance(columns.value, dict) else ()
-        ):
-            unit = column.child("unit")
-            if (
-                name not in found
-                and default_unit(name) == "1"
-                and unit is not None
-                and is_kept(str(unit.value))
-            ):
-                found[name] = unit
-    return (
-        with_child(root, "units", replace(units, value=found))
-        if len(found) > len(units.value)
-        else root
-    )
+    for place in ("data.columns.*.unit", "data.join.*.columns.*.unit"):
+        for way, unit in values_at(written(root), place):
+            name = str(way[-2])
+            if name not in found and default_unit(name) == "1" and is_kept(str(unit)):
+                found[name] = nearest(root, way)
+    return with_child(root, "units", replace(units, value=found)) if found else root
 
 
 # Overrides
