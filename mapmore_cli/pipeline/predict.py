@@ -20,7 +20,7 @@ from mapmore_cli.modelling.inverse import LOWEST, invert, solve_for_input
 from mapmore_cli.modelling.kinds import outside_range, running, runs_over_time, simulate
 from mapmore_cli.modelling.literature.family import adapted, family_of
 from mapmore_cli.modelling.literature.own import is_family
-from mapmore_cli.modelling.memory.records import AtSample, numbered
+from mapmore_cli.modelling.memory.records import AtSample, complete, numbered
 from mapmore_cli.modelling.program.model import slopes
 from mapmore_cli.modelling.signals.rates import with_signals
 from mapmore_cli.modelling.validation.intervals import (
@@ -35,7 +35,6 @@ from mapmore_cli.pipeline.records import (
     Sheet,
     between_gaps,
     by_recording,
-    complete,
     reading_of,
 )
 
@@ -46,7 +45,7 @@ FLAG = "outside_range"
 
 
 @dataclass(frozen=True)
-class Wanted:
+class Predictor:
     """What is added to every row of a table: the output, or the input that the model is inverted
     for; the interval of a `level`; derivatives.
     """
@@ -111,7 +110,8 @@ class Wanted:
         """Return the new fields of every row of a block, and the rows at which a free run
         diverges.
         """
-        known = complete(columns, self.reading.columns)
+        needed = (columns[name] for name in self.reading.columns)
+        known = np.flatnonzero(complete(needed, len(block)))
         added = ["," * (len(self.names) - 1)] * len(block)
         if not len(known):
             return added, []
@@ -176,9 +176,9 @@ def predicted_lines(
     reading = (
         reading_of(model, table.names) if turned_for is None else _reading_turned(model, turned_for)
     )
-    wanted = Wanted(model, reading, interval, derivatives)
-    places = table.places(reading.columns + reading.outputs, wanted.names)
-    yield from table.extended([table.header], [",".join(wanted.names)])
+    predictor = Predictor(model, reading, interval, derivatives)
+    places = table.places(reading.columns + reading.outputs, predictor.names)
+    yield from table.extended([table.header], [",".join(predictor.names)])
     predicted = beyond = 0
     in_parts = not reading.signals and running(model) is not None
     blocks: Iterator[tuple[list[Row], bool]]
@@ -188,7 +188,7 @@ def predicted_lines(
     for block, begins in blocks:
         if begins:
             run = (running(model) if in_parts else None) or partial(simulate, model)
-        cells, diverged = wanted.cells(label, block, table.values(block, places), run)
+        cells, diverged = predictor.cells(label, block, table.values(block, places), run)
         for start in diverged:
             warn(
                 f"{label}:row {block[start].line}: the free run diverges; there is no "
@@ -233,7 +233,7 @@ def inverted_lines(
     places = table.places(needed, added)
     block = list(table.rows)
     columns = table.values(block, places)
-    known = complete(columns)
+    known = np.flatnonzero(complete(columns.values(), len(block)))
     cells = [",,"] * len(block)
     if len(known):
         given = {column: values[known] for column, values in columns.items()}
@@ -297,7 +297,7 @@ def adapt(
         if not block:
             raise table.empty()
         columns = table.values(block, places)
-        known = complete(columns)
+        known = complete(columns.values(), len(block))
         columns = {name: values[known] for name, values in columns.items()}
     target = columns.pop(model.output.name)
     fit = adapted(model.body.fit, columns, target, constants[of])

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import Array, Columns, IntArray
+from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import DataError, UsageError
 from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.recording import Signal
@@ -28,12 +28,6 @@ RECORDING = "recording"
 
 GAP = 10
 """Times the usual step: a longer one is a gap, after which nothing of the past is known."""
-
-
-def complete(columns: Columns, names: Iterable[str] | None = None) -> IntArray:
-    """Return the rows in which all columns, or those of some `names`, are finite, (k,)."""
-    finite = [np.isfinite(columns[name]) for name in names or columns]
-    return np.flatnonzero(np.logical_and.reduce(finite))
 
 
 def by_recording(

@@ -12,7 +12,7 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, TypedDict
+from typing import TypedDict
 
 from mapmore_cli.checking import findings
 from mapmore_cli.domain.errors import DataError, MapmoreError, RunWarning, SpecError, WriteError
@@ -30,6 +30,7 @@ from mapmore_cli.pipeline.staleness import (
     plans_of,
     refuse_circle,
 )
+from mapmore_cli.spec.loader import LoadedSpec
 from mapmore_cli.storage.atomic import refusals_told, write_text
 from mapmore_cli.storage.run_folder import (
     RunFiles,
@@ -49,9 +50,6 @@ from mapmore_cli.storage.run_record import (
     stamps_of,
     tool_versions,
 )
-
-if TYPE_CHECKING:
-    from mapmore_cli.spec.loader import LoadedSpec
 
 RESOLVED_SPEC = "experiment.yaml"
 FOUND = "found.yaml"

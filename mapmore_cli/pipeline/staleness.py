@@ -10,7 +10,7 @@ import os
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from pydantic_core import to_jsonable_python
 
@@ -19,10 +19,9 @@ from mapmore_cli.domain.errors import DataError, SpecError
 from mapmore_cli.fitting.stage import Need, Stage
 from mapmore_cli.modelling.selection import AUTO
 from mapmore_cli.spec.experiment import Competitor, ExperimentSpec
+from mapmore_cli.spec.loader import LoadedSpec, load
+from mapmore_cli.spec.yaml_loader import as_overrides
 from mapmore_cli.storage.run_record import StageRecord, Stamp, load_records, take_stamp
-
-if TYPE_CHECKING:
-    from mapmore_cli.spec.loader import LoadedSpec
 
 MODEL_STAGE = "fuse"
 """The stage after which a run has the model that others read."""
@@ -76,8 +75,6 @@ def needed_runs(stage: Stage, loaded: LoadedSpec) -> tuple[Needed, ...]:
 
     Raises SpecError where a needed spec is missing or wrong.
     """
-    from mapmore_cli.spec.loader import load
-
     return tuple(
         Needed(need, _varied(loaded, need) if need.overrides else load(loaded.folder / need.key))
         for need in stage.needs(loaded.spec)
@@ -104,8 +101,6 @@ def refuse_circle(loaded: LoadedSpec, heirs: tuple[Path, ...] = ()) -> None:
     """Raise SpecError where runs are built on each other in a circle; `heirs` are the specs that
     led to this one. A run that is compared needs what its model is built on.
     """
-    from mapmore_cli.spec.loader import load
-
     spec, chain = loaded.spec, (*heirs, loaded.path.resolve())
     paths = {spec.needs.static, spec.needs.damping, *(part.model for part in spec.model.sum or ())}
     if not heirs:
@@ -124,9 +119,6 @@ def _varied(loaded: LoadedSpec, variation: Need) -> LoadedSpec:
     """Return the spec with other settings, and without competitors: it is one, and those of the
     spec may not suit it.
     """
-    from mapmore_cli.spec.loader import load
-    from mapmore_cli.spec.yaml_loader import as_overrides
-
     own = {
         "name": f"{loaded.spec.name}.{variation.key}",
         "validate.against": [],

@@ -406,3 +406,7 @@ def _of_pieces(spec: ExperimentSpec) -> Iterator[Finding]:
         held=held,
         target=target,
     )
+
+
+CHECKS = (names_of_quantities, derivations, clocks, terms, along_recordings, idle)
+"""The checks of this file, each of which yields what it finds in a spec."""

@@ -623,3 +623,10 @@ def units(spec: ExperimentSpec) -> Iterator[Finding]:
 
 def _unit_findings(loc: Loc, unit: str, wanted: str) -> list[Finding]:
     return [*refused(loc, check_unit, unit)] or [*refused(loc, convert, 1.0, unit, wanted)]
+
+
+CHECKS = (
+    *(segmented, leaving_out, groups, after_cycles, chosen_levels, target, kind, of_kinds),
+    *(formulas, competitors, own_formulas, shapes, metrics, units),
+)
+"""The checks of this file, each of which yields what it finds in a spec."""

@@ -27,7 +27,7 @@ from pydantic import (
 from mapmore_cli.domain.declared import Contradiction, Either, InUnit, OfKey, always_in
 from mapmore_cli.domain.errors import SpecError
 from mapmore_cli.modelling.literature.own import is_definition
-from mapmore_cli.spec.tree import Node, Written, values_at, written
+from mapmore_cli.spec.tree import Loc, Node, Written, values_at, written
 from mapmore_cli.spec.units import (
     CANONICAL,
     default_unit,
@@ -120,8 +120,10 @@ class Context:
         """Keep which keys a section knows, for messages about others."""
         self.known.setdefault(id(given), (given, []))[1].extend(keys)
 
-    def keys_of(self, given: Any) -> tuple[str, ...]:
-        """Return the keys that the sections which have read a mapping know."""
+    def keys_at(self, given: Any, loc: Loc) -> tuple[str, ...]:
+        """Return the keys that the sections which have read a part of what was given know."""
+        for step in loc:
+            given = given[step]
         return tuple(dict.fromkeys(self.known.get(id(given), ({}, []))[1]))
 
     def converted(self, given: Any, unit_of: Callable[[Place], str | None]) -> Any:

@@ -47,33 +47,10 @@ from mapmore_cli.spec.tree import (
 from mapmore_cli.spec.units import default_unit, is_kept
 from mapmore_cli.spec.yaml_loader import VARIABLES, dump, escaped, expand, parse, read_source
 
-CHECKS = (
-    check_names.names_of_quantities,
-    check_names.derivations,
-    check_names.clocks,
-    check_names.terms,
-    check_names.along_recordings,
-    check_names.idle,
-    check_study.segmented,
-    check_study.leaving_out,
-    check_study.groups,
-    check_study.after_cycles,
-    check_study.chosen_levels,
-    check_study.target,
-    check_study.kind,
-    check_study.of_kinds,
-    check_study.formulas,
-    check_study.competitors,
-    check_study.own_formulas,
-    check_study.shapes,
-    check_study.metrics,
-    check_study.units,
-)
-
 
 def findings(spec: ExperimentSpec) -> Iterator[Finding]:
     """Every mistake of an experiment whose form is right."""
-    for check in CHECKS:
+    for check in (*check_names.CHECKS, *check_study.CHECKS):
         yield from check(spec)
 
 
@@ -178,7 +155,7 @@ def _validated(
         spec = model.model_validate(given, context=context)
         later = [locate(finding, root) for finding in check(spec)]
     except ValidationError as error:
-        keys_at = partial(_keys_at, given, context)
+        keys_at = partial(context.keys_at, given)
         later = [
             *explain(error, root, keys_at),
             *_further_mistakes(error, root, keys_at, model, check),
@@ -191,13 +168,6 @@ def _validated(
     if isinstance(spec, ExperimentSpec) and path.is_file():
         spec._unconfirmed = questions_in(path.read_text(encoding="utf-8-sig"))
     return Loaded(spec, path, path.parent, tuple(overrides), root)
-
-
-def _keys_at(given: Any, context: Context, loc: Loc) -> tuple[str, ...]:
-    """Return the keys that the sections which have read a part of what was given know."""
-    for step in loc:
-        given = given[step]
-    return context.keys_of(given)
 
 
 def _further_mistakes(
@@ -225,7 +195,7 @@ def _further_mistakes(
                 if not ("dictionary" in sections and finding.loc[0] == "fit")
             ]
         except ValidationError as still:  # what was left out was required: its section goes next
-            error, keys_at = still, partial(_keys_at, given, context)
+            error, keys_at = still, partial(context.keys_at, given)
 
 
 def _echoes(loc: Loc) -> bool:
