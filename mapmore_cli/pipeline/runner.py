@@ -296,12 +296,6 @@ class _Run:
             )
             with one_blas_thread():
                 stage.run(plan.part, workspace)
-            written = {path.name for path in out.iterdir()}
-            if written != set(stage.outputs):  # the stage itself is wrong
-                raise RuntimeError(
-                    f"stage {stage.name} wrote {sorted(written)} and declares "
-                    f"{sorted(stage.outputs)}"
-                )
             outputs = stamps_of(out, stage.outputs)
             swap_in(out, self.run_dir, stage.outputs)
         seconds, why = round(time.perf_counter() - started, 3), plan.reason or ""

@@ -229,17 +229,11 @@ def _problem(details: ErrorDetails, root: Node, keys_at: KeysAt) -> Mistake:
     node = nearest(root, loc)
     name = f"`{_dotted(loc)}`" if loc else "the spec"
     # a key that would be a quantity, but whose value says that a near one is meant
-    for depth, key in enumerate(loc):
-        known = keys_at(loc[:depth])
-        if (
-            known
-            and isinstance(key, str)
-            and key not in known
-            and get_close_matches(key, known, n=1, cutoff=0.75)
-        ):
-            return Mistake(
-                nearest(root, loc[: depth + 1]).start, *_unknown_key(loc[: depth + 1], known)
-            )
+    for depth, key in enumerate(loc, start=1):
+        known = keys_at(loc[: depth - 1])
+        near = () if key in known else get_close_matches(str(key), known, n=1, cutoff=0.75)
+        if near:
+            return Mistake(nearest(root, loc[:depth]).start, *_unknown_key(loc[:depth], known))
     match details["type"]:
         case kind if kind in _UNKNOWN:
             return Mistake(node.start, *_unknown_key(loc, keys_at(loc[:-1])))
@@ -355,13 +349,9 @@ def _value_in_words(value: object) -> str:
         return shape(value).strip("<>")
     text = str(value)
     text = text if len(text) <= 40 else text[:40] + "..."
-    return (
-        f"the text {text!r}"
-        if isinstance(value, str)
-        else text.lower()
-        if isinstance(value, bool)
-        else text
-    )
+    if isinstance(value, str):
+        return f"the text {text!r}"
+    return text.lower() if isinstance(value, bool) else text
 
 
 def _shape_remedy(expected: str, value: object) -> str | None:
