@@ -125,12 +125,8 @@ class LoadedModel:
             sources = _SOURCES.validate_python(
                 {name: {**entry, "column": source_of(entry)} for name, entry in columns.items()}
             )
-        known = {
-            name
-            for name in {*sources, *map(str, labels_of(frame) or ())}
-            if columns_in(frame, name)
-            or (name in sources and columns_in(frame, sources[name].column))
-        }
+        known = {name for name, one in sources.items() if columns_in(frame, one.column)}
+        known |= {*map(str, labels_of(frame) or ())}
         signals = {signal.name for signal in self.model.signals}
         reading = reading_of(self.model, known if "time" in known else known | signals)
         wanted = tuple(dict.fromkeys((*reading.columns, *reading.outputs)))

@@ -165,7 +165,7 @@ def clocks(spec: ExperimentSpec) -> Iterator[Finding]:
         if first is not None and first not in have:
             what = f"there is no quantity `{first}` in the first log"
             loc: Loc = ("data", "join", i, "match", "first")
-            yield Finding(loc, what, did_you_mean(first, have, "name one of"))
+            yield Finding(loc, what, did_you_mean(first, have))
         for name in taken & {*join.quantities}:
             yield Finding(
                 ("data", "join", i, "columns", name),

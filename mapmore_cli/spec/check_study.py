@@ -263,6 +263,16 @@ def kind(spec: ExperimentSpec) -> Iterator[Finding]:
     family = () if model.family is None else ("pressure", "strain", model.family.of)
     tries_fits = any(getattr(cut, "method", None) == "optimal" for cut in spec.segment.values())
     is_own = not isinstance(spec.target, TargetColumn) or scored_as == spec.target.column
+    for name in family:
+        yield from told(
+            (
+                name not in spec.data.quantities,
+                "model.family:",
+                "a family needs the quantity `{name}`",
+                "add `{name}` to `columns`, or `set` it beside the files",
+            ),
+            name=name,
+        )
     weighed = sorted({"loss", "weight"} & {*spec.fit.changed})
     yield from told(
         *(
@@ -273,15 +283,6 @@ def kind(spec: ExperimentSpec) -> Iterator[Finding]:
                 "remove it, or fit terms of a `dictionary`",
             )
             for key in weighed[:1]
-        ),
-        *(
-            (
-                name not in spec.data.quantities,
-                "model.family:",
-                f"a family needs the quantity `{name}`",
-                f"add `{name}` to `columns`, or `set` it beside the files",
-            )
-            for name in family
         ),
         (
             model.backbone == AUTO and spec.has_memory,
@@ -387,7 +388,7 @@ def _needs(spec: ExperimentSpec, name: str, formula: Formula, loc: Loc) -> Itera
     is_own, is_backbone = loc[0] == "model", loc == ("model", "backbone")
     of_cycles = formula.fitted_to == literature.LOAD_CYCLES
     beside, muscle = "name it in `validate.against`", spec.muscle
-    beyond = f"use `type: literature` with `{name}`" if is_backbone else None
+    beyond = "use `type: literature` with `{name}`" if is_backbone else None
     yield from told(
         (
             loc == ("model", "name") and not formula.inputs,
@@ -597,7 +598,8 @@ def metrics(spec: ExperimentSpec) -> Iterator[Finding]:
     for name in spec.validation.require:
         if name not in METRICS:
             known = did_you_mean(name, METRICS)
-            yield Finding(f"validate.require.{name}:", f"there is no metric `{name}`", known)
+            loc = ("validate", "require", name)
+            yield Finding(loc, f"there is no metric `{name}`", known, on_key=True)
 
 
 def units(spec: ExperimentSpec) -> Iterator[Finding]:

@@ -180,9 +180,8 @@ def _further_mistakes(
         return []
     sections = set[str | int]()
     while True:
-        for loc, meant in sorted(
-            lost(error, root, keys_at), key=lambda one: _last_items_first(one[0]), reverse=True
-        ):
+        # the last items of a list first, so that the numbers of those before them stay
+        for loc, meant in sorted(lost(error, root, keys_at), key=_place_among_items, reverse=True):
             if meant is not None and _echoes(meant):
                 return []
             root = without(root, loc)
@@ -207,11 +206,8 @@ def _echoes(loc: Loc) -> bool:
     )
 
 
-def _last_items_first(loc: Loc) -> tuple[tuple[int, str], ...]:
-    """Sorts ways so that, in reverse, removing one list item leaves the numbers of those before
-    it.
-    """
-    return tuple((step, "") if isinstance(step, int) else (0, step) for step in loc)
+def _place_among_items(lost: tuple[Loc, Loc | None]) -> list[tuple[int, str]]:
+    return [(step, "") if isinstance(step, int) else (0, step) for step in lost[0]]
 
 
 # Open questions
