@@ -231,7 +231,7 @@ def compose(
         # as many entries side by side as fit, by the longest, and rows of nearly one length
         most = max(1, int(width / (letter * (max(map(len, labels)) + 7.6))))
         ncols = math.ceil(len(labels) / math.ceil(len(labels) / most))
-        figure.legend(handles, labels, loc="outside upper left", ncols=ncols)
+        figure.legend(handles, labels, loc="outside upper left", ncols=ncols, markerscale=1.4)
     figure.align_ylabels()
     # once, so that the places are the same in every format
     ConstrainedLayoutEngine().execute(figure)
