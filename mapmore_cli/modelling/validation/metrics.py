@@ -277,7 +277,7 @@ def bands(dataset: Dataset, predictions: Mapping[str, tuple[Array, ...]]) -> tup
             for model, own in zip(said, values, strict=True):
                 error = own - of
                 rows: Any = wanted & np.isfinite(error)
-                rows = slice(None) if rows.all() else rows
+                rows = slice(None) if rows.all() else rows  # a copy costs more than the sums
                 known[model] += np.bincount(inside[rows], minlength=count)
                 squares[model] += np.bincount(inside[rows], error[rows] ** 2, count)
     with np.errstate(invalid="ignore"):
