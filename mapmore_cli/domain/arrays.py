@@ -179,7 +179,7 @@ def picked(values: Any, rows: IntArray | BoolArray) -> Any:
     return stacked(parts())[0]
 
 
-def _ascends_by_one(rows: IntArray) -> bool:
+def _ascends_by_one(rows: Any) -> bool:
     return all((np.diff(block) == 1).all() for (block,) in in_blocks(rows, overlap=1))
 
 

@@ -166,12 +166,9 @@ class Sums(NamedTuple):
     def together(cls, parts: Iterable[Sums]) -> Sums:
         """Return the sums over all parts."""
         *squares, worst, given, inside, chi2, weight, widths = zip(*parts, strict=True)
-        return cls(
-            *map(Squares.together, squares),
-            float(np.max(worst)),
-            *map(sum, (given, inside, chi2, weight)),
-            sum(widths, ()),
-        )
+        found: Any = [*map(Squares.together, squares), float(np.max(worst))]
+        found += [*map(sum, (given, inside, chi2, weight)), sum(widths, ())]
+        return cls(*found)
 
     @property
     def correlation(self) -> float:
