@@ -6,7 +6,8 @@ digits. Its triangular factor may stand for it.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -28,8 +29,11 @@ from mapmore_cli.modelling.frols.select import (
     Remainders,
     Stopping,
     selected,
+    to_explain,
+    widened,
 )
-from mapmore_cli.modelling.frols.weighing import Weighing
+from mapmore_cli.modelling.frols.together import Output, chosen_together
+from mapmore_cli.modelling.frols.weighing import Weighing, reweighted
 
 # a downdated `q'q` below this fraction of `p'p` has lost too many digits (anything of 1e-4..1e-10
 # would serve)
@@ -271,8 +275,11 @@ def frols(
             return _by_basis(P, y, stopping)
         return _by_basis(P / sigma[:, None], y / sigma, stopping, sigma)
 
-    weighing = weighing or Weighing()
-    found = weighing.selection(select, lambda chosen: blocks_of_rows(P[:, chosen], y))
+    (found,) = reweighted(
+        [weighing or Weighing()],
+        lambda sigmas: [select(*sigmas)],
+        [lambda chosen: blocks_of_rows(P[:, chosen], y)],
+    )
     return replace(found, candidates=tuple(names)) if names else found
 
 
@@ -297,9 +304,59 @@ def frols_streamed(
     Raises DataError where a value is not finite, with its column and its row counted over all
     blocks; ValueError where there is no row or no column, or `max_terms` is below one.
     """
-    stopping, weighing = Stopping(max_terms, tolerance, stop), weighing or Weighing()
-    of = only or (lambda chosen: lambda: ((P[:, chosen], y) for P, y in blocks()))
-    return weighing.selection(lambda sigma: _by_gram(blocks, stopping, sigma), of)
+    problem = Problem(blocks, weighing or Weighing(), only)
+    return frols_together([problem], max_terms, tolerance, stop=stop)[0]
+
+
+@dataclass(frozen=True)
+class Problem:
+    """One output to explain: the `blocks` of candidates and output, how samples weigh, and the
+    blocks of some candidates (`only`), where those come sooner than by all.
+    """
+
+    blocks: Blocks
+    weighing: Weighing = Weighing()
+    only: Callable[[IntArray], Blocks] | None = None
+
+    def of(self, chosen: IntArray) -> Blocks:
+        """Return the blocks of some candidates."""
+        if self.only is not None:
+            return self.only(chosen)
+        return lambda: ((P[:, chosen], y) for P, y in self.blocks())
+
+
+def frols_together(
+    problems: Sequence[Problem],
+    max_terms: int | None = None,
+    tolerance: float = 0.0,
+    *,
+    stop: str = "tolerance",
+) -> tuple[Selection, ...]:
+    """Select the same columns for several outputs, one selection each: the highest sum of their
+    error reduction ratios wins (Billings 2013, section 3.4).
+
+    With outputs `y_j` it is `sum_j (y_j'q)^2 / (q'q y_j'y_j)`, so that the unit of an output does
+    not matter. Every output then has the chosen columns with coefficients of its own. Of one
+    output it is `frols_streamed`, and arguments and errors are the same. Candidates have one order
+    in all problems. The tolerance ends the choice when every output is within it; criteria count
+    the sum over outputs.
+    """
+    stopping = Stopping(max_terms, tolerance, stop)
+
+    def select(sigmas: Sequence[Array | None]) -> Sequence[Selection]:
+        if len(problems) == 1:
+            return [_by_gram(problems[0].blocks, stopping, *sigmas)]
+        compact = [_compact(one.blocks, sigma) for one, sigma in zip(problems, sigmas, strict=True)]
+        chosen, why = chosen_together(compact, stopping)
+        alone = Stopping(max(1, len(chosen)), 0.0, "tolerance")
+        found = [
+            widened(_by_gram(one.of(chosen), alone, sigma), chosen, compact[0].candidates)
+            for one, sigma in zip(problems, sigmas, strict=True)
+        ]
+        return [replace(one, stop=why) for one in found]
+
+    weighings = [one.weighing for one in problems]
+    return reweighted(weighings, select, [one.of for one in problems])
 
 
 def reads_once(n: int, M: int, terms: int) -> bool:
@@ -321,12 +378,26 @@ def _by_gram(blocks: Blocks, stopping: Stopping, sigma: Array | None = None) -> 
     try:
         return selected(GramRemainders(matrix, rows), *rest)
     except DigitsLost:
-        P, y = (
-            map(np.concatenate, zip(*rows(), strict=True))
-            if samples * len(scale) <= SMALL
-            else triangle(rows)
-        )
+        P, y = _fewer_rows(rows, samples, len(scale))
         return selected(BasisRemainders(P, y, limit), *rest)
+
+
+def _fewer_rows(blocks: Blocks, samples: int, width: int) -> tuple[Array, Array]:
+    """Return `P` and `y` as they are where they are small, else their triangular factor."""
+    if samples * width <= SMALL:
+        P, y = map(np.concatenate, zip(*blocks(), strict=True))
+        return P, y
+    return triangle(blocks)
+
+
+def _compact(blocks: Blocks, sigma: Array | None) -> Output:
+    """Return one of several outputs, its candidates beside it, ready for the choice."""
+    blocks = blocks if sigma is None else weighted(blocks, sigma)
+    _, scale, samples = gram(blocks)
+    rows = divided(blocks, scale)
+    P, y = _fewer_rows(rows, samples, len(scale))
+    whole = to_explain(rows, samples, float(y @ y), sigma)
+    return Output(partial(BasisRemainders, P, y), rows, whole, samples, len(scale) - 1)
 
 
 def _by_basis(P: Array, y: Array, stopping: Stopping, sigma: Array | None = None) -> Selection:

@@ -40,7 +40,7 @@ def program_of(model: Model) -> Program:
     m = Writer()
     names = {quantity.name: Name(f"{INPUT}{quantity.name}") for quantity in model.inputs}
     with numbers_in_reach(model):
-        value = write(m, model, names)
+        values = [write(m, one, names) for one in model.each]
     steps = m.kept.steps
     if steps and max(steps) > min(steps) * (1 + UNEVEN):
         found = (
@@ -53,7 +53,7 @@ def program_of(model: Model) -> Program:
             "export the parts one by one",
         )
     with numbers_in_reach(model):
-        return m.program(tuple(names), value)
+        return m.program(tuple(names), *values)
 
 
 def write(m: Writer, model: Model, inputs: Inputs) -> Expression:
