@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from mapmore_cli.cli.console import View, picked
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.domain.models import Formula, Memory, Pieces
+from mapmore_cli.domain.models import Formula, Memory, Outputs, Pieces
 from mapmore_cli.domain.scores import OWN, RUN_PAGE
 from mapmore_cli.modelling.kinds import page_of
 from mapmore_cli.reporting import memory_tables
@@ -106,11 +106,14 @@ def verdict_lines(run_dir: Path) -> tuple[str, ...]:
     """Compare the model of a run with its competitors, and its pieces with their backbone."""
     files = RunFiles(run_dir)
     table, data, body = files.scores(), files.dataset(), files.model().body
-    target = data.quantities[data.target]
-    verdict = verdict_sentence(table.scores, OWN, target, table.failed)
+    outputs = zip(table.each, data.each, strict=True)
+    verdicts = [
+        verdict_sentence(one.scores, OWN, own.quantities[own.target], one.failed)
+        for one, own in outputs
+    ]
     formula = body.backbone if isinstance(body, Pieces) else None
     pieces = "" if formula is None else pieces_sentence(table.scores, OWN, formula.name)
-    return tuple(filter(None, (verdict, pieces)))
+    return tuple(filter(None, (*verdicts, pieces)))
 
 
 def page_lines(run_dir: Path) -> tuple[str, ...]:
@@ -166,8 +169,8 @@ def of_scores(table: ScoreTable, published: Published | None = None) -> View:
     what a publication reports.
     """
     rows = [score_row(score) for score in table.scores]
-    pooled = score_table(table.scores, table.units, published, table.failed)
-    return View({"scores": rows, "units": table.units}, (pooled,))
+    pooled = (score_table(one.scores, one.units, published, one.failed) for one in table.each)
+    return View({"scores": rows, "units": table.units}, tuple(pooled))
 
 
 def _of_validation(validation: Validation) -> View:
@@ -233,6 +236,10 @@ def _of_fit(result: FitResult) -> View:
     """Return the segments, or the model with memory, with their terms in the order of selection;
     theta is in scaled coordinates.
     """
+    if len(result.each) > 1:
+        views = list(map(_of_fit, result.each))
+        document = {"outputs": [view.document for view in views], "notes": result.notes}
+        return View(document, tuple(table for one in views for table in one.tables), result.notes)
     memory, tables, page = result.memory, list[Table](), page_of(result.body)
     document: dict[str, Any] = {
         "segments": [_segment(fit, fit.selection) for fit in result.pieces],
@@ -309,7 +316,8 @@ def _of_model(model: Model) -> View:
     lines = equations(model)
     names = [f"{quantity.name} [{quantity.unit}]" for quantity in model.inputs]
     inputs = ", ".join(names) or "its own past"
-    title = f"{model.name}: {model.output.name} [{model.output.unit}] from {inputs}"
+    outputs = ", ".join(f"{one.name} [{one.unit}]" for one in model.outputs)
+    title = f"{model.name}: {outputs} from {inputs}"
     view = _view_of(model)
     document = {**view.document, "equations": lines, "rules": rules(model)}
     tables = (pieces_table(lines, title), *limits_tables(model), *view.tables)
@@ -338,6 +346,10 @@ def _view_of(model: Model) -> View:
         case Memory():
             document = picked(body, "memory=model", "backbone")
             tables = _memory_tables(body.model)
+        case Outputs():
+            views = list(map(_view_of, body.parts))
+            document = {"outputs": [view.document for view in views]}
+            tables = [table for view in views for table in view.tables]
         case _ if kind.page is not None:
             document, tables, lines = kind.page.show(model, _view_of)
         case _:

@@ -17,7 +17,7 @@ from mapmore_cli.domain.errors import DataError, UsageError
 from mapmore_cli.domain.models import Formula, Model
 from mapmore_cli.domain.results import Run
 from mapmore_cli.modelling.inverse import LOWEST, invert, solve_for_input
-from mapmore_cli.modelling.kinds import outside_range, running, runs_over_time, simulate
+from mapmore_cli.modelling.kinds import alone, outside_range, running, runs_over_time, simulate
 from mapmore_cli.modelling.literature.family import adapted, family_of
 from mapmore_cli.modelling.literature.own import is_family
 from mapmore_cli.modelling.memory.records import AtSample, numbered
@@ -79,7 +79,8 @@ def predicted_lines(
     turned_for: str | None = None,
     constants: Mapping[str, float] | None = None,
 ) -> Iterator[str]:
-    """Yield the lines of a CSV table with `<output>_predicted` and `outside_range` added to each.
+    """Yield the lines of a CSV table with `<output>_predicted` for every output, and
+    `outside_range`, added to each.
 
     The header holds canonical names; the numbers are in the model's units. The prediction has 12
     significant digits; `outside_range` is `true` or `false`. Both are empty where an input is empty
@@ -118,20 +119,25 @@ def predicted_lines(
     reading = (
         reading_of(model, table.names) if turned_for is None else _reading_turned(model, turned_for)
     )
-    added = (f"{turned_for or model.output.name}_predicted", FLAG, *extra.names(model))
+    names = [one.name for one in model.outputs] if turned_for is None else [turned_for]
+    extras = [name for one in model.each for name in extra.names(one)]
+    added = (*(f"{name}_predicted" for name in names), FLAG, *extras)
     places = table.places(dict.fromkeys((*reading.columns, *reading.outputs)), added)
     yield from table.extended([table.header], [",".join(added)])
     predicted = beyond = 0
     blocks: Iterator[tuple[list[Row], bool]]
     blocks = ((block, True) for block in _chunks(table.rows, chunk))
-    in_parts = not reading.signals and running(model) is not None
+    in_parts = not reading.signals and all(map(running, model.each))
     if reading.over_time:
         blocks = by_recording(table.rows, table.names, chunk if in_parts else math.inf)
     for block, begins in blocks:
         if begins:
-            run = (running(model) if in_parts else None) or partial(simulate, model)
+            runs = [
+                (one, (running(one) if in_parts else None) or partial(simulate, one))
+                for one in model.each
+            ]
         cells, diverged = _added_cells(
-            model, reading, table.values(block, places), block, label, extra, run
+            model, reading, table.values(block, places), block, label, extra, runs
         )
         for start in diverged:
             warn(
@@ -139,7 +145,7 @@ def predicted_lines(
                 "prediction until it starts anew"
             )
         predicted += sum(not own.startswith(",") for own in cells)
-        beyond += sum(own.split(",", 2)[1] == "true" for own in cells)
+        beyond += sum(own.split(",", len(names) + 1)[len(names)] == "true" for own in cells)
         yield from table.extended(block, cells)
     if predicted and beyond == predicted:
         warn(
@@ -169,7 +175,7 @@ def inverted_lines(
             "invert a static model",
         )
     needed = [
-        model.output.name,
+        alone(model).output.name,
         *(quantity.name for quantity in model.inputs if quantity.name != name),
     ]
     table = Sheet(lines, label, ", ".join(needed))
@@ -196,7 +202,7 @@ def inverted_lines(
 
 def _reading_turned(model: Model, name: str) -> Reading:
     """Return what is read where a model is inverted; UsageError where it cannot be."""
-    inputs = [quantity.name for quantity in model.inputs]
+    inputs = [quantity.name for quantity in alone(model).inputs]
     if name not in inputs:
         raise UsageError(f"--as: the model has no input '{name}'", f"it has {', '.join(inputs)}")
     if runs_over_time(model):
@@ -227,25 +233,27 @@ def _added_cells(
     block: Sequence[Row],
     label: str,
     extra: Extra,
-    run: Callable[[Columns], Run],
+    runs: Sequence[tuple[Model, Callable[[Columns], Run]]],
 ) -> tuple[list[str], list[int]]:
     """Return the new fields of every row of a block, and the rows at which a free run diverges."""
     known = np.flatnonzero(
         np.logical_and.reduce([np.isfinite(columns[name]) for name in reading.columns])
     )
-    added = ["," + "," * len(extra.names(model))] * len(block)
+    count = len(runs)
+    added = ["," * (count + sum(len(extra.names(one)) for one in model.each))] * len(block)
     if not len(known):
         return added, []
     try:
         numbers, outside, diverged = _numbers_of(
-            model, reading, {name: x[known] for name, x in columns.items()}, known, extra, run
+            model, reading, {name: x[known] for name, x in columns.items()}, known, extra, runs
         )
     except AtSample as error:
         raise DataError(
             f"{label}:row {block[error.sample].line}: {error.fault}", error.remedy
         ) from error
-    for i, flag, (value, *more) in zip(known, outside, numbers, strict=True):
-        added[i] = ",".join([_digits(value), "true" if flag else "false", *map(_digits, more)])
+    for i, flag, row in zip(known, outside, numbers, strict=True):
+        digits = [*map(_digits, row)]
+        added[i] = ",".join([*digits[:count], "true" if flag else "false", *digits[count:]])
     return added, diverged
 
 
@@ -259,7 +267,7 @@ def _numbers_of(
     columns: dict[str, Array],
     rows: IntArray,
     extra: Extra,
-    run: Callable[[Columns], Run],
+    runs: Sequence[tuple[Model, Callable[[Columns], Run]]],
 ) -> tuple[Array, BoolArray, list[int]]:
     """Return prediction and what else is wanted of complete rows, (n, m), their flags, (n,), and
     the rows at which a free run diverges.
@@ -273,7 +281,8 @@ def _numbers_of(
             outside_range(model, {**columns, reading.turned_for: turned.values}) | ~turned.solved
         )
         return turned.values[:, None], outside, []
-    numbers = np.full((len(rows), 1 + len(extra.names(model))), np.nan)
+    wide = sum(1 + len(extra.names(one)) for one in model.each)
+    numbers = np.full((len(rows), wide), np.nan)
     outside, diverged = np.zeros(len(rows), dtype=bool), list[int]()
     for part in between_gaps(columns["time"]) if reading.signals else [slice(None)]:
         try:
@@ -285,12 +294,16 @@ def _numbers_of(
             np.errstate(all="ignore"),
             numbered(rows[part]),
         ):
-            said = run(inputs)
+            said = [(one, run(inputs)) for one, run in runs]
             outside[part] = outside_range(model, inputs)
-            numbers[part] = np.column_stack(
-                [said.values, *extra.of(model, inputs, said.values, outside[part])]
+            more = (
+                column
+                for one, own in said
+                for column in extra.of(one, inputs, own.values, outside[part])
             )
-        diverged += rows[part][list(said.diverged)].tolist()
+            numbers[part] = np.column_stack([*(own.values for _, own in said), *more])
+        lost = {row for _, own in said for row in own.diverged}
+        diverged += rows[part][sorted(lost)].tolist()
     return numbers, outside, diverged
 
 

@@ -27,6 +27,7 @@ from mapmore_cli.spec.sections.dictionary import (
     DictionaryEntry,
     Products,
     entries_of,
+    feeds_back,
     texts_in,
 )
 from mapmore_cli.spec.sections.logs import Logs
@@ -250,6 +251,59 @@ def target(spec: ExperimentSpec) -> Iterator[Finding]:
             "put the earlier time first",
         ),
     )
+
+
+def several(spec: ExperimentSpec) -> Iterator[Finding]:
+    """Require pieces or memory of the inputs alone, where several targets share their terms."""
+    if not spec.also:
+        return
+    names = (spec.target_quantity, *spec.also)
+    data, fit, of_one = spec.data, spec.fit, f"write a spec for each of {', '.join(names)}"
+    twice = sorted({name for name in names if names.count(name) > 1})
+    kind_ = spec.model.type
+    gradient = [
+        name for name, cut in spec.segment.items() if getattr(cut, "method", "") == "gradient"
+    ]
+    numbers = ("bounds", "sign")
+    asked: tuple[tuple[bool, Loc | str, str], ...] = (
+        (kind_ != "mapmore", "model.type", f"`{kind_}` is a model of one target"),
+        (
+            spec.model.backbone is not None,
+            "model.backbone",
+            "a backbone is a formula of one target",
+        ),
+        (bool(gradient), f"segment.{min(gradient, default='')}", "`gradient` cuts by one target"),
+        (data.cycles is not None, "data.cycles:", "`cycles` are those of one target"),
+        (data.groups is not None, "data.groups:", "`groups` are told apart by one target"),
+        (
+            data.split.leave_one_level_out or data.split.leave_one_group_out,
+            "data.split:",
+            "levels and groups are left out in turn for one target",
+        ),
+        (fit.shape is not None, "fit.shape:", "a shape is that of one target"),
+        (isinstance(fit.scale, float), "fit.scale", "a scale is in the unit of one target"),
+        (
+            fit.ridge != 0.0 or "free_run" in (fit.stop, fit.criterion),
+            "fit",
+            "a ridge and `free_run` are for one target",
+        ),
+        (
+            any(entry.bounded for entry in spec.dictionary),
+            "dictionary",
+            f"`{'` and `'.join(numbers)}` are of coefficients of one target",
+        ),
+        (spec.validation.as_ is not None, "validate.as", "a model of one target is inverted"),
+        (spec.validation.intervals, "validate.intervals", "intervals are those of one target"),
+    )
+    yield from told(
+        *((applies, way, f"{what}, and there are several", of_one) for applies, way, what in asked),
+        (bool(twice), "target", f"`{min(twice, default='')}` is a target twice", "name it once"),
+    )
+    for i, entry in enumerate(spec.dictionary):
+        for name in names:
+            if feeds_back([entry], name):
+                what = f"a term is of the target `{name}`: several targets have terms of inputs"
+                yield Finding(("dictionary", i), what, of_one)
 
 
 def kind(spec: ExperimentSpec) -> Iterator[Finding]:

@@ -72,8 +72,11 @@ CHECKS = (
 
 def findings(spec: ExperimentSpec) -> Iterator[Finding]:
     """Every mistake of an experiment whose form is right."""
-    for check in CHECKS:
-        yield from check(spec)
+    told = list[Finding]()
+    for one in spec.each:
+        for check in CHECKS:
+            told += [finding for finding in check(one) if finding not in told]
+    yield from (*check_study.several(spec), *told)
 
 
 MODELINE, SCHEMA = "# yaml-language-server: $schema=", "mapmore.schema.json"

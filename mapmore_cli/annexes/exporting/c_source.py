@@ -113,8 +113,8 @@ class CSource:
 
     @cached_property
     def files(self) -> dict[str, str]:
-        """Header, source and a small program to try the model with, by name; without memory also
-        its derivatives and its inverse.
+        """Header, source and a small program to try the model with, by name; of one output without
+        memory also its derivatives and its inverse.
         """
         name = self.name
         files = {
@@ -122,7 +122,8 @@ class CSource:
             f"{name}.c": self.source(),
             f"{name}_main.c": self.program(),
         }
-        return files if self.with_memory else files | self.inverse()
+        alone = not self.with_memory and len(self.model.each) == 1
+        return files | self.inverse() if alone else files
 
     @property
     def with_memory(self) -> bool:
@@ -149,14 +150,26 @@ class CSource:
             "memory": self.with_memory,
             "single": single,
             "f": Code("f" * single),
+            "outputs": self.outputs,
         }
 
     @property
+    def outputs(self) -> dict[str, Code]:
+        """The macro for the place of every output, where there are several."""
+        if len(self.model.each) == 1:
+            return {}
+        names = names_of_inputs(self.model.outputs)
+        return {name: code("{}_OUT_{}", self.prefix, own.upper()) for name, own in names.items()}
+
+    @property
     def call(self) -> Code:
-        """Head of the function that computes the output."""
+        """Head of the function that computes the outputs."""
+        out = code("{} *out", self.real)
+        if self.outputs:
+            out = code("{} out[{}_OUTPUTS]", self.real, self.prefix)
         if self.with_memory:
-            return self._head("step", code("{} *out", self.real), code("{}_state *s, ", self.name))
-        return self._head("eval", code("{} *out", self.real))
+            return self._head("step", out, code("{}_state *s, ", self.name))
+        return self._head("eval", out)
 
     def _head(self, function: str, results: Code, state: str = "") -> Code:
         return code(
@@ -177,7 +190,8 @@ class CSource:
 
     def source(self) -> str:
         """Return the functions."""
-        return self._file(self.name, self.call, [code("*out")], reset=self.with_memory)
+        results = [code("out[{}]", place) for place in self.outputs.values()] or [code("*out")]
+        return self._file(self.name, self.call, results, reset=self.with_memory)
 
     def program(self) -> str:
         """Return a program that reads a sample a line, and prints the output and the bits of

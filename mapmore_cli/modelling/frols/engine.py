@@ -6,7 +6,7 @@ digits. Its triangular factor may stand for it.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 
 import numpy as np
@@ -315,7 +315,7 @@ class Problem:
     """
 
     blocks: Blocks
-    weighing: Weighing = Weighing()
+    weighing: Weighing = field(default_factory=Weighing)
     only: Callable[[IntArray], Blocks] | None = None
 
     def of(self, chosen: IntArray) -> Blocks:

@@ -8,9 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from mapmore_cli.domain.arrays import BoolArray, Columns
-from mapmore_cli.domain.errors import UsageError
 from mapmore_cli.domain.models import Equation, Model, Outputs
-from mapmore_cli.domain.results import Run
 from mapmore_cli.modelling import kinds
 from mapmore_cli.modelling.program.writing import Inputs, Writer
 
@@ -28,23 +26,14 @@ def joined(name: str, models: Sequence[Model]) -> Model:
     )
 
 
-def simulate(model: Model, _columns: Columns) -> Run:
-    """Refuse what is done with one output alone: nothing of several is one number."""
-    raise refused(model)
+def simulate(model: Model, _columns: Columns) -> None:
+    """Refuse what is done with one output alone."""
+    kinds.alone(model)
 
 
 def write(_m: Writer, model: Model, _inputs: Inputs) -> None:
-    """Refuse the same in a program."""
-    raise refused(model)
-
-
-def refused(model: Model) -> UsageError:
-    """Return why a model of several outputs is not taken, and what to do."""
-    names = [one.name for one in model.outputs]
-    return UsageError(
-        f"the model {model.name} has the outputs {', '.join(names)}, and this is done with one",
-        f"make a model of one of them: set `target: {names[0]}`",
-    )
+    """Refuse to stand for one number in a program."""
+    kinds.alone(model)
 
 
 def outside_range(model: Model, columns: Columns) -> BoolArray:

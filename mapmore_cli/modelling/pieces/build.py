@@ -301,7 +301,9 @@ class _Samples:
     def scaled(self, rows: slice, scaling: Scaling) -> tuple[dict[str, Array], Array]:
         """Return inputs by name and output of some rows in scaled coordinates."""
         inputs = {name: x[rows] for name, x in zip(scaling.variables, self.X.T, strict=True)}
-        return scaled_inputs(scaling, inputs), (self.y[rows] - scaling.y_intercept) / scaling.y_slope
+        return scaled_inputs(scaling, inputs), (
+            self.y[rows] - scaling.y_intercept
+        ) / scaling.y_slope
 
 
 def _samples_of(

@@ -15,7 +15,7 @@ from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.models import Model
 from mapmore_cli.modelling.expressions import Expression, Name, add, derivative, multiply
 from mapmore_cli.modelling.expressions.syntax import ONE, ZERO
-from mapmore_cli.modelling.kinds import kind_of, numbers_in_reach
+from mapmore_cli.modelling.kinds import alone, kind_of, numbers_in_reach
 from mapmore_cli.modelling.program.statements import (
     Block,
     Choose,
@@ -68,7 +68,7 @@ def slopes(model: Model, columns: Columns) -> dict[str, Array]:
 
     Raises DataError for a model with memory, and where a part of the model is no closed expression.
     """
-    _, *found = evaluator(with_slopes(program_of(model)))(columns)
+    _, *found = evaluator(with_slopes(program_of(alone(model))))(columns)
     return {quantity.name: slope for quantity, slope in zip(model.inputs, found, strict=True)}
 
 
