@@ -5,7 +5,7 @@ as a JSON document and as tables.
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 from mapmore_cli.cli.console import View, picked
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.models import Formula, Memory, Outputs, Pieces
+from mapmore_cli.domain.results import OutputsFit
 from mapmore_cli.domain.scores import OWN, RUN_PAGE
 from mapmore_cli.modelling.kinds import page_of
 from mapmore_cli.reporting import memory_tables
@@ -175,6 +176,9 @@ def of_scores(table: ScoreTable, published: Published | None = None) -> View:
 
 def _of_validation(validation: Validation) -> View:
     """Return the scores pooled and by curve, and the formulas that were fitted as competitors."""
+    if validation.others:
+        views = map(_of_validation, validation.each)
+        return View(*_of_outputs([next(iter(one.units)) for one in validation.each], views))
     pooled = of_scores(validation.table)
     lines = [f"warning: {warning}" for warning in validation.warnings]
     for name, formula in validation.formulas.items():
@@ -236,10 +240,9 @@ def _of_fit(result: FitResult) -> View:
     """Return the segments, or the model with memory, with their terms in the order of selection;
     theta is in scaled coordinates.
     """
-    if len(result.each) > 1:
-        views = list(map(_of_fit, result.each))
-        document = {"outputs": [view.document for view in views], "notes": result.notes}
-        return View(document, tuple(table for one in views for table in one.tables), result.notes)
+    if isinstance(result.body, OutputsFit):
+        whole, every = _of_outputs(result.body.outputs, map(_of_fit, result.each))
+        return View({**whole, "notes": result.notes}, every, result.notes)
     memory, tables, page = result.memory, list[Table](), page_of(result.body)
     document: dict[str, Any] = {
         "segments": [_segment(fit, fit.selection) for fit in result.pieces],
@@ -265,6 +268,19 @@ def _of_fit(result: FitResult) -> View:
         document |= own
         tables += own_tables
     return View(document, tuple(tables), (*_formula_lines(result.formula), *result.notes))
+
+
+def _of_outputs(
+    names: Sequence[str], views: Iterable[View]
+) -> tuple[dict[str, Any], tuple[Table, ...]]:
+    """Return the documents of outputs by their names, and their tables, titled by these."""
+    own = dict(zip(names, views, strict=True))
+    tables = (
+        replace(table, title=f"{name}: {table.title}")
+        for name, view in own.items()
+        for table in view.tables
+    )
+    return {"outputs": {name: view.document for name, view in own.items()}}, tuple(tables)
 
 
 def _segment(named: SegmentFit | SegmentFunction, numbers: Any) -> dict[str, Any]:
@@ -347,9 +363,8 @@ def _view_of(model: Model) -> View:
             document = picked(body, "memory=model", "backbone")
             tables = _memory_tables(body.model)
         case Outputs():
-            views = list(map(_view_of, body.parts))
-            document = {"outputs": [view.document for view in views]}
-            tables = [table for view in views for table in view.tables]
+            names = [one.name for one in model.outputs]
+            document, tables = _of_outputs(names, map(_view_of, body.parts))
         case _ if kind.page is not None:
             document, tables, lines = kind.page.show(model, _view_of)
         case _:

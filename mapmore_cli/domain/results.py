@@ -93,7 +93,8 @@ class FitResult:
 class OutputsFit:
     """The fits of several outputs, which share segments and terms."""
 
-    fits: Annotated[tuple[FitResult, ...], "the fit of each output"]
+    outputs: Annotated[tuple[QuantityName, ...], "(m) names of the outputs"]
+    fits: Annotated[tuple[FitResult, ...], "(m) the fit of each"]
 
 
 @dataclass(frozen=True)

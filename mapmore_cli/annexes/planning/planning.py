@@ -57,6 +57,7 @@ def tune(
     SpecError, DataError, FitError where the spec is wrong with some setting, or no combination can
     be fitted.
     """
+    _of_one_target(loaded)
     variants = list(_variants(loaded, over))
     outcome = bring_up_to_date(loaded, runs, "ingest", **listeners)
     dataset = training_only(RunFiles(outcome.run_dir).dataset())
@@ -233,8 +234,17 @@ def plan(
     return Plan(loaded.spec.name, dataset.quantities[dataset.target], quantities, largest, *planned)
 
 
+def _of_one_target(loaded: LoadedSpec) -> None:
+    if loaded.spec.also:
+        raise UsageError(
+            f"{loaded.path}: settings are tried, and measurements planned, for one target",
+            f"add `--set target={loaded.spec.target_quantity}`",
+        )
+
+
 def _plannable(loaded: LoadedSpec) -> ModelChoices:
     """How the model is made, where levels or points can be left out of it."""
+    _of_one_target(loaded)
     choices = model_choices(loaded.spec)
     if choices.over_time:
         raise SpecError(

@@ -53,7 +53,8 @@ def fit(part: ModelChoices, given: Given) -> FitResult:
     """
     result: FitResult
     if given.dataset.also:
-        result = FitResult(OutputsFit(_module_of(part).fit_together(part, given)))
+        names = tuple(one.target for one in given.dataset.each)
+        result = FitResult(OutputsFit(names, _module_of(part).fit_together(part, given)))
     else:
         result = _module_of(part).fit(part, given)
     return result

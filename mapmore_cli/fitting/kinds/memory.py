@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 from mapmore_cli.domain.declared import taken
@@ -49,7 +50,7 @@ def fit_together(part: ModelChoices, given: Given) -> tuple[FitResult, ...]:
 
 def _asked(
     part: ModelChoices, dataset: Dataset, backbone: FormulaFit | None
-) -> tuple[list[Record], MemoryRecipe]:
+) -> tuple[Sequence[Record], MemoryRecipe]:
     """Return the recordings, with what the backbone leaves, and the whole recipe."""
     curves = [residual_of(curve, dataset.target, backbone) for curve in dataset.curves]
     step = time_step(curves)

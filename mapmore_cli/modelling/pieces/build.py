@@ -163,11 +163,12 @@ def segment(
             return float("inf")
         trial, columns = Segment(f"{curve.id}/trial", curve.id, (), rows), fitted[curve.id].columns
         fits = fit_together(trial, columns, terms, recipes)
-        left = zip(recipes, fits, strict=True)
-        return sum(
-            one.selection.sse
-            * (one.scaling.y_slope / (_span(np.ptp(columns[own.target])) if also else 1.0)) ** 2
-            for own, one in left
+        spans = [_span(np.ptp(columns[one.target])) if also else 1.0 for one in recipes]
+        return float(
+            sum(
+                one.selection.sse * (one.scaling.y_slope / span) ** 2
+                for one, span in zip(fits, spans, strict=True)
+            )
         )
 
     return tuple(segment_curve(curve, recipe.cuts, recipe.target, cost) for curve in training)
