@@ -44,11 +44,13 @@ def outside_range(model: Model, columns: Columns) -> BoolArray:
     return beyond
 
 
-def equations(model: Model, units: Mapping[str, float]) -> Iterator[Equation]:
-    """Yield the equations of every output, named after it."""
-    for one in model.each:
-        for row in kinds.equations(one, units):
-            yield replace(row, id=f"{one.output.name}: {row.id}")
+def equations(model: Model, units: Mapping[str, float]) -> tuple[Equation, ...]:
+    """Return the equations of every output, named after it."""
+    return tuple(
+        replace(row, id=f"{one.output.name}: {row.id}")
+        for one in model.each
+        for row in kinds.equations(one, units)
+    )
 
 
 def rules(model: Model) -> tuple[str, ...]:
