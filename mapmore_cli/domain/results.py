@@ -93,8 +93,8 @@ class FitResult:
 class OutputsFit:
     """The fits of several outputs, which share segments and terms."""
 
-    outputs: Annotated[tuple[QuantityName, ...], "(m) names of the outputs"]
-    fits: Annotated[tuple[FitResult, ...], "(m) the fit of each"]
+    outputs: Annotated[tuple[QuantityName, ...], "names of the outputs"]
+    fits: Annotated[tuple[FitResult, ...], "the fit of each"]
 
 
 @dataclass(frozen=True)

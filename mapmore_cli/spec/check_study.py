@@ -7,7 +7,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Sequence
 from importlib.util import find_spec
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, get_args
 
 from mapmore_cli.domain.errors import SpecError
 from mapmore_cli.domain.recording import DIRECTION
@@ -21,6 +21,7 @@ from mapmore_cli.modelling.selection import AUTO
 from mapmore_cli.spec.check_names import DERIVED, OF_NOTHING, unknown_quantity
 from mapmore_cli.spec.diagnostics import Finding, did_you_mean, refused, told
 from mapmore_cli.spec.experiment import Competitor, ExperimentSpec, TargetColumn
+from mapmore_cli.spec.fields import TargetKind
 from mapmore_cli.spec.sections.data import STEP_OF
 from mapmore_cli.spec.sections.dictionary import (
     AlongRange,
@@ -297,6 +298,10 @@ def several(spec: ExperimentSpec) -> Iterator[Finding]:
     )
     yield from told(
         *((applies, way, f"{what}, and there are several", of_one) for applies, way, what in asked),
+        *(
+            (one in get_args(TargetKind), "target", f"`{one}` is a component of one target", of_one)
+            for one in names
+        ),
         (bool(twice), "target", f"`{min(twice, default='')}` is a target twice", "name it once"),
     )
     for i, entry in enumerate(spec.dictionary):

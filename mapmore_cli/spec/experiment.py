@@ -8,8 +8,8 @@ validation (see `spec.fields`), in the unit that the field's mark names.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from functools import partial
 from pathlib import PurePosixPath
 from typing import Annotated, Any, Literal
@@ -89,7 +89,7 @@ class TargetColumn(Settings):
     """
 
     column: str
-    also: list[Quantity] = field(default_factory=list)
+    also: Sequence[Quantity] = ()
 
 
 # What comes out

@@ -46,7 +46,7 @@ def as_target(given: Any) -> Any:
     list is of several.
     """
     if isinstance(given, list) and given:
-        return {"column": given[0], **({"also": given[1:]} if given[1:] else {})}
+        return {"column": given[0], "also": given[1:]} if given[1:] else as_target(given[0])
     is_name = isinstance(given, str) and given not in get_args(TargetKind)
     return {"column": given} if is_name else given
 

@@ -108,7 +108,7 @@ def test_a_table_has_a_column_for_each_and_python_and_c_say_the_same(lever, tmp_
     mapmore("export", place, "--to", "c", "-o", tmp_path / "c", code=0)
     names = ["lever_tip.c", "lever_tip_main.c", "-o", "tip", "-lm"]
     subprocess.run(["cc", "-std=c99", "-Wall", "-Werror", *names], cwd=tmp_path / "c", check=True)
-    rows = "".join(f"{f!r} {p!r}\n" for f, p in zip(*(x.tolist() for x in given.values())))
+    rows = "".join(f"{f!r} {p!r}\n" for f, p in np.column_stack([*given.values()]).tolist())
     told = subprocess.run(
         [tmp_path / "c" / "tip"], input=rows, capture_output=True, text=True, check=True
     )

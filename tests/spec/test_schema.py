@@ -71,7 +71,7 @@ def test_good_documents_validate(study):
         ("max_terms: 1", "max_term: 1"),
         ("max_terms: 1,", "max_terms: 0,"),
         ("length: 88 mm", "length: long"),
-        ("target: static", "target: [static]"),
+        ("target: static", "target: [7]"),
         ("target: static\n", ""),
         ('  files: ["../datasets/mckibben/load_cycle_*.csv"]\n', ""),
         ("{pressure: [250]}", "{pressure: 250}"),

@@ -74,7 +74,8 @@ def test_proportional_outputs_choose_what_one_chooses(data, stop):
     P, Y = data
     y = Y[:, 0]
     alone = frols_streamed(blocks_of_rows(P, y), 5, 1e-3, stop=stop)
-    for scale, one in zip((1.0, -7.0), together(P, np.outer(y, [1, -7]), 5, 1e-3, stop=stop)):
+    both = together(P, np.outer(y, [1, -7]), 5, 1e-3, stop=stop)
+    for scale, one in zip((1.0, -7.0), both, strict=True):
         assert one.chosen.tolist() == alone.chosen.tolist()
         np.testing.assert_allclose(one.theta, scale * alone.theta, rtol=1e-9)
         np.testing.assert_allclose(one.err, alone.err, rtol=1e-7)
