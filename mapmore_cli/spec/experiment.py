@@ -14,6 +14,7 @@ from functools import partial
 from pathlib import PurePosixPath
 from typing import Annotated, Any, Literal
 
+from annotated_types import Len
 from pydantic import (
     BeforeValidator,
     Field,
@@ -89,7 +90,7 @@ class TargetColumn(Settings):
     """
 
     column: str
-    also: Sequence[Quantity] = ()
+    also: Annotated[Sequence[Quantity], Len(1)] | None = None
 
 
 # What comes out
@@ -428,7 +429,7 @@ class ExperimentSpec(Section):
     @property
     def also(self) -> tuple[str, ...]:
         """Further quantities that are modelled with the same segments and terms."""
-        return tuple(self.target.also) if isinstance(self.target, TargetColumn) else ()
+        return tuple(self.target.also or ()) if isinstance(self.target, TargetColumn) else ()
 
     @property
     def each(self) -> tuple[ExperimentSpec, ...]:
