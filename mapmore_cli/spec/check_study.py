@@ -7,6 +7,8 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Sequence
 from importlib.util import find_spec
+from operator import attrgetter
+from types import MappingProxyType
 from typing import TYPE_CHECKING, get_args
 
 from mapmore_cli.domain.errors import SpecError
@@ -254,61 +256,48 @@ def target(spec: ExperimentSpec) -> Iterator[Finding]:
     )
 
 
+OF_ONE = MappingProxyType(
+    {
+        **{way: way for way in ("model.backbone", "data.cycles", "data.groups", "fit.shape")},
+        **{
+            f"data.split.{key}": f"data.split.{key}"
+            for key in ("leave_one_level_out", "leave_one_group_out")
+        },
+        **{"fit.ridge": "fit.ridge", "fit.scale": "fit.known_scale"},
+        **{"validate.as": "validation.as_", "validate.intervals": "validation.intervals"},
+    }
+)
+"""Settings that are about one target where they are set, and where the spec holds them."""
+
+
 def several(spec: ExperimentSpec) -> Iterator[Finding]:
-    """Require pieces or memory of the inputs alone, where several targets share their terms."""
+    """Require pieces, or memory of the inputs alone, where several targets share their terms."""
     if not spec.also:
         return
     names = (spec.target_quantity, *spec.also)
-    data, fit, of_one = spec.data, spec.fit, f"write a spec for each of {', '.join(names)}"
-    twice = sorted({name for name in names if names.count(name) > 1})
-    kind_ = spec.model.type
-    gradient = [
-        name for name, cut in spec.segment.items() if getattr(cut, "method", "") == "gradient"
-    ]
-    numbers = ("bounds", "sign")
-    asked: tuple[tuple[bool, Loc | str, str], ...] = (
-        (kind_ != "mapmore", "model.type", f"`{kind_}` is a model of one target"),
-        (
-            spec.model.backbone is not None,
-            "model.backbone",
-            "a backbone is a formula of one target",
-        ),
-        (bool(gradient), f"segment.{min(gradient, default='')}", "`gradient` cuts by one target"),
-        (data.cycles is not None, "data.cycles:", "`cycles` are those of one target"),
-        (data.groups is not None, "data.groups:", "`groups` are told apart by one target"),
-        (
-            data.split.leave_one_level_out or data.split.leave_one_group_out,
-            "data.split:",
-            "levels and groups are left out in turn for one target",
-        ),
-        (fit.shape is not None, "fit.shape:", "a shape is that of one target"),
-        (isinstance(fit.scale, float), "fit.scale", "a scale is in the unit of one target"),
-        (
-            fit.ridge != 0.0 or "free_run" in (fit.stop, fit.criterion),
-            "fit",
-            "a ridge and `free_run` are for one target",
-        ),
-        (
-            any(entry.bounded for entry in spec.dictionary),
-            "dictionary",
-            f"`{'` and `'.join(numbers)}` are of coefficients of one target",
-        ),
-        (spec.validation.as_ is not None, "validate.as", "a model of one target is inverted"),
-        (spec.validation.intervals, "validate.intervals", "intervals are those of one target"),
-    )
-    yield from told(
-        *((applies, way, f"{what}, and there are several", of_one) for applies, way, what in asked),
-        *(
-            (one in get_args(TargetKind), "target", f"`{one}` is a component of one target", of_one)
-            for one in names
-        ),
-        (bool(twice), "target", f"`{min(twice, default='')}` is a target twice", "name it once"),
-    )
+    ways = [way for way, place in OF_ONE.items() if attrgetter(place)(spec)]
+    ways += ["model.type"] * (spec.model.type != "mapmore")
+    ways += ["fit.stop"] * (spec.fit.stop == "free_run")
+    wrong = [(way, f"`{way.split('.')[-1]}` is about one target") for way in ways]
+    for name, cut in spec.segment.items():
+        if isinstance(cut, Cuts) and cut.method == "gradient":
+            wrong.append((f"segment.{name}", "`gradient` is about one target"))
     for i, entry in enumerate(spec.dictionary):
-        for name in names:
-            if feeds_back([entry], name):
-                what = f"a term is of the target `{name}`: several targets have terms of inputs"
-                yield Finding(("dictionary", i), what, of_one)
+        if entry.bounded:
+            wrong.append((f"dictionary.{i}", "`sign` and `bounds` are about one target"))
+        wrong += [
+            (f"dictionary.{i}", f"a term is of the target `{name}`, and they share those of inputs")
+            for name in names
+            if feeds_back([entry], name)
+        ]
+    for name in dict.fromkeys(names):
+        if names.count(name) > 1:
+            wrong.append(("target", f"`{name}` is named twice"))
+        if name in get_args(TargetKind):
+            wrong.append(("target", f"`{name}` is a component of one target"))
+    remedy = f"write a spec for each of {', '.join(names)}"
+    for way, what in wrong:
+        yield Finding(way, f"{what}, and there are several", remedy)
 
 
 def kind(spec: ExperimentSpec) -> Iterator[Finding]:

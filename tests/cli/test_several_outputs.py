@@ -180,7 +180,7 @@ def test_python_fits_several(slow):
 @pytest.mark.parametrize(
     ("settings", "words"),
     [
-        (("target=[tip_x,tip_x]",), "`tip_x` is a target twice"),
+        (("target=[tip_x,tip_x]",), "`tip_x` is named twice"),
         (("target=[tip_x,tip_q]",), "`tip_q`"),
         (("target=[]",), "target"),
         (
@@ -190,16 +190,19 @@ def test_python_fits_several(slow):
                 "segment=null",
                 "fit=null",
             ),
-            "`literature` is a model of one target, and there are several",
+            "`type` is about one target, and there are several",
         ),
-        (("model={backbone: sarosi}",), "a backbone is a formula of one target"),
-        (("segment.force={method: gradient, count: 2}",), "`gradient` cuts by one target"),
-        (("fit.shape={pressure: increasing}",), "a shape is that of one target"),
-        (("validate.intervals=true",), "intervals are those of one target"),
-        (("validate.as=force",), "a model of one target is inverted"),
-        (("data.split={leave_one_level_out: true}",), "left out in turn for one target"),
+        (("model={backbone: sarosi}",), "`backbone` is about one target"),
+        (("segment.force={method: gradient, count: 2}",), "`gradient` is about one target"),
+        (("fit.shape={pressure: increasing}",), "`shape` is about one target"),
+        (("validate.intervals=true",), "`intervals` is about one target"),
+        (("validate.as=force",), "`as` is about one target"),
+        (("data.split={leave_one_level_out: true}",), "`leave_one_level_out` is about one target"),
         (("dictionary=[{terms: [tip_y]}]",), "a term is of the target `tip_y`"),
-        (("dictionary=[{terms: [force], sign: negative}]",), "are of coefficients of one target"),
+        (
+            ("dictionary=[{terms: [force], sign: negative}]",),
+            "`sign` and `bounds` are about one target",
+        ),
     ],
 )
 def test_kinds_of_one_target_are_refused(settings, words, mapmore):

@@ -10,7 +10,6 @@ import numpy as np
 from mapmore_cli.domain.arrays import BoolArray, Columns
 from mapmore_cli.domain.models import Equation, Model, Outputs
 from mapmore_cli.modelling import kinds
-from mapmore_cli.modelling.program.writing import Inputs, Writer
 
 
 def joined(name: str, models: Sequence[Model]) -> Model:
@@ -26,14 +25,12 @@ def joined(name: str, models: Sequence[Model]) -> Model:
     )
 
 
-def simulate(model: Model, _columns: Columns) -> None:
-    """Refuse what is done with one output alone."""
+def refuse(model: Model, *_: object) -> None:
+    """Refuse to stand for one number, in a prediction or in a program."""
     kinds.alone(model)
 
 
-def write(_m: Writer, model: Model, _inputs: Inputs) -> None:
-    """Refuse to stand for one number in a program."""
-    kinds.alone(model)
+simulate = write = refuse
 
 
 def outside_range(model: Model, columns: Columns) -> BoolArray:
@@ -61,11 +58,6 @@ def rules(model: Model) -> tuple[str, ...]:
 def parameters(model: Model) -> int:
     """Return the parameters of all outputs."""
     return sum(map(kinds.parameters, model.each))
-
-
-def fed_back(model: Model) -> tuple[str, ...]:
-    """Return the measured outputs that any run begins from."""
-    return tuple(dict.fromkeys(name for one in model.each for name in kinds.fed_back(one)))
 
 
 def faults(model: Model) -> Iterator[str]:
