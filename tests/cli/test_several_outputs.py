@@ -201,7 +201,7 @@ def test_python_fits_several(slow):
         (("dictionary=[{terms: [tip_y]}]",), "a term is of the target `tip_y`"),
         (
             ("dictionary=[{terms: [force], sign: negative}]",),
-            "`sign` and `bounds` are about one target",
+            "`sign` and `bounds` are",
         ),
     ],
 )
