@@ -10,7 +10,7 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from mapmore_cli.cli.console import View, picked
+from mapmore_cli.cli.console import Document, View, picked
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.models import Formula, Memory, Outputs, Pieces
 from mapmore_cli.domain.results import OutputsFit
@@ -218,7 +218,7 @@ def _of_segmentation(curves: Sequence[SegmentedCurve]) -> View:
     """Where every segment lies, and how many samples it has."""
     names = list(dict.fromkeys(name for curve in curves for name in curve.variables))
     columns = ("segment", "samples", *(f"{name} {end}" for name in names for end in FROM_TO))
-    documents: list[dict[str, Any]] = []
+    documents: list[Document] = []
     rows: list[tuple[Cell, ...]] = []
     for curve in curves:
         segments = [
@@ -244,7 +244,7 @@ def _of_fit(result: FitResult) -> View:
         whole, every = _of_outputs(result.body.outputs, map(_of_fit, result.each))
         return View({**whole, "notes": result.notes}, every, result.notes)
     memory, tables, page = result.memory, list[Table](), page_of(result.body)
-    document: dict[str, Any] = {
+    document: Document = {
         "segments": [_segment(fit, fit.selection) for fit in result.pieces],
         "memory": None,
         **picked(result, "backbone=formula", "notes"),
@@ -270,9 +270,7 @@ def _of_fit(result: FitResult) -> View:
     return View(document, tuple(tables), (*_formula_lines(result.formula), *result.notes))
 
 
-def _of_outputs(
-    names: Sequence[str], views: Iterable[View]
-) -> tuple[dict[str, Any], tuple[Table, ...]]:
+def _of_outputs(names: Sequence[str], views: Iterable[View]) -> tuple[Document, tuple[Table, ...]]:
     """Return the documents of outputs by their names, and their tables, titled by these."""
     own = dict(zip(names, views, strict=True))
     tables = (
@@ -283,7 +281,7 @@ def _of_outputs(
     return {"outputs": {name: view.document for name, view in own.items()}}, tuple(tables)
 
 
-def _segment(named: SegmentFit | SegmentFunction, numbers: Any) -> dict[str, Any]:
+def _segment(named: SegmentFit | SegmentFunction, numbers: Any) -> Document:
     """One segment function; theta is in scaled coordinates."""
     keys = ("theta", "theta_error", "g", "err", "samples", "stop", "condition")
     return {**picked(named, "id", "terms", "scaling"), **picked(numbers, *keys)}
@@ -347,7 +345,7 @@ def _view_of(model: Model) -> View:
     from mapmore_cli.modelling.kinds import kind_of
 
     kind, body = kind_of(model), model.body
-    document: dict[str, Any]
+    document: Document
     tables: Sequence[Table] = ()
     lines: Sequence[str] = ()
     match body:
@@ -375,7 +373,7 @@ def _view_of(model: Model) -> View:
     return View({**head, **document}, tuple(tables), tuple(lines))
 
 
-def _weights_document(pieces: Pieces) -> dict[str, Any]:
+def _weights_document(pieces: Pieces) -> Document:
     """How pieces are joined, with the transition zone, start and end, at each inner boundary of
     every curve (M2 eq 10-11).
     """

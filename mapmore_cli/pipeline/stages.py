@@ -163,6 +163,7 @@ def fuse(part: ModelChoices, workspace: Workspace) -> None:
     """Join the fits into a model, and write it."""
     from mapmore_cli.modelling.outputs.model import joined
     from mapmore_cli.storage.artefacts import write_model
+    from mapmore_cli.storage.run_record import tool_versions
 
     files = workspace.files
     dataset, result = files.dataset(), files.fit()
@@ -186,7 +187,9 @@ def fuse(part: ModelChoices, workspace: Workspace) -> None:
         if (why := interval_refusal(left_out)) is not None:
             workspace.warn(f"validate.intervals: {why}")
         model = replace(model, left_out=left_out)
-    write_model(workspace.out / MODEL, model, _provenance(part))
+    # for a reader who has nothing but the file
+    provenance = {**tool_versions(), "spec": to_json(part, indent=1).decode()}
+    write_model(workspace.out / MODEL, model, provenance)
 
 
 def _finished(part: ModelChoices, model: Model, dataset: Dataset) -> Model:
@@ -203,15 +206,6 @@ def _finished(part: ModelChoices, model: Model, dataset: Dataset) -> Model:
         signals=needed_signals(part.signals, [quantity.name for quantity in model.inputs]),
         notes=(*model.notes, *explained_by_inputs(model, dataset)),
     )
-
-
-def _provenance(part: ModelChoices) -> dict[str, str]:
-    """Return what made the model, for a reader who has nothing but the file: versions, and the
-    spec's sections that decide about it.
-    """
-    from mapmore_cli.storage.run_record import tool_versions
-
-    return {**tool_versions(), "spec": to_json(part, indent=1).decode()}
 
 
 FUSE = Stage(
