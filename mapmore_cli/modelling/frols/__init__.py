@@ -10,7 +10,6 @@ their digits: one greedy choice (`select`), and two forms of what is left of the
 from mapmore_cli.modelling.frols.engine import (
     Problem,
     frols,
-    frols_streamed,
     frols_together,
     reads_once,
 )
@@ -24,7 +23,6 @@ __all__ = [
     "Problem",
     "Weighing",
     "frols",
-    "frols_streamed",
     "frols_together",
     "reads_once",
 ]

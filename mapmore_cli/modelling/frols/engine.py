@@ -1,4 +1,4 @@
-"""`frols` and `frols_streamed`, and the forms of the method: on the Gram matrix a tall dictionary
+"""`frols` and `frols_together`, and the forms of the method: on the Gram matrix a tall dictionary
 is read once; on an orthonormal basis of the chosen columns it is read in every step, and keeps all
 digits. Its triangular factor may stand for it.
 """
@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -32,7 +31,7 @@ from mapmore_cli.modelling.frols.select import (
     to_explain,
     widened,
 )
-from mapmore_cli.modelling.frols.together import Output, chosen_together
+from mapmore_cli.modelling.frols.together import Together, chosen_together
 from mapmore_cli.modelling.frols.weighing import Weighing, reweighted
 
 # a downdated `q'q` below this fraction of `p'p` has lost too many digits (anything of 1e-4..1e-10
@@ -283,31 +282,6 @@ def frols(
     return replace(found, candidates=tuple(names)) if names else found
 
 
-def frols_streamed(
-    blocks: Blocks,
-    max_terms: int | None = None,
-    tolerance: float = 0.0,
-    *,
-    stop: str = "tolerance",
-    weighing: Weighing | None = None,
-    only: Callable[[IntArray], Blocks] | None = None,
-) -> Selection:
-    """`frols` of a dictionary that comes in row blocks and never as a whole: memory O(M^2 + block),
-    whatever n is.
-
-    Each call of `blocks` yields `P (b, M)` and `y (b,)` of one block after the other, best of a few
-    thousand rows. Most records need one pass. There is another where the normal equations lose
-    digits (an ill-conditioned or dependent dictionary, a residual sum of squares below 1e-9 of
-    `y'y`), two where squares of the values overflow or vanish, and one where a tolerance may end
-    the choice. `weighing` may ask for the blocks of some candidates, which `only` gives sooner.
-
-    Raises DataError where a value is not finite, with its column and its row counted over all
-    blocks; ValueError where there is no row or no column, or `max_terms` is below one.
-    """
-    problem = Problem(blocks, weighing or Weighing(), only)
-    return frols_together([problem], max_terms, tolerance, stop=stop)[0]
-
-
 @dataclass(frozen=True)
 class Problem:
     """One output to explain: the `blocks` of candidates and output, how samples weigh, and the
@@ -332,35 +306,59 @@ def frols_together(
     *,
     stop: str = "tolerance",
 ) -> tuple[Selection, ...]:
-    """Select the same columns for several outputs, one selection each: the highest sum of their
-    error reduction ratios wins (Billings 2013, section 3.4).
+    """`frols` of a dictionary that comes in row blocks and never as a whole, for one output or for
+    several, a selection each: memory O(M^2 + block), whatever n is.
 
-    With outputs `y_j` it is `sum_j (y_j'q)^2 / (q'q y_j'y_j)`, so that the unit of an output does
-    not matter. Every output then has the chosen columns with coefficients of its own. Of one
-    output it is `frols_streamed`, and arguments and errors are the same. Candidates have one order
-    in all problems. The tolerance ends the choice when every output is within it; criteria count
-    the sum over outputs.
+    Several outputs `y_j` have the same columns: the highest sum of their error reduction ratios
+    wins, `sum_j (y_j'q)^2 / (q'q y_j'y_j)`, so that the unit of an output does not matter (Billings
+    2013, section 3.4); each then has coefficients of its own. Candidates have one order in all
+    problems. The tolerance ends the choice when every output is within it; criteria count the sum
+    over outputs.
+
+    Each call of `blocks` yields `P (b, M)` and `y (b,)` of one block after the other, best of a few
+    thousand rows. Most records need one pass. There is another where the normal equations lose
+    digits (an ill-conditioned or dependent dictionary, a residual sum of squares below 1e-9 of
+    `y'y`), two where squares of the values overflow or vanish, and one where a tolerance may end
+    the choice.
+
+    Raises DataError where a value is not finite, with its column and its row counted over all
+    blocks; ValueError where there is no row or no column, or `max_terms` is below one.
     """
     stopping = Stopping(max_terms, tolerance, stop)
 
     def select(sigmas: Sequence[Array | None]) -> Sequence[Selection]:
         if len(problems) == 1:
             return [_by_gram(problems[0].blocks, stopping, *sigmas)]
-        compact = [_compact(one.blocks, sigma) for one, sigma in zip(problems, sigmas, strict=True)]
-        chosen, why = chosen_together(compact, stopping)
+        chosen, why, M = _shared(problems, sigmas, stopping)
         alone = Stopping(max(1, len(chosen)), 0.0, "tolerance")
         found = [
-            widened(_by_gram(one.of(chosen), alone, sigma), chosen, compact[0].candidates)
+            _by_gram(one.of(chosen), alone, sigma)
             for one, sigma in zip(problems, sigmas, strict=True)
         ]
-        return [replace(one, stop=why) for one in found]
+        return [replace(widened(one, chosen, M), stop=why) for one in found]
 
     weighings = [one.weighing for one in problems]
     return reweighted(weighings, select, [one.of for one in problems])
 
 
+def _shared(
+    problems: Sequence[Problem], sigmas: Sequence[Array | None], stopping: Stopping
+) -> tuple[IntArray, str, int]:
+    """Return the candidates that all outputs share, why they are so many, and of how many."""
+    parts, wholes, blocks = list[Remainders](), list[float](), list[Blocks]()
+    for one, sigma in zip(problems, sigmas, strict=True):
+        own = one.blocks if sigma is None else weighted(one.blocks, sigma)
+        _, scale, samples = gram(own)
+        blocks.append(divided(own, scale))
+        limit = stopping.limit(samples, len(scale) - 1)
+        parts.append(BasisRemainders(*_fewer_rows(blocks[-1], samples, len(scale)), limit))
+        wholes.append(to_explain(blocks[-1], samples, parts[-1].yy, sigma))
+    joint = Together(parts, wholes)
+    return *chosen_together(joint, blocks, stopping, limit, samples), len(scale) - 1
+
+
 def reads_once(n: int, M: int, terms: int) -> bool:
-    """Whether `frols` forms `P'P`, as `frols_streamed` does, so that the dictionary need not be
+    """Whether `frols` forms `P'P`, as `frols_together` does, so that the dictionary need not be
     there as a whole.
 
     It does not of a small dictionary, which costs nothing anyway and keeps more digits on the
@@ -388,16 +386,6 @@ def _fewer_rows(blocks: Blocks, samples: int, width: int) -> tuple[Array, Array]
         P, y = map(np.concatenate, zip(*blocks(), strict=True))
         return P, y
     return triangle(blocks)
-
-
-def _compact(blocks: Blocks, sigma: Array | None) -> Output:
-    """Return one of several outputs, its candidates beside it, ready for the choice."""
-    blocks = blocks if sigma is None else weighted(blocks, sigma)
-    _, scale, samples = gram(blocks)
-    rows = divided(blocks, scale)
-    P, y = _fewer_rows(rows, samples, len(scale))
-    whole = to_explain(rows, samples, float(y @ y), sigma)
-    return Output(partial(BasisRemainders, P, y), rows, whole, samples, len(scale) - 1)
 
 
 def _by_basis(P: Array, y: Array, stopping: Stopping, sigma: Array | None = None) -> Selection:

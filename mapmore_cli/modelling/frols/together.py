@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 
 import numpy as np
 
 from mapmore_cli.domain.arrays import Array, IntArray
 from mapmore_cli.modelling.frols.moments import Blocks
 from mapmore_cli.modelling.frols.select import (
-    Iteration,
     Remainders,
     Stopping,
     factor_of,
@@ -18,22 +16,6 @@ from mapmore_cli.modelling.frols.select import (
     greedy,
     press,
 )
-
-
-@dataclass(frozen=True)
-class Output:
-    """One of several outputs, in units of its own.
-
-    - `remainders`: what terms leave of it and of its candidates, given how many may be chosen.
-    - `blocks`: the rows of candidates and output.
-    - `whole`: the sum of squares that a tolerance is a fraction of.
-    """
-
-    remainders: Callable[[int], Remainders]
-    blocks: Blocks
-    whole: float
-    samples: int
-    candidates: int
 
 
 class Together(Remainders):
@@ -59,24 +41,21 @@ class Together(Remainders):
         return rows
 
 
-def chosen_together(outputs: Sequence[Output], stopping: Stopping) -> tuple[IntArray, str]:
-    """Return the candidates that all outputs share, in their order, and why they are so many."""
-    samples, M = outputs[0].samples, outputs[0].candidates
-    limit = stopping.limit(samples, M)
-    joint = Together([one.remainders(limit) for one in outputs], [one.whole for one in outputs])
+def chosen_together(
+    joint: Together, blocks: Sequence[Blocks], stopping: Stopping, limit: int, samples: int
+) -> tuple[IntArray, str]:
+    """Return up to `limit` candidates that all outputs share, in their order, and why they are so
+    many; `blocks` are the rows of candidates and output, for each.
+    """
     steps, stop = greedy(joint, stopping, limit, lambda: 1.0)
     best = k = len(steps)
     if k and stopping.criterion == "press":
-        left = [
-            press(one.blocks, *factor_of(_own(steps, j), M + 1)) / (joint.parts[j].yy or 1.0)
-            for j, one in enumerate(outputs)
-        ]
-        best = int(np.argmin(np.sum(left, axis=0))) + 1
+        left = np.zeros(k)
+        for j, (own, part) in enumerate(zip(blocks, joint.parts, strict=True)):
+            rows = [step._replace(row=step.row[j]) for step in steps]
+            left += press(own, *factor_of(rows, len(part.pp) + 1)) / (part.yy or 1.0)
+        best = int(np.argmin(left)) + 1
     elif k and stopping.criterion != "tolerance":
         best = fewest_terms(stopping.criterion, np.transpose(joint.unexplained), samples)
     chosen = np.array([step.pick for step in steps[:best]], dtype=np.int64)
     return chosen, stopping.criterion if best < k else stop
-
-
-def _own(steps: Sequence[Iteration], output: int) -> list[Iteration]:
-    return [step._replace(row=step.row[output]) for step in steps]

@@ -212,17 +212,6 @@ def _labels_of_curves(rows: IntArray, curves: Sequence[Curve], curve: Curve) -> 
     return None if curve.origin is None or len(curve.recordings) < 2 else curve.origin[rows]
 
 
-def fit_segment(
-    segment: Segment,
-    columns: Columns,
-    terms: Sequence[Expression],
-    recipe: Recipe,
-    origin: IntArray | None = None,
-) -> SegmentFit:
-    """Choose and fit the terms of one segment, as `fit_together` does of one output."""
-    return fit_together(segment, columns, terms, [recipe], origin)[0]
-
-
 def fit_together(
     segment: Segment,
     columns: Columns,

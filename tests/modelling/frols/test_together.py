@@ -5,8 +5,9 @@ Billings 2013, section 3.4: the error reduction ratios of a candidate are added 
 
 import numpy as np
 import pytest
+from textbook import frols_streamed
 
-from mapmore_cli.modelling.frols import Problem, Weighing, frols_streamed, frols_together
+from mapmore_cli.modelling.frols import Problem, Weighing, frols_together
 from mapmore_cli.modelling.frols.moments import blocks_of_rows
 
 
