@@ -225,8 +225,11 @@ def _as_memory_study(draft: Draft, recordings: Sequence[Recording]) -> Draft:
     limit = two_digits(BREAK * max(step, usual))
     gaps = sum(int(np.count_nonzero(np.diff(time) > limit)) for time in times)
     if gaps or "gaps" in draft.data:
-        why = f"s: {gaps} gap{'s' if gaps != 1 else ''}, at which memory begins anew"
-        draft = draft.with_data("gaps", {"longer_than": limit, "action": "split"}, why)
+        draft = draft.with_data(
+            "gaps",
+            {"longer_than": limit, "action": "split"},
+            f"s: {gaps} gap{'s' if gaps != 1 else ''}, at which memory begins anew",
+        )
     return draft.with_section(
         "validate",
         {"normaliser": "range"},

@@ -81,10 +81,10 @@ def _variants(
         settings = dict(zip(over, values, strict=True))
         spec = load(loaded.path, (*loaded.overrides, *as_overrides(settings))).spec
         if slice_of(spec) != slice_of(loaded.spec):
-            what = (
-                f"--over {', '.join(over)}: changes the data, so that errors could not be compared"
+            raise UsageError(
+                f"--over {', '.join(over)}: changes the data, so that errors could not be compared",
+                "tune how the model is made of them",
             )
-            raise UsageError(what, "tune how the model is made of them")
         choices = model_choices(spec)
         if choices.kind == "sum":
             raise SpecError(

@@ -115,6 +115,7 @@ def isobaric(folder, name="pull_{:g}.csv", percent=1.0):
         write(folder / name.format(level), columns)
 
 
+@pytest.mark.usefixtures("quick_families")
 def test_an_isobaric_campaign(tmp_path):
     isobaric(tmp_path)
     (draft,) = start(tmp_path, tmp_path).drafts
