@@ -69,12 +69,14 @@ def check(
             return
         results: dict[str, Inspection | MapmoreError] = {}
         before: Inspection | None = None
-        for number, (run, entry) in enumerate(zip(campaigns[0].names, entries, strict=True)):
+        for number, entry in enumerate(entries):
             reporter.progress("runs", number, len(entries))
             try:
-                results[run] = before = inspected(load(entry.config, entry.overrides), before)
+                results[entry.called] = before = inspected(
+                    load(entry.config, entry.overrides), before
+                )
             except MapmoreError as fault:
-                results[run] = fault
+                results[entry.called] = fault
     print_view(of_campaign(results).under({"campaign": campaigns[0].campaign.campaign}), as_json)
     verdicts = [
         result if isinstance(result, MapmoreError) else result.verdict
