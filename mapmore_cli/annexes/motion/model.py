@@ -11,7 +11,7 @@ import numpy as np
 
 from mapmore_cli.annexes.motion.body import BUMPLESS, HARD, REST, Motion, MotionSection, StateSpace
 from mapmore_cli.annexes.motion.simulation import simulate as simulated
-from mapmore_cli.domain.arrays import Array, Columns
+from mapmore_cli.domain.arrays import Columns
 from mapmore_cli.domain.fits import SegmentedCurve
 from mapmore_cli.domain.models import CurveRange, Equation, Model
 from mapmore_cli.domain.recording import Quantity
@@ -77,11 +77,6 @@ def simulate(model: Model, columns: Columns) -> Run:
                 _motion(model), {name: column[rows] for name, column in given.items()}
             )
     return Run(values)
-
-
-def one_step(model: Model, columns: Columns) -> Array:
-    """Return the same, (n,): the model asks for no measured past."""
-    return simulate(model, columns).values
 
 
 def equations(model: Model, units: Mapping[str, float]) -> tuple[Equation, ...]:
