@@ -44,9 +44,11 @@ def summary_table(fit: FitResult, model: Model, scores: ScoreTable) -> Table:
     if unclear:
         notes.append(f"Not told from zero by the training data (95 %): {', '.join(unclear)}.")
     count, unit = parameters(model), model.output.unit
-    for row in scores.scores:
-        if (row.model, row.split, row.curve) == (OWN, "train", "all"):
-            aic, bic = information_criteria(row.n, row.rmse, count)
-            size = f"n = {row.n} training samples, {count} parameters, RMSE {row.rmse:.4g} {unit}"
+    for score in scores.scores:
+        if (score.model, score.split, score.curve) == (OWN, "train", "all"):
+            aic, bic = information_criteria(score.n, score.rmse, count)
+            size = (
+                f"n = {score.n} training samples, {count} parameters, RMSE {score.rmse:.4g} {unit}"
+            )
             notes.insert(0, f"{size}: AIC {aic:.6g}, BIC {bic:.6g}.")
     return Table.of("summary", f"Summary of {model.name}", COLUMNS, rows, *notes)

@@ -241,7 +241,7 @@ class TestNrmse:
             (s.split, s.model): 100 * s.nrmse for s in inputs.validation.scores if s.curve == "all"
         }
         expected = [
-            pooled[split, model] for split in ("validate", "train") for model in inputs.models
+            pooled[split, model] for model in inputs.models for split in ("validate", "train")
         ]
         assert [patch.get_width() for patch in ax.patches] == pytest.approx(expected)
         assert ax.get_xlim()[0] == 0
