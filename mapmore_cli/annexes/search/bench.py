@@ -309,7 +309,7 @@ def _parts(
     whole = np.array([curve.held_out.all() for curve in study.dataset.curves])
     of = _standing(situation.inputs, study.dataset, whole)
     out = _fair(samples) if of is None else _neighbours(samples.dataset, study.dataset, whole, of)
-    columns = [samples.column(name) for name in situation.inputs]
+    columns = [samples.column(name).astype(np.float32) for name in situation.inputs]
     folds = [samples.training & np.isin(samples.curve, curves) for curves in out]
     taught = [
         fold for fold in folds if all(np.ptp(x[samples.training & ~fold]) > 0 for x in columns)
@@ -335,16 +335,16 @@ def _standing(inputs: Sequence[str], study: Dataset, whole: BoolArray) -> str | 
         return study.level
     for name in inputs:
         values = _values(study, name)
-        still = all(np.ptp(curve.columns[name]) == 0 for curve in study.curves)
+        still = all(np.ptp(curve.columns[name].astype(np.float32)) == 0 for curve in study.curves)
         if still and whole.any() and not np.isin(values[whole], values[~whole]).any():
             return name
     return None
 
 
 def _values(dataset: Dataset, of: str) -> Array:
-    """Return the value that each curve stands at, (c,)."""
+    """Return the value that each curve stands at, (c,), without what rounding adds."""
     return np.array(
-        [c.columns[of][0] if c.level is None else c.level for c in dataset.curves], dtype=float
+        [c.columns[of][0] if c.level is None else c.level for c in dataset.curves], np.float32
     )
 
 
