@@ -32,8 +32,7 @@ SITUATIONS = {
         1,
         0.01,
         800,
-        {"u": 1.0},
-        {("u", 1): 0.1},
+        ("u",),
     ),
     "pair": Situation(
         "torque",
@@ -43,8 +42,7 @@ SITUATIONS = {
         1,
         0.01,
         900,
-        {"x": 1.0, "v": 2.0},
-        {("x", 1): 0.1, ("v", 3): 0.2},
+        ("x", "v"),
     ),
     "many": Situation("y", tuple("abcdefgh"), None, 500, 1, 0.1, 500),
 }

@@ -8,7 +8,6 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
@@ -87,9 +86,8 @@ class Bench:
         """Return the folds of training samples, which resemble what the `study` holds out. Raises
         DataError where no sample can be left out.
         """
-        samples, whole = _Samples.of(training), _Samples.of(study)
-        left_out, blocks = _stretches(samples, situation, part.held_out, held_run(study))
-        name, parts, asked = _parts(samples, situation, whole)
+        left_out, blocks = _stretches(training, situation, part.held_out, held_run(study))
+        name, parts, asked = _parts(training, situation, study)
         asked = bool(parts) and (asked or part.by_level)
         if not blocks and not parts:
             raise DataError("too few samples train: none can be left out", "keep more samples")
@@ -116,8 +114,7 @@ class Bench:
     @property
     def masks(self) -> list[list[BoolArray]]:
         """Return what each fold leaves out of every curve."""
-        ends = np.cumsum([curve.size for curve in self.dataset.curves])[:-1]
-        return [np.split(fold, ends) for fold in self.folds]
+        return [np.split(fold, _ends_of(self.dataset)) for fold in self.folds]
 
     @cached_property
     def range(self) -> tuple[float, float]:
@@ -176,44 +173,29 @@ def cut_short(dataset: Dataset, run: int, timed: bool) -> Dataset:
     return replace(dataset, curves=tuple(curve.at(kept(curve)) for curve in dataset.curves))
 
 
-class _Samples(NamedTuple):
-    """The samples of all curves in a row, (n,): which train, which are held out, which curve each
-    is of, and where the recordings lie.
-    """
+def _pooled(dataset: Dataset) -> Curve:
+    """Return the samples of all curves as those of one, with the recordings of all."""
+    curves = dataset.curves
+    first = np.cumsum([0, *(len(curve.recordings) for curve in curves)])
+    logs = [n + (0 if c.origin is None else c.origin) for n, c in zip(first, curves, strict=False)]
+    return Curve(
+        "",
+        None,
+        {name: np.concatenate([c.columns[name] for c in curves]) for name in curves[0].columns},
+        np.concatenate([curve.held_out for curve in curves]),
+        (),
+        np.concatenate([~curve.training for curve in curves]),
+        np.concatenate([np.broadcast_to(n, c.size) for n, c in zip(logs, curves, strict=True)]),
+    )
 
-    dataset: Dataset
-    training: BoolArray
-    held_out: BoolArray
-    curve: IntArray
-    logs: list[IntArray]
 
-    @classmethod
-    def of(cls, dataset: Dataset) -> _Samples:
-        curves = dataset.curves
-        first = np.cumsum([0, *(curve.size for curve in curves)])
-        return cls(
-            dataset,
-            np.concatenate([curve.training for curve in curves]),
-            np.concatenate([curve.held_out for curve in curves]),
-            np.repeat(np.arange(len(curves)), np.diff(first)),
-            [
-                n + log
-                for n, curve in zip(first.tolist(), curves, strict=False)
-                for log in curve.logs
-            ],
-        )
-
-    def column(self, name: str) -> Array:
-        """Return a quantity, (n,)."""
-        return np.concatenate([curve.columns[name] for curve in self.dataset.curves])
-
-    def trained(self, logs: Sequence[IntArray]) -> list[IntArray]:
-        """Return the rows of recordings or curves that train."""
-        return [rows[self.training[rows]] for rows in logs]
+def _ends_of(dataset: Dataset) -> IntArray:
+    """Return where each curve but the last ends among the samples of all."""
+    return np.cumsum([curve.size for curve in dataset.curves])[:-1]
 
 
 def _stretches(
-    samples: _Samples, situation: Situation, held_out: Holdout | None, run: int
+    dataset: Dataset, situation: Situation, held_out: Holdout | None, run: int
 ) -> tuple[str, list[BoolArray]]:
     """Return what is left out of every curve, in words and masks: of recordings at even steps
     stretches of time as long as the run that is held out; else bands of an input, as wide as those
@@ -222,19 +204,21 @@ def _stretches(
     Time says nothing of a model without a past. What lies at the end of an input can only be
     extrapolated: that would decide, and is not what is asked.
     """
+    samples = _pooled(dataset)
+    training = samples.training
     if situation.timed:
         told = f"each of {BLOCKS} stretches of the training samples of every recording"
-        return told, _windows(samples.trained(samples.logs), len(samples.training), run)
+        return told, _windows([log[training[log]] for log in samples.logs], samples.size, run)
     inputs = situation.moving or situation.inputs
     if bands := _bands(samples, held_out, inputs):
         return f"each of {len(bands)} bands of an input, as wide as those held out", bands
     folds: list[BoolArray] = []
     for name in inputs:
-        x, inner = samples.column(name), list[IntArray]()
-        for number in range(len(samples.dataset.curves)):
-            rows = np.flatnonzero(samples.curve == number)
+        x, inner = samples.columns[name], list[IntArray]()
+        for rows in np.split(np.arange(samples.size), _ends_of(dataset)):
             if np.ptp(x[rows]) > 0:
-                (rows,) = samples.trained([rows[np.argsort(x[rows], kind="stable")]])
+                rows = rows[np.argsort(x[rows], kind="stable")]
+                rows = rows[training[rows]]
                 end = math.ceil(len(rows) / (BLOCKS + 2))
                 inner.append(rows[end : len(rows) - end])
         folds += contiguous(inner, BLOCKS, len(x)) if inner else []
@@ -259,7 +243,7 @@ def _windows(logs: Sequence[IntArray], size: int, run: int) -> list[BoolArray]:
 
 def held_run(study: Dataset) -> int:
     """Return the usual length of a run of held-out samples: that in which half of them lie."""
-    samples = _Samples.of(study)
+    samples = _pooled(study)
     out = [0]
     for log in samples.logs:
         out += [*samples.held_out[log].astype(int), 0]
@@ -268,7 +252,7 @@ def held_run(study: Dataset) -> int:
     return int(runs[np.searchsorted(np.cumsum(runs), runs.sum() / 2)]) if len(runs) else 0
 
 
-def _bands(samples: _Samples, held_out: Holdout | None, inputs: Sequence[str]) -> list[BoolArray]:
+def _bands(samples: Curve, held_out: Holdout | None, inputs: Sequence[str]) -> list[BoolArray]:
     """Bands of an input that are as wide as those that the study holds out of it, about even
     quantiles of what trains; at an end, where those lie beyond that end.
 
@@ -281,7 +265,7 @@ def _bands(samples: _Samples, held_out: Holdout | None, inputs: Sequence[str]) -
             continue
         low, high = np.array(held.between).T
         half = float(np.median(high - low)) / 2
-        values = samples.column(name)
+        values = samples.columns[name]
         trained = values[samples.training]
         least, largest = extremes(trained)
         middles = [least + half] * bool(low.min() <= least)
@@ -293,7 +277,7 @@ def _bands(samples: _Samples, held_out: Holdout | None, inputs: Sequence[str]) -
 
 
 def _parts(
-    samples: _Samples, situation: Situation, study: _Samples
+    dataset: Dataset, situation: Situation, study: Dataset
 ) -> tuple[str, list[BoolArray], bool]:
     """Return what is left out beside stretches, in words and masks: ends of recordings where most
     of what the study holds out lies behind training samples of the same one, else values that whole
@@ -301,28 +285,31 @@ def _parts(
 
     In the rest of a fold every input varies: of one that stands still nothing is learnt.
     """
-    behind = sum(
-        int(np.argmax(study.training[log][::-1])) for log in study.logs if study.training[log].any()
-    )
-    if "time" in study.dataset.curves[0].columns and 2 * behind > study.held_out.sum():
+    samples, every = _pooled(dataset), _pooled(study)
+    behind = [np.argmax(every.training[log][::-1]) for log in every.logs]
+    trains = [every.training[log].any() for log in every.logs]
+    held = every.held_out.sum()
+    if "time" in every.columns and 2 * np.dot(behind, trains) > held:
         return "ends of recordings", _ends(samples), True
-    whole = np.array([curve.held_out.all() for curve in study.dataset.curves])
-    of = _standing(situation.inputs, study.dataset, whole)
-    out = _fair(samples) if of is None else _neighbours(samples.dataset, study.dataset, whole, of)
-    columns = [samples.column(name).astype(np.float32) for name in situation.inputs]
-    folds = [samples.training & np.isin(samples.curve, curves) for curves in out]
+    whole = np.array([curve.held_out.all() for curve in study.curves])
+    of = _standing(situation.inputs, study, whole)
+    out = _fair(dataset) if of is None else _neighbours(dataset, study, whole, of)
+    columns = [samples.columns[name].astype(np.float32) for name in situation.inputs]
+    sizes = [curve.size for curve in dataset.curves]
+    folds = [samples.training & np.repeat(curves, sizes) for curves in out]
     taught = [
         fold for fold in folds if all(np.ptp(x[samples.training & ~fold]) > 0 for x in columns)
     ]
     some = [taught[place] for place in even_share(np.arange(len(taught)), MOST_PARTS)]
-    asked = 2 * np.isin(study.curve, np.flatnonzero(whole)).sum() > study.held_out.sum()
+    asked = 2 * sum(curve.size for curve in study.curves if curve.held_out.all()) > held
     return "recordings" if of is None else "levels", some, bool(asked)
 
 
-def _ends(samples: _Samples) -> list[BoolArray]:
+def _ends(samples: Curve) -> list[BoolArray]:
     """Return the last shares of the training samples of every recording."""
-    left = np.full(len(samples.training), 1.0)
-    for rows in samples.trained(samples.logs):
+    left = np.full(samples.size, 1.0)
+    for log in samples.logs:
+        rows = log[samples.training[log]]
         left[rows] = np.arange(len(rows), 0, -1) / len(rows)
     return [samples.training & (left <= share) for share in BEHIND]
 
@@ -348,8 +335,8 @@ def _values(dataset: Dataset, of: str) -> Array:
     )
 
 
-def _neighbours(dataset: Dataset, study: Dataset, whole: BoolArray, of: str) -> list[IntArray]:
-    """Curves at neighbouring values, as the study holds them out: inner ones, as many as its
+def _neighbours(dataset: Dataset, study: Dataset, whole: BoolArray, of: str) -> list[BoolArray]:
+    """Curves at neighbouring values, (c,), as the study holds them out: inner ones, as many as its
     longest row of them, or as many at an end where they lie beyond that end; inner ones one by one
     where it holds none out. Two values stay at least.
     """
@@ -366,12 +353,12 @@ def _neighbours(dataset: Dataset, study: Dataset, whole: BoolArray, of: str) -> 
     out += [trained[2:][-len(gap) :] for gap in gaps if gap[-1] == values[-1]]
     if inner or not out:
         out += [*sliding_window_view(trained[1:-1], min(max(inner, default=1), most))]
-    return [np.flatnonzero(np.isin(own, some)) for some in out]
+    return [np.isin(own, some) for some in out]
 
 
-def _fair(samples: _Samples) -> list[IntArray]:
-    """Return curves of a fair size, one by one; none where there are fewer than two."""
-    sizes = np.bincount(samples.curve, samples.training)
+def _fair(dataset: Dataset) -> list[BoolArray]:
+    """Return curves of a fair size, (c,), one by one; none where there are fewer than two."""
+    sizes = np.array([curve.training.sum() for curve in dataset.curves])
     low, high = (bound * (sizes @ sizes) / sizes.sum() for bound in FAIR)
-    fair = np.flatnonzero((low <= sizes) & (sizes <= high))
-    return [*fair[len(fair) < 2 :, None]]
+    fair = np.eye(len(sizes), dtype=np.bool_)[(low <= sizes) & (sizes <= high)]
+    return [*fair] if len(fair) > 1 else []

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from functools import cache, partial
 from importlib.resources import files
 from math import comb
-from operator import attrgetter
+from operator import attrgetter, call
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -40,11 +40,7 @@ from mapmore_cli.fitting.refitting import left_out_of
 from mapmore_cli.modelling.forecast import forecast
 from mapmore_cli.modelling.kinds import fed_back, parameters, runs_over_time
 from mapmore_cli.modelling.memory.records import records_of, time_step
-from mapmore_cli.modelling.pieces.recipe import Segmented
-from mapmore_cli.modelling.selection import Fit
 from mapmore_cli.modelling.validation.significance import WITHIN, simplest_of
-from mapmore_cli.spec.sections.dictionary import DictionaryEntry
-from mapmore_cli.spec.sections.model import ModelChoice
 
 if TYPE_CHECKING:
     from mapmore_cli.fitting.stage import Progress
@@ -126,7 +122,7 @@ def search(
     budget = Budget(part.model.budget)
     jobs: list[Callable[[], Any]] = [partial(_try_structure, one, bench, budget) for one in listed]
     jobs.append(partial(black_boxes, bench) if beside else dict)
-    *done, boxes = shared_out(_called, jobs, partial(progress, "structures"))
+    *done, boxes = shared_out(call, jobs, partial(progress, "structures"))
     outcomes: list[Outcome] = [one for one in done if one is not None]
     cut = len(listed) - len(outcomes)
     ended = (
@@ -140,10 +136,6 @@ def search(
     result = _choose_structure(outcomes, bench, most)
     notes = (*[ended] * bool(cut), *uneven, *_notes_of(result, bench))
     return replace(result, cut=cut, notes=notes)
-
-
-def _called(job: Callable[[], Any]) -> Any:
-    return job()
 
 
 def _uneven(dataset: Dataset) -> tuple[str, ...]:
@@ -336,26 +328,23 @@ def astray(model: Model, bench: Bench) -> bool:
     return bool((np.abs(values - (low + high) / 2) > 1.5 * (high - low)).any())
 
 
-_ENTRIES = TypeAdapter(list[DictionaryEntry])
-_CUTS = TypeAdapter(dict[str, Segmented])
-_MODEL = TypeAdapter(ModelChoice)
+_CHOICES = TypeAdapter(ModelChoices)
 
 
 def choices_of(sections: Mapping[str, Any], part: Slice) -> ModelChoices:
     """Return the sections of a candidate as the spec would have them."""
-    segment = _CUTS.validate_python(sections.get("segment", {}))
     fused = {key.removeprefix("fuse."): v for key, v in sections.items() if key.startswith("fuse.")}
-    model = _MODEL.validate_python(sections.get("model", {}))
-    return ModelChoices(
-        part.levels,
-        segment,
-        _ENTRIES.validate_python(sections.get("dictionary", [])),
-        model,
-        Fit(**sections.get("fit", {})),
-        lengths_of(model, part.lengths),
-        name="search",
-        fuse=replace(part.fuse, **fused),
+    given = {"segment": {}, "dictionary": [], "model": {}, "fit": {}, **sections}
+    choices = _CHOICES.validate_python(
+        {
+            **{key: given[key] for key in ("segment", "dictionary", "model", "fit")},
+            "levels": part.levels,
+            "lengths": {},
+            "name": "search",
+            "fuse": replace(part.fuse, **fused),
+        }
     )
+    return replace(choices, lengths=lengths_of(choices.model, part.lengths))
 
 
 def settings_of(result: Search) -> dict[str, Any]:
