@@ -278,7 +278,16 @@ WRIST = Wrist(
         highest=700.0, reach=1.0,
     period=0.01, step=0.001, kp=100.0, ki=500.0,
 )  # fmt: skip
-REGULATOR = Regulator(1.0, 0.0, 0.02, 50 * KPA, 800 * KPA, 1e-8, 1e-8, 0.3)
+REGULATOR = Regulator(
+    slope=1.0,
+    offset=0.0,
+    lag=0.02,
+    band=50 * KPA,
+    supply=800 * KPA,
+    supply_conductance=1e-8,
+    exhaust_conductance=1e-8,
+    critical_ratio=0.3,
+)
 AIR, RUBBER = Air(1.4, 0.5, 2e-5), Rubber(80.0, 0.02)
 SECONDS, SETTLED = 6.0, 2.0
 """How long the course is, and what is left out of the errors at its beginning."""

@@ -124,7 +124,7 @@ class Study:
                     Path(place) / "runs",
                     "validate",
                     options=Options(check=self.check),
-                    progress=_show_progress if self.progress else _keep_quiet,
+                    progress=_show_progress if self.progress else lambda *_: None,
                     warn=told.append,
                 )
             except MapmoreError as error:
@@ -168,10 +168,6 @@ def _show_progress(what: str, done: int, total: int) -> None:
     """Say on one line of stderr how far long work is."""
     line = f"\r{f'{what}: {done} of {total}':<40}"
     print(line, end="\n" * (done == total), file=sys.stderr, flush=True)
-
-
-def _keep_quiet(_what: str, _done: int, _total: int) -> None:
-    pass
 
 
 @dataclass(frozen=True, repr=False)

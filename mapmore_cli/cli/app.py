@@ -10,11 +10,11 @@ import io
 import os
 import sys
 import warnings
-from collections.abc import Iterator, Mapping
 from importlib import import_module
 from typing import Annotated, Any, cast
 
 import typer
+from typer import Option
 from typer.core import TyperGroup
 
 from mapmore_cli.cli import console
@@ -43,32 +43,6 @@ AS_JSON = "mapmore.json"
 """Key of the context: whether the line asks for JSON, in which errors are then told too."""
 
 
-class _Lazily(Mapping[str, Any]):
-    """The commands by name. A command's module is imported, and its arguments are built, when it is
-    asked for.
-    """
-
-    def __init__(self) -> None:
-        self._built: dict[str, Any] = {}
-
-    def __getitem__(self, name: str) -> Any:
-        if name not in self._built:
-            alone = typer.Typer(add_completion=False, rich_markup_mode=None)
-            try:
-                alone.command(name)(_function(name))
-            except plugins.NotInstalled as fault:
-                alone.command(name, context_settings=ANYTHING)(_absent(fault))
-            self._built[name] = typer.main.get_command(alone)
-        return self._built[name]
-
-    def __iter__(self) -> Iterator[str]:
-        names = {*MODULES, *plugins.points("commands")}
-        return iter([*(one for one in ORDER if one in names), *sorted(names - {*ORDER})])
-
-    def __len__(self) -> int:
-        return len(list(iter(self)))
-
-
 ANYTHING = {"ignore_unknown_options": True, "allow_extra_args": True}
 
 
@@ -90,12 +64,25 @@ def _absent(fault: plugins.NotInstalled) -> Any:
 
 
 class Commands(TyperGroup):
-    """The group of subcommands: turns errors into exit codes, and takes `--debug` and `--env`
-    anywhere on the line.
+    """The group of subcommands: imports a command when it is asked for, turns errors into exit
+    codes, and takes `--debug` and `--env` anywhere on the line.
     """
 
     def __init__(self, **settings: Any) -> None:
-        super().__init__(**{**settings, "commands": _Lazily()})
+        names = {*MODULES, *plugins.points("commands")}
+        ordered = [*(one for one in ORDER if one in names), *sorted(names - {*ORDER})]
+        super().__init__(**{**settings, "commands": dict.fromkeys(ordered)})
+
+    def get_command(self, ctx: Any, name: str) -> Any:
+        """Return a command, built the first time that it is asked for; None for others."""
+        if name in self.commands and self.commands[name] is None:
+            alone = typer.Typer(add_completion=False, rich_markup_mode=None)
+            try:
+                alone.command(name)(_function(name))
+            except plugins.NotInstalled as fault:
+                alone.command(name, context_settings=ANYTHING)(_absent(fault))
+            self.commands[name] = typer.main.get_command(alone)
+        return super().get_command(ctx, name)
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """Move `--debug` and `--env NAME` to the front, so that they can be added at the end of a
@@ -158,16 +145,14 @@ def _let_read(names: list[str]) -> list[str]:
 def _common(
     version: Annotated[
         bool,
-        typer.Option(
-            "--version", callback=_print_version, is_eager=True, help="Print the version."
-        ),
+        Option("--version", callback=_print_version, is_eager=True, help="Print the version."),
     ] = False,
     debug: Annotated[
-        bool, typer.Option("--debug", help="Show the traceback of an error (anywhere on the line).")
+        bool, Option("--debug", help="Show the traceback of an error (anywhere on the line).")
     ] = False,
     env: Annotated[
         list[str],
-        typer.Option(
+        Option(
             "--env",
             metavar="NAME",
             callback=_let_read,

@@ -6,9 +6,19 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
+from typer import Argument, Exit, Option
 
-from mapmore_cli.cli import console
+from mapmore_cli.cli.console import (
+    NONE,
+    RUNS,
+    AsJson,
+    Overrides,
+    Quiet,
+    Runs,
+    exit_code,
+    message,
+    print_view,
+)
 from mapmore_cli.cli.progress import Reporter
 from mapmore_cli.domain.errors import MapmoreError
 from mapmore_cli.storage.atomic import write_text
@@ -18,17 +28,15 @@ if TYPE_CHECKING:
 
 
 def check(
-    config: Annotated[
-        Path, typer.Argument(metavar="CONFIG", help="Experiment spec or campaign (YAML).")
-    ],
-    overrides: console.Overrides = console.NONE,
+    config: Annotated[Path, Argument(metavar="CONFIG", help="Experiment spec or campaign (YAML).")],
+    overrides: Overrides = NONE,
     confirm: Annotated[
         bool,
-        typer.Option("--confirm", help="Take what is marked CHECK as right: remove the mark."),
+        Option("--confirm", help="Take what is marked CHECK as right: remove the mark."),
     ] = False,
-    runs: console.Runs = console.RUNS,
-    as_json: console.AsJson = False,
-    quiet: console.Quiet = False,
+    runs: Runs = RUNS,
+    as_json: AsJson = False,
+    quiet: Quiet = False,
 ) -> None:
     """Check a spec and its data, or a campaign; compute nothing."""
     from mapmore_cli.cli.compared import of_campaign, of_inspection
@@ -49,32 +57,30 @@ def check(
         if not campaigns:
             loaded = load(entries[0].config, entries[0].overrides)
             inspection = inspected(loaded)
-            console.print_view(
+            print_view(
                 of_inspection(inspection, loaded.spec.unconfirmed).under(
                     {"name": loaded.spec.name}
                 ),
                 as_json,
             )
             if inspection.verdict is not None:  # its issues stand in the document
-                print(console.message(inspection.verdict), file=sys.stderr)
-                raise typer.Exit(console.exit_code(inspection.verdict))
+                print(message(inspection.verdict), file=sys.stderr)
+                raise Exit(exit_code(inspection.verdict))
             return
         results: dict[str, Inspection | MapmoreError] = {}
         before: Inspection | None = None
-        for number, (run, entry) in enumerate(zip(campaigns[0].names, entries, strict=True)):
+        for number, entry in enumerate(entries):
             reporter.progress("runs", number, len(entries))
             try:
-                results[run] = before = inspected(load(entry.config, entry.overrides), before)
+                results[entry.called] = before = inspected(
+                    load(entry.config, entry.overrides), before
+                )
             except MapmoreError as fault:
-                results[run] = fault
-    console.print_view(
-        of_campaign(results).under({"campaign": campaigns[0].campaign.campaign}), as_json
-    )
+                results[entry.called] = fault
+    print_view(of_campaign(results).under({"campaign": campaigns[0].campaign.campaign}), as_json)
     verdicts = [
         result if isinstance(result, MapmoreError) else result.verdict
         for result in results.values()
     ]
-    if code := max(
-        (console.exit_code(verdict) for verdict in verdicts if verdict is not None), default=0
-    ):
-        raise typer.Exit(code)
+    if code := max((exit_code(verdict) for verdict in verdicts if verdict is not None), default=0):
+        raise Exit(code)

@@ -5,20 +5,20 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated
 
-import typer
+from typer import Argument, Option
 
-from mapmore_cli.cli import console
+from mapmore_cli.cli.console import RUNS, AsJson, Runs, View, print_view
 from mapmore_cli.domain.errors import UsageError
 
 
 def clean(
     configs: Annotated[
         list[Path],
-        typer.Argument(metavar="CONFIG...", help="All specs and campaigns whose runs are kept."),
+        Argument(metavar="CONFIG...", help="All specs and campaigns whose runs are kept."),
     ],
-    runs: console.Runs = console.RUNS,
-    yes: Annotated[bool, typer.Option("--yes", help="Remove what is listed.")] = False,
-    as_json: console.AsJson = False,
+    runs: Runs = RUNS,
+    yes: Annotated[bool, Option("--yes", help="Remove what is listed.")] = False,
+    as_json: AsJson = False,
 ) -> None:
     """List the runs that no spec names, and remove them with --yes.
 
@@ -47,4 +47,4 @@ def clean(
     names = [str(folder) for folder in unnamed]
     end = f"{len(names)} removed" if yes else f"{len(names)} would be removed; add --yes"
     document = {"unnamed": names, "removed": yes}
-    console.print_view(console.View(document, lines=(*names, end)), as_json)
+    print_view(View(document, lines=(*names, end)), as_json)

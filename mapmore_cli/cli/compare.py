@@ -6,9 +6,20 @@ from collections.abc import Sequence
 from pathlib import Path, PurePosixPath
 from typing import Annotated
 
-import typer
+from typer import Argument, Option
 
-from mapmore_cli.cli import console
+from mapmore_cli.cli.console import (
+    ARCHIVE,
+    FIGURE_FILES,
+    RUNS,
+    Archive,
+    AsJson,
+    Quiet,
+    Runs,
+    print_view,
+    refuse_endings,
+    write_figure,
+)
 from mapmore_cli.cli.progress import Reporter
 from mapmore_cli.domain.errors import LimitMissed, UsageError
 
@@ -16,26 +27,24 @@ from mapmore_cli.domain.errors import LimitMissed, UsageError
 def compare(
     models: Annotated[
         list[str],
-        typer.Argument(
+        Argument(
             metavar="BEFORE AFTER...",
             help="Runs, campaigns, tags (2026-spring, NAME@TAG) or model files.",
         ),
     ],
     margin: Annotated[
         float,
-        typer.Option(
+        Option(
             "--margin", metavar="SHARE", min=0.0, help="Relative change that is of no interest."
         ),
     ] = 0.01,
     other_settings: Annotated[
         bool,
-        typer.Option(
-            "--allow-other-settings", help="Compare although the models were made otherwise."
-        ),
+        Option("--allow-other-settings", help="Compare although the models were made otherwise."),
     ] = False,
     fail_on: Annotated[
         str | None,
-        typer.Option(
+        Option(
             "--fail-on",
             metavar="WHEN",
             help="Exit 6 where the muscle `changed`, or where force did by more than 0.03.",
@@ -43,13 +52,13 @@ def compare(
     ] = None,
     figure: Annotated[
         Path | None,
-        typer.Option(
+        Option(
             "--figure", metavar="FILE", help="Draw the drift over all models (.svg .pdf .png .pgf)."
         ),
     ] = None,
-    archive: console.Archive = console.ARCHIVE,
-    runs: console.Runs = console.RUNS,
-    as_json: console.AsJson = False,
+    archive: Archive = ARCHIVE,
+    runs: Runs = RUNS,
+    as_json: AsJson = False,
 ) -> None:
     """Say whether a muscle has changed.
 
@@ -66,9 +75,7 @@ def compare(
             "name the earlier one first, as `mapmore compare 2025-autumn my-run`",
         )
     limit = _limit(fail_on)
-    console.refuse_endings(
-        [figure] if figure else [], console.FIGURE_FILES, "no figure of the drift ends so"
-    )
+    refuse_endings([figure] if figure else [], FIGURE_FILES, "no figure of the drift ends so")
     campaigns = [find_campaign(text, runs, archive) for text in models]
     if any(campaigns):
         if len(models) != 2 or not all(campaigns) or figure is not None:
@@ -89,7 +96,7 @@ def compare(
         results, view = {models[-1]: later[-1]}, of_comparisons(models, later)
         if figure is not None:
             _draw(models, found, figure)
-    console.print_view(view, as_json)
+    print_view(view, as_json)
     for name, one in results.items():
         if one.changed if limit is None and fail_on else one.moved(limit):
             raise LimitMissed(
@@ -105,7 +112,7 @@ def _draw(names: Sequence[str], models: Sequence[Path], figure: Path) -> None:
     from mapmore_cli.storage.artefacts import read_model
 
     read = [read_model(model) for model in models]
-    console.write_figure(figure, drift_drawing(names, reference_points(read), read[0].output))
+    write_figure(figure, drift_drawing(names, reference_points(read), read[0].output))
 
 
 def _limit(fail_on: str | None) -> float | None:
@@ -128,15 +135,15 @@ def _limit(fail_on: str | None) -> float | None:
 
 def freeze(
     run: Annotated[
-        Path, typer.Argument(metavar="RUN", help="A run or a campaign: its folder, or its name.")
+        Path, Argument(metavar="RUN", help="A run or a campaign: its folder, or its name.")
     ],
     tag: Annotated[
         str,
-        typer.Option("--tag", metavar="TAG", help="What this campaign is called, as 2026-spring."),
+        Option("--tag", metavar="TAG", help="What this campaign is called, as 2026-spring."),
     ],
-    archive: console.Archive = console.ARCHIVE,
-    runs: console.Runs = console.RUNS,
-    quiet: console.Quiet = False,
+    archive: Archive = ARCHIVE,
+    runs: Runs = RUNS,
+    quiet: Quiet = False,
 ) -> None:
     """Keep the model of a run, or those of a campaign, under a tag.
 

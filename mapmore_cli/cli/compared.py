@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
-from mapmore_cli.cli.console import View, picked
+from mapmore_cli.cli.console import Document, View, picked
 from mapmore_cli.cli.views import of_dataset
 from mapmore_cli.domain.errors import MapmoreError
 from mapmore_cli.domain.results import Plan, Search, Until
@@ -128,7 +128,7 @@ def of_tuning(tuning: Tuning) -> View:
         "above the best [%] .1f": "excess",
         "standard error [%] .1f": "spread",
     }
-    documents, rows, lines = list[dict[str, Any]](), list[tuple[Cell, ...]](), list[str]()
+    documents, rows, lines = list[Document](), list[tuple[Cell, ...]](), list[str]()
     for trial in tuning.trials:
         failure = trial.failure or None
         documents.append({**picked(trial, *keys, "folds=errors"), "failure": failure})
@@ -178,7 +178,7 @@ def of_search(search: Search, spec: str) -> View:
     return View({**search_document(search), "spec": spec}, (search_table(search),), lines)
 
 
-def search_document(search: Search) -> dict[str, Any]:
+def search_document(search: Search) -> Document:
     """Return the search as JSON has it."""
     keys = ("family", "structure=words", "sections", "parameters", "error")
     errors = ("standard_error=spread", "above_best=excess", "parts_error=parts", "seconds")
@@ -207,7 +207,7 @@ def of_inspection(inspection: Inspection, unconfirmed: Sequence[str] = ()) -> Vi
 
 def of_campaign(results: Mapping[str, Inspection | MapmoreError]) -> View:
     """Return the issues of every run, or why it could not be looked at."""
-    document: dict[str, Any] = {}
+    document: Document = {}
     lines: list[str] = []
     for run, result in results.items():
         if isinstance(result, MapmoreError):
@@ -242,7 +242,7 @@ def of_plan(plan: Plan) -> View:
     else:
         columns += [f"{what} [{unit}] .3g" for what in ("half width", "after", "expected error")]
     columns += ["cost .3g"] if costs else []
-    documents, rows = list[dict[str, Any]](), list[tuple[Cell, ...]]()
+    documents, rows = list[Document](), list[tuple[Cell, ...]]()
     for number, one in enumerate(plan.candidates, 1):
         keys = ("kind", "gap", "half_width", "after", "error", "cost")
         documents.append({**one.at, **picked(one, *keys)})

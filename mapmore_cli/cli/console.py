@@ -15,7 +15,7 @@ from dataclasses import dataclass, fields, is_dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
+from typer import Argument, Option
 
 from mapmore_cli.domain import plugins
 from mapmore_cli.domain.errors import (
@@ -40,59 +40,47 @@ if TYPE_CHECKING:
 # Options
 # --------------------------------------------------------------------------------------------------
 
-Config = Annotated[Path, typer.Argument(metavar="CONFIG", help="The experiment spec (YAML).")]
-ModelFile = Annotated[Path, typer.Argument(metavar="MODEL", help="A model.h5.")]
-RunOrName = Annotated[
-    Path, typer.Argument(metavar="RUN", help="A run folder, or the name of a run.")
-]
-Runs = Annotated[Path, typer.Option("--runs", metavar="DIR", help="Folder of the runs.")]
-Archive = Annotated[
-    Path, typer.Option("--archive", metavar="DIR", help="Folder of the frozen models.")
-]
+Config = Annotated[Path, Argument(metavar="CONFIG", help="The experiment spec (YAML).")]
+ModelFile = Annotated[Path, Argument(metavar="MODEL", help="A model.h5.")]
+RunOrName = Annotated[Path, Argument(metavar="RUN", help="A run folder, or the name of a run.")]
+Runs = Annotated[Path, Option("--runs", metavar="DIR", help="Folder of the runs.")]
+Archive = Annotated[Path, Option("--archive", metavar="DIR", help="Folder of the frozen models.")]
 Overrides = Annotated[
     list[str],
-    typer.Option(
+    Option(
         "--set",
         metavar="KEY=VALUE",
         help="Replace one value of the spec, as fit.max_terms=2. Repeatable.",
     ),
 ]
-Force = Annotated[
-    bool, typer.Option("--force", help="Redo the stages even if they are up to date.")
-]
+Force = Annotated[bool, Option("--force", help="Redo the stages even if they are up to date.")]
 Rehash = Annotated[
-    bool, typer.Option("--rehash", help="Read every recording again to see whether it changed.")
+    bool, Option("--rehash", help="Read every recording again to see whether it changed.")
 ]
-NoCheck = Annotated[
-    bool, typer.Option("--no-check", help="Go on where `mapmore check` finds errors.")
-]
+NoCheck = Annotated[bool, Option("--no-check", help="Go on where `mapmore check` finds errors.")]
 Explain = Annotated[
-    bool, typer.Option("--explain", help="Say which stages would run, and why; do nothing.")
+    bool, Option("--explain", help="Say which stages would run, and why; do nothing.")
 ]
-AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON document instead of tables.")]
+AsJson = Annotated[bool, Option("--json", help="Print one JSON document instead of tables.")]
 Unverified = Annotated[
     bool,
-    typer.Option(
-        "--unverified", help="Read a file although its values are not those that were written."
-    ),
+    Option("--unverified", help="Read a file although its values are not those that were written."),
 ]
-Quiet = Annotated[
-    bool, typer.Option("--quiet", "-q", help="No progress and no warnings on stderr.")
-]
-Verbose = Annotated[bool, typer.Option("--verbose", "-v", help="Also say how long each step took.")]
+Quiet = Annotated[bool, Option("--quiet", "-q", help="No progress and no warnings on stderr.")]
+Verbose = Annotated[bool, Option("--verbose", "-v", help="Also say how long each step took.")]
 Junit = Annotated[
     Path | None,
-    typer.Option("--junit", metavar="FILE", help="Also write how the runs ended, as JUnit XML."),
+    Option("--junit", metavar="FILE", help="Also write how the runs ended, as JUnit XML."),
 ]
 Summary = Annotated[
     Path | None,
-    typer.Option(
+    Option(
         "--summary", metavar="FILE", help="Also write a summary with the score tables (Markdown)."
     ),
 ]
 Outputs = Annotated[
     list[Path],
-    typer.Option(
+    Option(
         "--output",
         "-o",
         metavar="FILE",
@@ -100,7 +88,7 @@ Outputs = Annotated[
     ),
 ]
 OutputOrStdout = Annotated[
-    Path, typer.Option("--output", "-o", metavar="FILE", help="Where to write; - is stdout.")
+    Path, Option("--output", "-o", metavar="FILE", help="Where to write; - is stdout.")
 ]
 
 RUNS, ARCHIVE, STANDARD = Path("runs"), Path("archive"), Path("-")
@@ -111,6 +99,10 @@ NONE: list[Any] = []
 
 # Results
 # --------------------------------------------------------------------------------------------------
+
+
+Document = dict[str, Any]
+"""Members of a JSON document."""
 
 
 @dataclass(frozen=True)
@@ -126,7 +118,7 @@ class View:
         return View({**head, **self.document}, self.tables, self.lines)
 
 
-def picked(of: object, *names: str) -> dict[str, Any]:
+def picked(of: object, *names: str) -> Document:
     """Return attributes by their names, or as `key=attribute` by another."""
     return {(parts := name.split("="))[0]: getattr(of, parts[-1]) for name in names}
 

@@ -5,9 +5,21 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, Literal
 
-import typer
+from typer import Argument, Option
 
-from mapmore_cli.cli import console
+from mapmore_cli.cli.console import (
+    FIGURE_FILES,
+    NONE,
+    RUNS,
+    AsJson,
+    Quiet,
+    RunOrName,
+    Runs,
+    Unverified,
+    print_document,
+    print_view,
+    refuse_endings,
+)
 from mapmore_cli.cli.progress import Reporter
 from mapmore_cli.domain.errors import UsageError
 from mapmore_cli.domain.scores import FIGURES
@@ -16,24 +28,24 @@ from mapmore_cli.storage.atomic import write_bytes, write_text
 
 def show(
     file: Annotated[
-        Path, typer.Argument(metavar="FILE", help="A file of a run folder, or the folder itself.")
+        Path, Argument(metavar="FILE", help="A file of a run folder, or the folder itself.")
     ],
-    as_json: console.AsJson = False,
-    unverified: console.Unverified = False,
-    quiet: console.Quiet = False,
+    as_json: AsJson = False,
+    unverified: Unverified = False,
+    quiet: Quiet = False,
 ) -> None:
     """Print what a result file holds."""
     from mapmore_cli.cli.views import of_file
 
     with Reporter(quiet) as reporter:
         view = of_file(file, reporter.warn, unverified)
-    console.print_view(view, as_json)
+    print_view(view, as_json)
 
 
 def schema(
     what: Annotated[
         Literal["json", "keys", "formulas", "files"],
-        typer.Argument(
+        Argument(
             help=(
                 "The schema, or a reference as Markdown: keys of the spec, formulas, or what "
                 "is in result files."
@@ -48,33 +60,33 @@ def schema(
     from mapmore_cli.storage.artefacts.reference import described
 
     if what == "json":
-        console.print_document(json_schema())
+        print_document(json_schema())
     else:
         print({"keys": keys, "formulas": formulas, "files": described}[what]())
 
 
 def figure(
-    run: console.RunOrName,
-    name: Annotated[str, typer.Argument(metavar="FIGURE", help=f"One of {', '.join(FIGURES)}.")],
+    run: RunOrName,
+    name: Annotated[str, Argument(metavar="FIGURE", help=f"One of {', '.join(FIGURES)}.")],
     out: Annotated[
         Path | None,
-        typer.Option(
+        Option(
             "--out",
             "-o",
             metavar="FILE",
-            help=f"Where to: .{', .'.join(console.FIGURE_FILES)}. Default: FIGURE.FORMAT.",
+            help=f"Where to: .{', .'.join(FIGURE_FILES)}. Default: FIGURE.FORMAT.",
         ),
     ] = None,
     form: Annotated[
         Literal["svg", "pdf", "png", "pgf"],
-        typer.Option("--format", help="What to write where --out does not say it."),
+        Option("--format", help="What to write where --out does not say it."),
     ] = "svg",
     width: Annotated[
-        str | None, typer.Option(metavar="WIDTH", help="Of all of it, or of the panel, as 85mm.")
+        str | None, Option(metavar="WIDTH", help="Of all of it, or of the panel, as 85mm.")
     ] = None,
     curve: Annotated[
         str | None,
-        typer.Option(
+        Option(
             "--curve",
             "--panel",
             metavar="ID",
@@ -83,22 +95,22 @@ def figure(
     ] = None,
     models: Annotated[
         str | None,
-        typer.Option(metavar="A,B", help="Competitors to draw, as sarosi,plane; else all."),
+        Option(metavar="A,B", help="Competitors to draw, as sarosi,plane; else all."),
     ] = None,
     data: Annotated[
         Path | None,
-        typer.Option(metavar="FILE", help="Also write what the panel was drawn from (CSV)."),
+        Option(metavar="FILE", help="Also write what the panel was drawn from (CSV)."),
     ] = None,
     looks: Annotated[
         list[str],
-        typer.Option(
+        Option(
             "--set",
             metavar="KEY=VALUE",
             help="Another look, as report.style.width=120mm. Repeatable.",
         ),
-    ] = console.NONE,
-    runs: console.Runs = console.RUNS,
-    quiet: console.Quiet = False,
+    ] = NONE,
+    runs: Runs = RUNS,
+    quiet: Quiet = False,
 ) -> None:
     """Draw one figure of a run as a file.
 
@@ -112,9 +124,9 @@ def figure(
     looks = [*looks, *([f"report.style.width={width}"] if width else [])]
     if name not in FIGURES:
         raise UsageError(f"there is no figure {name!r}", f"choose one of {', '.join(FIGURES)}")
-    console.refuse_endings(
+    refuse_endings(
         [out],
-        console.FIGURE_FILES,
+        FIGURE_FILES,
         f"figures are not written as {out.suffix or 'a file without an ending'}",
     )
     if data is not None and curve is None:

@@ -6,215 +6,177 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from pathlib import Path
+from inspect import Signature, signature
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
+from typer import Option
 
-from mapmore_cli.cli import console
+from mapmore_cli.cli.console import (
+    NONE,
+    RUNS,
+    AsJson,
+    Config,
+    Document,
+    Explain,
+    Force,
+    Junit,
+    NoCheck,
+    Overrides,
+    Quiet,
+    Rehash,
+    Runs,
+    Summary,
+    Verbose,
+    View,
+    print_view,
+    write_ci_files,
+)
 from mapmore_cli.cli.progress import Reporter
 from mapmore_cli.domain.errors import LimitMissed
 
 if TYPE_CHECKING:
-    from mapmore_cli.pipeline.runner import Options
-    from mapmore_cli.spec.loader import LoadedSpec
+    from mapmore_cli.pipeline.jobs import Finished
+    from mapmore_cli.pipeline.runner import RunOutcome
 
 
-def _stage_command(stage: str, summary: str) -> Callable[..., None]:
-    """Return the function of the command that ends with a stage."""
-
-    def command(
-        config: console.Config,
-        runs: console.Runs = console.RUNS,
-        overrides: console.Overrides = console.NONE,
-        force: console.Force = False,
-        rehash: console.Rehash = False,
-        no_check: console.NoCheck = False,
-        explain: console.Explain = False,
-        as_json: console.AsJson = False,
-        quiet: console.Quiet = False,
-        verbose: console.Verbose = False,
-    ) -> None:
-        from mapmore_cli.pipeline.runner import Options
-        from mapmore_cli.spec.loader import load
-
-        loaded, reporter = load(config, overrides), Reporter(quiet, verbose)
-        if explain:
-            _explain(loaded, runs, stage, reporter, as_json, Options(force, rehash))
-        else:
-            options = Options(force, rehash, not no_check)
-            _bring_up_to_date(loaded, runs, stage, reporter, as_json, options)
-
-    command.__doc__ = f"{summary} Brings the stages before it up to date first."
-    return command
-
-
-ingest = _stage_command("ingest", "Read the recordings and sort them into curves.")
-segment = _stage_command("segment", "Cut the training curves into segments.")
-fit = _stage_command("fit", "Select the terms of every segment.")
-fuse = _stage_command("fuse", "Join the segments into one model that stands alone.")
-validate = _stage_command("validate", "Score the model and its competitors.")
-_report = _stage_command("report", "")
-
-
-def report(
-    config: console.Config,
+def _bring_up_to_date(
+    config: Config,
+    command: str,
+    *,
     figures: Annotated[
         str | None,
-        typer.Option(
+        Option(
             "--figures",
             metavar="NAMES",
             help="Draw these alone, as fit,error; or all, or none. Default: `report.figures`.",
         ),
     ] = None,
-    runs: console.Runs = console.RUNS,
-    overrides: console.Overrides = console.NONE,
-    force: console.Force = False,
-    rehash: console.Rehash = False,
-    no_check: console.NoCheck = False,
-    explain: console.Explain = False,
-    as_json: console.AsJson = False,
-    quiet: console.Quiet = False,
-    verbose: console.Verbose = False,
+    runs: Runs = RUNS,
+    overrides: Overrides = NONE,
+    force: Force = False,
+    rehash: Rehash = False,
+    no_check: NoCheck = False,
+    explain: Explain = False,
+    print_spec: Annotated[
+        bool,
+        Option("--print-spec", help="Print the spec with its defaults filled in; do nothing."),
+    ] = False,
+    junit: Junit = None,
+    summary: Summary = None,
+    as_json: AsJson = False,
+    quiet: Quiet = False,
+    verbose: Verbose = False,
 ) -> None:
-    """Write the page, its figures and tables. Brings the stages before it up to date first."""
+    """Do what is stale up to the stage of a command, and print what the command is for."""
     from mapmore_cli.domain.scores import FIGURES
+    from mapmore_cli.pipeline import runner
+    from mapmore_cli.pipeline.jobs import Finished
+    from mapmore_cli.spec.loader import load
 
     if figures is not None:
         names = {"all": ", ".join(FIGURES), "none": ""}.get(figures, figures)
         overrides = [*overrides, f"report.figures=[{names}]"]
-    _report(config, runs, overrides, force, rehash, no_check, explain, as_json, quiet, verbose)
-
-
-def run(
-    config: console.Config,
-    runs: console.Runs = console.RUNS,
-    overrides: console.Overrides = console.NONE,
-    force: console.Force = False,
-    rehash: console.Rehash = False,
-    no_check: console.NoCheck = False,
-    explain: console.Explain = False,
-    print_spec: Annotated[
-        bool,
-        typer.Option(
-            "--print-spec", help="Print the spec with its defaults filled in; do nothing."
-        ),
-    ] = False,
-    junit: console.Junit = None,
-    summary: console.Summary = None,
-    as_json: console.AsJson = False,
-    quiet: console.Quiet = False,
-    verbose: console.Verbose = False,
-) -> None:
-    """Run all stages; print scores and the page's path."""
-    from mapmore_cli.pipeline.runner import Options
-    from mapmore_cli.spec.loader import load
-
     loaded, reporter = load(config, overrides), Reporter(quiet, verbose)
+    name, until = loaded.spec.name, "report" if command == "run" else command
+    options = runner.Options(force, rehash, not no_check)
     if print_spec:
         print(loaded.resolved, end="")
-    elif explain:
-        _explain(loaded, runs, "report", reporter, as_json, Options(force, rehash))
-    else:
-        try:
-            options = Options(force, rehash, not no_check)
-            _bring_up_to_date(loaded, runs, "run", reporter, as_json, options, junit, summary)
-        except LimitMissed:  # which the files tell already
-            raise
-        except Exception as error:
-            console.write_ci_files(junit, summary, {loaded.spec.name: error})
-            raise
+        return
+    if explain:
+        with reporter:
+            reasons = runner.explain(loaded, runs, until, options=options, warn=reporter.warn)
+        print_view(_of_reasons(name, dict(reasons)), as_json)
+        return
+    started, warnings, finished = time.perf_counter(), list[str](), None
+    try:
+        with reporter:
+
+            def warn(message: str) -> None:
+                warnings.append(message)
+                reporter.warn(message)
+
+            listeners = reporter.listeners
+            listeners["warn"] = warn
+            outcome = runner.bring_up_to_date(loaded, runs, until, options=options, **listeners)
+            if count := len(loaded.spec.unconfirmed):
+                guesses = "guess of the spec is" if count == 1 else "guesses of the spec are"
+                warn(
+                    f"{count} {guesses} not confirmed: see `mapmore check {loaded.path}`, and "
+                    "`--confirm` there where all are right"
+                )
+            if command in ("validate", "run"):
+                finished = Finished.of(loaded, outcome, warnings, started)
+                for message in finished.table.warnings:
+                    reporter.warn(message)
+    except Exception as error:
+        write_ci_files(junit, summary, {name: error})
+        raise
+    view = _of_outcome(outcome, command, finished, loaded.spec.unconfirmed)
+    print_view(view, as_json)
+    if finished is not None:
+        write_ci_files(junit, summary, {name: finished}, view.tables)
+        if finished.missed:
+            remedy = "the results are complete; see validate.require in the spec"
+            raise LimitMissed("; ".join(finished.missed), remedy)
 
 
-def _explain(
-    loaded: LoadedSpec,
-    runs: Path,
-    until: str,
-    reporter: Reporter,
-    as_json: bool,
-    options: Options,
-) -> None:
-    """Print which stages would run, and why; null in the document is a stage that is up to date."""
-    from mapmore_cli.pipeline.runner import explain
-    from mapmore_cli.reporting.table import Column, Table
+def _of_reasons(name: str, reasons: dict[str, str | None]) -> View:
+    """Return which stages would run, and why; null in the document is one that is up to date."""
+    from mapmore_cli.reporting.table import Table
 
-    with reporter:
-        reasons = explain(loaded, runs, until, options=options, warn=reporter.warn)
-    rows = tuple((stage, reason or "up-to-date") for stage, reason in reasons)
-    table = Table("stages", loaded.spec.name, (Column("stage"), Column("would run because")), rows)
-    console.print_view(
-        console.View({"name": loaded.spec.name, "stages": dict(reasons)}, (table,)), as_json
-    )
+    rows = tuple((stage, reason or "up-to-date") for stage, reason in reasons.items())
+    table = Table.of("stages", name, ("stage", "would run because"), rows)
+    return View({"name": name, "stages": reasons}, (table,))
 
 
-def _bring_up_to_date(
-    loaded: LoadedSpec,
-    runs: Path,
-    command: str,
-    reporter: Reporter,
-    as_json: bool,
-    options: Options,
-    junit: Path | None = None,
-    summary: Path | None = None,
-) -> None:
-    """Do what is stale, print what the command is for, and then fail where the spec's limits are
-    missed.
-    """
+def _of_outcome(
+    outcome: RunOutcome, command: str, finished: Finished | None, questions: tuple[str, ...]
+) -> View:
+    """Return the scores of a run that came to its end, else what its last stage found."""
     from mapmore_cli.cli.compared import search_document
     from mapmore_cli.cli.views import of_scores, of_stage, page_lines, verdict_lines
-    from mapmore_cli.pipeline.jobs import Finished
-    from mapmore_cli.pipeline.runner import bring_up_to_date
     from mapmore_cli.storage.run_folder import RunFiles
 
-    started, warnings = time.perf_counter(), list[str]()
-    until = "report" if command == "run" else command
-    questions = loaded.spec.unconfirmed
-
-    with reporter:
-
-        def warn(message: str) -> None:
-            warnings.append(message)
-            reporter.warn(message)
-
-        listeners = reporter.listeners
-        listeners["warn"] = warn
-        outcome = bring_up_to_date(loaded, runs, until, options=options, **listeners)
-        if questions:
-            guesses = (
-                "1 guess of the spec is"
-                if len(questions) == 1
-                else f"{len(questions)} guesses of the spec are"
-            )
-            warn(
-                f"{guesses} not confirmed: see `mapmore check {loaded.path}`, and `--confirm` "
-                "there where all are right"
-            )
-        finished = (
-            Finished.of(loaded, outcome, warnings, started)
-            if command in ("validate", "run")
-            else None
-        )
-        for message in () if finished is None else finished.table.warnings:
-            reporter.warn(message)
-    head: dict[str, Any] = {
-        "name": outcome.name,
-        "run_dir": str(outcome.run_dir),
-        "stages": outcome.stages,
-    }
-    if "search" in outcome.stages and (search := RunFiles(outcome.run_dir).search()):
+    done = outcome.run_dir
+    head: Document = {"name": outcome.name, "run_dir": str(done), "stages": outcome.stages}
+    if "search" in outcome.stages and (search := RunFiles(done).search()):
         head["search"] = search_document(search)
     if finished is None:
-        console.print_view(of_stage(command, outcome.run_dir).under(head), as_json)
-        return
+        return of_stage(command, done).under(head)
     scores = of_scores(finished.table, finished.published)
     told = {"missed": finished.missed, "warnings": finished.warnings, "unconfirmed": questions}
-    done = outcome.run_dir
     lines = (*verdict_lines(done), *page_lines(done)) if command == "run" else ()
-    console.print_view(
-        console.View({**head, **scores.document, **told}, scores.tables, lines), as_json
-    )
-    console.write_ci_files(junit, summary, {finished.name: finished}, scores.tables)
-    if finished.missed:
-        raise LimitMissed(
-            "; ".join(finished.missed), "the results are complete; see validate.require in the spec"
-        )
+    return View({**head, **scores.document, **told}, scores.tables, lines)
+
+
+# The commands
+# --------------------------------------------------------------------------------------------------
+
+ALONE = ("command", "figures", "print_spec", "junit", "summary")
+"""What a command takes of `_bring_up_to_date` only where it says so."""
+
+
+def _command(name: str, summary: str, *own: str) -> Callable[..., None]:
+    """Return the function of a command with what all take, and `own` options."""
+    whole = signature(_bring_up_to_date, eval_str=True).parameters
+    taken = [one for key, one in whole.items() if key not in ALONE or key in own]
+
+    def command(**told: Any) -> None:
+        _bring_up_to_date(command=name, **told)
+
+    command.__doc__ = summary
+    command.__signature__ = Signature(taken)  # type: ignore[attr-defined]
+    command.__annotations__ = {one.name: one.annotation for one in taken}
+    return command
+
+
+BEFORE = "Brings the stages before it up to date first."
+ingest = _command("ingest", f"Read the recordings and sort them into curves. {BEFORE}")
+segment = _command("segment", f"Cut the training curves into segments. {BEFORE}")
+fit = _command("fit", f"Select the terms of every segment. {BEFORE}")
+fuse = _command("fuse", f"Join the segments into one model that stands alone. {BEFORE}")
+validate = _command("validate", f"Score the model and its competitors. {BEFORE}")
+report = _command("report", f"Write the page, its figures and tables. {BEFORE}", "figures")
+run = _command(
+    "run", "Run all stages; print scores and the page's path.", "print_spec", "junit", "summary"
+)

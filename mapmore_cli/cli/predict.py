@@ -12,9 +12,19 @@ from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, cast
 
-import typer
+from typer import Argument, Option
 
-from mapmore_cli.cli import console
+from mapmore_cli.cli.console import (
+    NONE,
+    STANDARD,
+    AsJson,
+    ModelFile,
+    OutputOrStdout,
+    Quiet,
+    Unverified,
+    View,
+    print_view,
+)
 from mapmore_cli.cli.progress import Reporter
 from mapmore_cli.domain.errors import MapmoreError, UsageError
 
@@ -23,50 +33,48 @@ if TYPE_CHECKING:
 
 
 def predict(
-    model_file: console.ModelFile,
+    model_file: ModelFile,
     table: Annotated[
         Path | None,
-        typer.Argument(
+        Argument(
             metavar="[TABLE]",
             help="A CSV table with the model's inputs by name, in its units; - is stdin.",
         ),
     ] = None,
-    output: console.OutputOrStdout = console.STANDARD,
+    output: OutputOrStdout = STANDARD,
     grid: Annotated[
         str | None,
-        typer.Option(
+        Option(
             metavar="AXES",
             help="Make a lookup table instead: pressure=0:600:25,strain=0:0.25:0.01.",
         ),
     ] = None,
     given: Annotated[
         list[str],
-        typer.Option(
+        Option(
             "--set",
             metavar="NAME=VALUE",
             help="An input that is the same in every row, as length=250 mm. Repeatable.",
         ),
-    ] = console.NONE,
+    ] = NONE,
     derivatives: Annotated[
         bool,
-        typer.Option(
-            "--derivatives", help="Add the derivative for every input, <output>_by_<input>."
-        ),
+        Option("--derivatives", help="Add the derivative for every input, <output>_by_<input>."),
     ] = False,
     interval: Annotated[
         float | None,
-        typer.Option(metavar="LEVEL", help="Add <output>_low and <output>_high, as for 0.95."),
+        Option(metavar="LEVEL", help="Add <output>_low and <output>_high, as for 0.95."),
     ] = None,
     turned_for: Annotated[
         str | None,
-        typer.Option(
+        Option(
             "--as",
             metavar="INPUT",
             help="Invert the model for an input, as the force of a model of the strain.",
         ),
     ] = None,
-    unverified: console.Unverified = False,
-    quiet: console.Quiet = False,
+    unverified: Unverified = False,
+    quiet: Quiet = False,
 ) -> None:
     """Evaluate a model on a table.
 
@@ -141,7 +149,7 @@ def _open_table(
     """Return the lines of a table or of stdin, and what messages call it."""
     from mapmore_cli.storage.tables.lines import as_text, lines_of
 
-    if table != console.STANDARD:
+    if table != STANDARD:
         return lines_of(table, told), str(table)
     try:
         os.read(0, 0)
@@ -181,31 +189,31 @@ def _write_lines(lines: Iterator[str], output: Path) -> None:
     """Write lines to a file as they come, or to stdout."""
     from mapmore_cli.storage.tables.lines import TEXT_ERRORS, replaced
 
-    if output == console.STANDARD:
+    if output == STANDARD:
         cast(io.TextIOWrapper, sys.stdout).reconfigure(
             encoding="utf-8", errors=TEXT_ERRORS, newline=""
         )
-    with nullcontext(sys.stdout) if output == console.STANDARD else replaced(output) as stream:
+    with nullcontext(sys.stdout) if output == STANDARD else replaced(output) as stream:
         stream.writelines(lines)
 
 
 def invert(
-    model_file: Annotated[Path, typer.Argument(metavar="MODEL", help="A model.h5 without memory.")],
+    model_file: Annotated[Path, Argument(metavar="MODEL", help="A model.h5 without memory.")],
     table: Annotated[
         Path,
-        typer.Argument(
+        Argument(
             metavar="TABLE",
             help="A CSV table of the wanted output and the other inputs; - is stdin.",
         ),
     ],
     name: Annotated[
-        str, typer.Option("--for", metavar="INPUT", help="The input to solve for, as pressure.")
+        str, Option("--for", metavar="INPUT", help="The input to solve for, as pressure.")
     ],
     rule: Annotated[
-        str, typer.Option(help="Of several: lowest, or nearest to that of the row before.")
+        str, Option(help="Of several: lowest, or nearest to that of the row before.")
     ] = "lowest",
-    output: console.OutputOrStdout = console.STANDARD,
-    quiet: console.Quiet = False,
+    output: OutputOrStdout = STANDARD,
+    quiet: Quiet = False,
 ) -> None:
     """Find the input for a wanted output.
 
@@ -226,25 +234,23 @@ def invert(
 
 
 def adapt(
-    model_file: Annotated[Path, typer.Argument(metavar="MODEL", help="A model.h5 of a family.")],
+    model_file: Annotated[Path, Argument(metavar="MODEL", help="A model.h5 of a family.")],
     table: Annotated[
         Path | None,
-        typer.Argument(
+        Argument(
             metavar="[TABLE]",
             help="A CSV table of a few measured points: pressure, strain and force.",
         ),
     ] = None,
     output: Annotated[
-        Path, typer.Option("--output", "-o", metavar="FILE", help="The model to write.")
+        Path, Option("--output", "-o", metavar="FILE", help="The model to write.")
     ] = Path("adapted.h5"),
     given: Annotated[
         list[str],
-        typer.Option(
-            "--set", metavar="NAME=VALUE", help="What specimens differ in, as length=250 mm."
-        ),
-    ] = console.NONE,
-    as_json: console.AsJson = False,
-    quiet: console.Quiet = False,
+        Option("--set", metavar="NAME=VALUE", help="What specimens differ in, as length=250 mm."),
+    ] = NONE,
+    as_json: AsJson = False,
+    quiet: Quiet = False,
 ) -> None:
     """Adapt a family's model to a specimen by few points.
 
@@ -274,4 +280,4 @@ def adapt(
         "notes": model.notes,
     }
     scales = Table("adapted", f"{model.name}, adapted", columns, rows, model.notes)
-    console.print_view(console.View(document, (scales,), (f"model: {output}",)), as_json)
+    print_view(View(document, (scales,), (f"model: {output}",)), as_json)

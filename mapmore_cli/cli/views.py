@@ -10,7 +10,7 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from mapmore_cli.cli.console import View, picked
+from mapmore_cli.cli.console import Document, View, picked
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.models import Formula, Memory, Pieces
 from mapmore_cli.domain.scores import OWN, RUN_PAGE
@@ -211,7 +211,7 @@ def _of_segmentation(curves: Sequence[SegmentedCurve]) -> View:
     """Where every segment lies, and how many samples it has."""
     names = list(dict.fromkeys(name for curve in curves for name in curve.variables))
     columns = ("segment", "samples", *(f"{name} {end}" for name in names for end in FROM_TO))
-    documents: list[dict[str, Any]] = []
+    documents: list[Document] = []
     rows: list[tuple[Cell, ...]] = []
     for curve in curves:
         segments = [
@@ -234,7 +234,7 @@ def _of_fit(result: FitResult) -> View:
     theta is in scaled coordinates.
     """
     memory, tables, page = result.memory, list[Table](), page_of(result.body)
-    document: dict[str, Any] = {
+    document: Document = {
         "segments": [_segment(fit, fit.selection) for fit in result.pieces],
         "memory": None,
         **picked(result, "backbone=formula", "notes"),
@@ -260,7 +260,7 @@ def _of_fit(result: FitResult) -> View:
     return View(document, tuple(tables), (*_formula_lines(result.formula), *result.notes))
 
 
-def _segment(named: SegmentFit | SegmentFunction, numbers: Any) -> dict[str, Any]:
+def _segment(named: SegmentFit | SegmentFunction, numbers: Any) -> Document:
     """One segment function; theta is in scaled coordinates."""
     keys = ("theta", "theta_error", "g", "err", "samples", "stop", "condition")
     return {**picked(named, "id", "terms", "scaling"), **picked(numbers, *keys)}
@@ -323,7 +323,7 @@ def _view_of(model: Model) -> View:
     from mapmore_cli.modelling.kinds import kind_of
 
     kind, body = kind_of(model), model.body
-    document: dict[str, Any]
+    document: Document
     tables: Sequence[Table] = ()
     lines: Sequence[str] = ()
     match body:
@@ -348,7 +348,7 @@ def _view_of(model: Model) -> View:
     return View({**head, **document}, tuple(tables), tuple(lines))
 
 
-def _weights_document(pieces: Pieces) -> dict[str, Any]:
+def _weights_document(pieces: Pieces) -> Document:
     """How pieces are joined, with the transition zone, start and end, at each inner boundary of
     every curve (M2 eq 10-11).
     """

@@ -121,12 +121,10 @@ class Either:
     """Marks a union whose member is told by the shape of the value, so that a mistake gives one
     message and not one for each member.
 
-    Of two mappings, the member with the key `key` is the one whose value has it. With `word`, that
-    word alone is text: anything else is told as the other member that it should be.
+    Of two mappings, the member with the key `key` is the one whose value has it.
     """
 
     key: str | None = None
-    word: str | None = None
 
     def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
         """Return the members by their tags, and what tells the tag of a value."""
@@ -149,16 +147,9 @@ class Either:
         return f"<a mapping with `{self.key}`>" if self.key in keys else _shape_of(member)
 
     def _told(self, value: Any) -> str:
-        if self.word is not None:
-            return "<text>" if value == self.word else "<a number>"
-        has = self.key is not None and (
-            self.key in value if isinstance(value, Mapping) else hasattr(value, self.key)
-        )
-        return (
-            f"<a mapping with `{self.key}`>"
-            if has and shape(value) == "<a mapping>"
-            else shape(value)
-        )
+        found, key = shape(value), self.key or ""
+        has = key in value if isinstance(value, Mapping) else hasattr(value, key)
+        return f"<a mapping with `{key}`>" if has and found == "<a mapping>" else found
 
 
 @dataclass(frozen=True)

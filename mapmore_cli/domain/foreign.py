@@ -66,18 +66,6 @@ def plain(text: str) -> str:
     return "".join(char if char in PLAIN else f"{{{ord(char):X}}}" for char in text)
 
 
-def c_comment(*lines: str) -> list[str]:
-    """Return a comment in C; without an asterisk within, nothing ends it early, and without a
-    backslash no line goes on.
-    """
-    if len(lines) == 1:
-        return [f"/* {plain(lines[0])} */"]
-    return [
-        *(f"{' *' if i else '/*'} {plain(line)}".rstrip() for i, line in enumerate(lines)),
-        " */",
-    ]
-
-
 def c_string(text: str) -> str:
     """Return the text as a string in C; other bytes than those of `PLAIN` are octal escapes, so
     that there are no trigraphs.
@@ -89,17 +77,6 @@ def c_string(text: str) -> str:
             for byte in text.encode(errors="surrogatepass")
         )
         + '"'
-    )
-
-
-def docstring(*lines: str) -> list[str]:
-    """Return a docstring in Python; without quotes and backslashes within, nothing ends it
-    early.
-    """
-    return (
-        ['"""' + plain(lines[0]) + '"""']
-        if len(lines) == 1
-        else ['"""' + plain(lines[0]), *map(plain, lines[1:]), '"""']
     )
 
 

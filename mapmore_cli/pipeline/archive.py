@@ -8,9 +8,9 @@ import json
 import re
 import shutil
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
 
 from pydantic import TypeAdapter, ValidationError
 
@@ -37,7 +37,6 @@ from mapmore_cli.storage.run_record import (
     Origin,
     StageRecord,
     load_origin,
-    load_records,
     take_stamp,
 )
 
@@ -110,13 +109,10 @@ def _check_finished(run_dir: Path) -> None:
     remedy = "bring the run up to date with `mapmore run`"
     if missing := [kept for kept in KEPT if not (run_dir / kept).is_file()]:
         raise DataError(f"{run_dir}: is no finished run ({', '.join(missing)} missing)", remedy)
-    written = {
-        path: stamp
-        for record in load_records(run_dir, lambda _message: None).values()
-        for path, stamp in record.outputs.items()
-    }
+    outputs = [record.outputs for record in known_records(run_dir).values()]
+    written = {path: stamp.sha256 for one in outputs for path, stamp in one.items()}
     for kept in KEPT[:3]:
-        if kept not in written or take_stamp(run_dir / kept).sha256 != written[kept].sha256:
+        if take_stamp(run_dir / kept).sha256 != written.get(kept):
             raise DataError(f"{run_dir / kept}: is not the file that the run wrote", remedy)
 
 
@@ -231,20 +227,16 @@ class MadeBy:
 def _other_settings(*runs: Mapping[str, StageRecord]) -> Iterator[str]:
     """Yield the keys that differ between two runs, with both values; none where a model was sent
     alone, without the record of its run, or where both were searched alike.
+
+    Keys that came with a later version have their defaults.
     """
     for stage in (SEARCH_STAGE, MODEL_STAGE):
         slices = [run[stage].slice for run in runs if stage in run]
+        for place, recorded in enumerate(slices):
+            known = {key: recorded[key] for key in MadeBy.__annotations__ if key in recorded}
+            with suppress(ValidationError):  # of a newer version
+                known = plain(TypeAdapter(MadeBy).validate_json(json.dumps(known)))
+            slices[place] = known
         if len(slices) == 2:
-            yield from slice_differences(stage, *map(_as_read_now, slices))
+            yield from slice_differences(stage, *slices)
             return
-
-
-def _as_read_now(recorded: Mapping[str, Any]) -> Any:
-    """Return the sections of a recorded slice; keys that came with a later version have their
-    defaults.
-    """
-    known = {key: recorded[key] for key in MadeBy.__annotations__ if key in recorded}
-    try:
-        return plain(TypeAdapter(MadeBy).validate_json(json.dumps(known)))
-    except ValidationError:  # of a newer version
-        return known

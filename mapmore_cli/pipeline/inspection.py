@@ -81,10 +81,7 @@ def inspect(
         raise
     issues = issues_of(loaded, dataset, hints=True)
     # what would end a run that this one needs, or is compared with, would end both
-    for (
-        key,
-        other,
-    ) in needed.items():
+    for key, other in needed.items():
         try:
             found = issues_of(
                 other,

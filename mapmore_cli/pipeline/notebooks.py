@@ -125,12 +125,8 @@ class LoadedModel:
             sources = _SOURCES.validate_python(
                 {name: {**entry, "column": source_of(entry)} for name, entry in columns.items()}
             )
-        known = {
-            name
-            for name in {*sources, *map(str, labels_of(frame) or ())}
-            if columns_in(frame, name)
-            or (name in sources and columns_in(frame, sources[name].column))
-        }
+        known = {name for name, one in sources.items() if columns_in(frame, one.column)}
+        known |= {*map(str, labels_of(frame) or ())}
         signals = {signal.name for signal in self.model.signals}
         reading = reading_of(self.model, known if "time" in known else known | signals)
         wanted = tuple(dict.fromkeys((*reading.columns, *reading.outputs)))
@@ -148,7 +144,9 @@ class LoadedModel:
         `WriteError` as the command does.
         """
         folder = Path(path)
-        exported = plugins.load("python", "export")(self.model, to, warn=_warn, **options)
+        exported = plugins.load("python", "export")(
+            self.model, to, warn=lambda message: warnings.warn(message, stacklevel=4), **options
+        )
         with refusals_told(folder):
             folder.mkdir(parents=True, exist_ok=True)
         for name, content in exported.items():
@@ -228,17 +226,13 @@ class LoadedModel:
         return given_numbers(values, f"`{name}`", name, self.units.get(name) or default_unit(name))
 
     def _flattened(self, columns: dict[str, ArrayLike]) -> tuple[dict[str, Array], tuple[int, ...]]:
-        given = (
-            columns
-            if "time" in columns
-            else [*columns, *(signal.name for signal in self.model.signals)]
-        )
-        reading = reading_of(self.model, given)
-        needed = list(dict.fromkeys((*reading.columns, *reading.outputs)))
         signals = self.model.signals
         # what given rates and directions follow from
         spare = {"time", *(signal.of for signal in signals)} if signals else set[str]()
-        if not set(needed) <= set(columns) <= {*needed, *spare}:
+        given = {*columns} if "time" in columns else {*columns, *(one.name for one in signals)}
+        reading = reading_of(self.model, given)
+        needed = list(dict.fromkeys(reading.columns + reading.outputs))
+        if not {*needed} <= {*columns} <= {*needed, *spare}:
             raise TypeError(
                 f"this model is a function of {', '.join(needed)}; got "
                 f"{', '.join(columns) or 'nothing'}"
@@ -246,10 +240,6 @@ class LoadedModel:
         arrays = np.broadcast_arrays(*(self._given(name, columns[name]) for name in needed))
         flat = {name: array.ravel() for name, array in zip(needed, arrays, strict=True)}
         return with_signals(reading.signals, flat), arrays[0].shape
-
-
-def _warn(message: str) -> None:
-    warnings.warn(message, stacklevel=3)
 
 
 _SOURCES = TypeAdapter(dict[str, SourceColumn])
@@ -340,13 +330,16 @@ def write_frames(
     or differ in length.
     """
     paths = []
+    read = {
+        name: {**(entry if isinstance(entry, Mapping) else {}), "column": source_of(entry)}
+        for name, entry in columns.items()
+    }
     for number, frame in enumerate(frames, start=1):
         label = f"frame {number}" if len(frames) > 1 else "the frame"
         arrays = {}
-        for name, entry in columns.items():
-            told = entry if isinstance(entry, Mapping) else {}
+        for name, told in read.items():
             unit = str(told.get("unit") or default_unit(name, units))
-            arrays[name] = column_of(frame, source_of(entry), label, name, unit, told.get("format"))
+            arrays[name] = column_of(frame, told["column"], label, name, unit, told.get("format"))
         lengths = {name: len(values) for name, values in arrays.items()}
         if len(set(lengths.values())) > 1:
             raise DataError(
@@ -358,10 +351,8 @@ def write_frames(
         with h5py.File(paths[-1], "w") as file:
             for name, values in arrays.items():
                 file.create_dataset(name, data=values, track_times=False)
-    read = {
-        name: {**(entry if isinstance(entry, Mapping) else {}), "column": name}
-        for name, entry in columns.items()
-    }
+    for name, told in read.items():
+        told["column"] = name
     read.get("time", {}).pop("format", None)  # what is written are numbers
     return {"files": [str(path) for path in paths], "reader": "hdf5", "columns": read}
 

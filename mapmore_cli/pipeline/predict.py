@@ -20,7 +20,7 @@ from mapmore_cli.modelling.inverse import LOWEST, invert, solve_for_input
 from mapmore_cli.modelling.kinds import outside_range, running, runs_over_time, simulate
 from mapmore_cli.modelling.literature.family import adapted, family_of
 from mapmore_cli.modelling.literature.own import is_family
-from mapmore_cli.modelling.memory.records import AtSample, numbered
+from mapmore_cli.modelling.memory.records import AtSample, complete, numbered
 from mapmore_cli.modelling.program.model import slopes
 from mapmore_cli.modelling.signals.rates import with_signals
 from mapmore_cli.modelling.validation.intervals import (
@@ -29,7 +29,14 @@ from mapmore_cli.modelling.validation.intervals import (
     interval_refusal,
     intervals_of,
 )
-from mapmore_cli.pipeline.records import Reading, Row, Sheet, between_gaps, by_recording, reading_of
+from mapmore_cli.pipeline.records import (
+    Reading,
+    Row,
+    Sheet,
+    between_gaps,
+    by_recording,
+    reading_of,
+)
 
 CHUNK = 20_000
 """Rows in memory at a time, where rows know nothing of each other."""
@@ -38,34 +45,86 @@ FLAG = "outside_range"
 
 
 @dataclass(frozen=True)
-class Extra:
-    """What else is wanted of every row: an interval of a `level`, and derivatives."""
+class Predictor:
+    """What is added to every row of a table: the output, or the input that the model is inverted
+    for; the interval of a `level`; derivatives.
+    """
 
+    model: Model
+    reading: Reading
     level: float | None
     derivatives: bool
 
-    def names(self, model: Model) -> tuple[str, ...]:
-        """Return the columns."""
-        of_level = (
-            () if self.level is None else (f"{model.output.name}_low", f"{model.output.name}_high")
-        )
-        return (
-            *of_level,
-            *(
-                f"{model.output.name}_by_{quantity.name}"
-                for quantity in model.inputs
-                if self.derivatives
-            ),
-        )
+    @property
+    def names(self) -> list[str]:
+        """The columns, (m,)."""
+        output = self.model.output.name
+        names = [f"{self.reading.turned_for or output}_predicted", FLAG]
+        names += [] if self.level is None else [f"{output}_low", f"{output}_high"]
+        by = self.model.inputs if self.derivatives else ()
+        return names + [f"{output}_by_{quantity.name}" for quantity in by]
 
-    def of(
-        self, model: Model, inputs: Columns, predicted: Array, outside: BoolArray
-    ) -> Iterator[Array]:
-        """Yield their numbers, (n,) each."""
-        if self.level is not None:
-            yield from ends(predicted, outside, half_widths_of(model, inputs, self.level))
-        if self.derivatives:
-            yield from slopes(model, inputs).values()
+    def numbers(
+        self, columns: Columns, rows: IntArray, run: Callable[[Columns], Run]
+    ) -> tuple[Array, BoolArray, list[int]]:
+        """Return all columns but the flags of complete rows, (n, m - 1), the flags, (n,), and the
+        rows at which a free run diverges.
+
+        Those of a recording go stretch by stretch where signals follow from others. `rows` are the
+        numbers by which rows are told.
+        """
+        model, reading = self.model, self.reading
+        if reading.turned_for is not None:
+            turned = solve_for_input(model, columns, reading.turned_for)
+            inputs = {**columns, reading.turned_for: turned.values}
+            return turned.values[:, None], outside_range(model, inputs) | ~turned.solved, []
+        numbers = np.full((len(rows), len(self.names) - 1), np.nan)
+        outside, diverged = np.zeros(len(rows), dtype=bool), list[int]()
+        for part in between_gaps(columns["time"]) if reading.signals else [slice(None)]:
+            inputs = {name: x[part] for name, x in columns.items()}
+            try:
+                inputs = with_signals(reading.signals, inputs)
+            except DataError:  # too few samples for the window of a rate
+                continue
+            # far outside of the range a term may overflow; the flag says so
+            with np.errstate(all="ignore"), numbered(rows[part]):
+                said = run(inputs)
+                beyond = outside[part] = outside_range(model, inputs)
+                found = [said.values]
+                if self.level is not None:
+                    widths = half_widths_of(model, inputs, self.level)
+                    found += ends(said.values, beyond, widths)
+                if self.derivatives:
+                    found += slopes(model, inputs).values()
+            numbers[part] = np.column_stack(found)
+            diverged += rows[part][list(said.diverged)].tolist()
+        return numbers, outside, diverged
+
+    def cells(
+        self,
+        label: str,
+        block: Sequence[Row],
+        columns: dict[str, Array],
+        run: Callable[[Columns], Run],
+    ) -> tuple[list[str], list[int]]:
+        """Return the new fields of every row of a block, and the rows at which a free run
+        diverges.
+        """
+        needed = (columns[name] for name in self.reading.columns)
+        known = np.flatnonzero(complete(needed, len(block)))
+        added = ["," * (len(self.names) - 1)] * len(block)
+        if not len(known):
+            return added, []
+        columns = {name: x[known] for name, x in columns.items()}
+        try:
+            numbers, outside, diverged = self.numbers(columns, known, run)
+        except AtSample as error:
+            raise DataError(
+                f"{label}:row {block[error.sample].line}: {error.fault}", error.remedy
+            ) from error
+        for i, flag, (value, *more) in zip(known, outside, numbers, strict=True):
+            added[i] = ",".join([_digits(value), "true" if flag else "false", *map(_digits, more)])
+        return added, diverged
 
 
 def predicted_lines(
@@ -113,26 +172,23 @@ def predicted_lines(
         and (why := interval_refusal(intervals_of(model, interval))) is not None
     ):
         warn(f"{model.name}: {why}")
-    extra = Extra(interval, derivatives)
     table = Sheet(lines, label, _column_names(model), constants)
     reading = (
         reading_of(model, table.names) if turned_for is None else _reading_turned(model, turned_for)
     )
-    added = (f"{turned_for or model.output.name}_predicted", FLAG, *extra.names(model))
-    places = table.places(dict.fromkeys((*reading.columns, *reading.outputs)), added)
-    yield from table.extended([table.header], [",".join(added)])
+    predictor = Predictor(model, reading, interval, derivatives)
+    places = table.places(reading.columns + reading.outputs, predictor.names)
+    yield from table.extended([table.header], [",".join(predictor.names)])
     predicted = beyond = 0
-    blocks: Iterator[tuple[list[Row], bool]]
-    blocks = ((block, True) for block in _chunks(table.rows, chunk))
     in_parts = not reading.signals and running(model) is not None
+    blocks: Iterator[tuple[list[Row], bool]]
+    blocks = ((block, True) for block in iter(lambda: [*islice(table.rows, chunk)], []))
     if reading.over_time:
         blocks = by_recording(table.rows, table.names, chunk if in_parts else math.inf)
     for block, begins in blocks:
         if begins:
             run = (running(model) if in_parts else None) or partial(simulate, model)
-        cells, diverged = _added_cells(
-            model, reading, table.values(block, places), block, label, extra, run
-        )
+        cells, diverged = predictor.cells(label, block, table.values(block, places), run)
         for start in diverged:
             warn(
                 f"{label}:row {block[start].line}: the free run diverges; there is no "
@@ -144,7 +200,7 @@ def predicted_lines(
     if predicted and beyond == predicted:
         warn(
             f"{label}: every row lies outside of the training range; the model expects "
-            f"{_column_names(model)}"
+            f"{table.expected}"
         )
 
 
@@ -177,19 +233,14 @@ def inverted_lines(
     places = table.places(needed, added)
     block = list(table.rows)
     columns = table.values(block, places)
-    known = np.flatnonzero(
-        np.logical_and.reduce([np.isfinite(values) for values in columns.values()])
-    )
+    known = np.flatnonzero(complete(columns.values(), len(block)))
     cells = [",,"] * len(block)
     if len(known):
         given = {column: values[known] for column, values in columns.items()}
-        inverse = invert(model, given.pop(model.output.name), given, name, rule)
-        solutions = np.split(
-            inverse.values, np.searchsorted(inverse.rows, np.arange(1, len(known)))
-        )
-        for place, picked, every, status in zip(
-            known.tolist(), inverse.picked, solutions, inverse.status, strict=True
-        ):
+        found = invert(model, given.pop(model.output.name), given, name, rule)
+        starts = np.searchsorted(found.rows, np.arange(1, len(known)))
+        parts = found.picked, np.split(found.values, starts), found.status
+        for place, picked, every, status in zip(known.tolist(), *parts, strict=True):
             cells[place] = ",".join([_digits(picked), " ".join(map(_digits, every)), status])
     yield from table.extended([table.header, *block], [",".join(added), *cells])
 
@@ -204,94 +255,15 @@ def _reading_turned(model: Model, name: str) -> Reading:
     return Reading((model.output.name, *(one for one in inputs if one != name)), turned_for=name)
 
 
-def _chunks(rows: Iterator[Row], size: int) -> Iterator[list[Row]]:
-    while block := list(islice(rows, size)):
-        yield block
-
-
 def _column_names(model: Model) -> str:
     reading = reading_of(model, [signal.name for signal in model.signals])
-    units = {quantity.name: quantity.unit for quantity in (*model.inputs, model.output)} | {
-        "time": "s"
-    }
-    return ", ".join(
-        f"{name} [{units.get(name, model.output.unit)}]"
-        for name in (*reading.columns, *reading.outputs)
-    )
-
-
-def _added_cells(
-    model: Model,
-    reading: Reading,
-    columns: dict[str, Array],
-    block: Sequence[Row],
-    label: str,
-    extra: Extra,
-    run: Callable[[Columns], Run],
-) -> tuple[list[str], list[int]]:
-    """Return the new fields of every row of a block, and the rows at which a free run diverges."""
-    known = np.flatnonzero(
-        np.logical_and.reduce([np.isfinite(columns[name]) for name in reading.columns])
-    )
-    added = ["," + "," * len(extra.names(model))] * len(block)
-    if not len(known):
-        return added, []
-    try:
-        numbers, outside, diverged = _numbers_of(
-            model, reading, {name: x[known] for name, x in columns.items()}, known, extra, run
-        )
-    except AtSample as error:
-        raise DataError(
-            f"{label}:row {block[error.sample].line}: {error.fault}", error.remedy
-        ) from error
-    for i, flag, (value, *more) in zip(known, outside, numbers, strict=True):
-        added[i] = ",".join([_digits(value), "true" if flag else "false", *map(_digits, more)])
-    return added, diverged
+    units = {one.name: one.unit for one in (*model.inputs, model.output)} | {"time": "s"}
+    names = reading.columns + reading.outputs
+    return ", ".join(f"{name} [{units.get(name, model.output.unit)}]" for name in names)
 
 
 def _digits(value: float) -> str:
     return format(value, ".12g") if math.isfinite(value) else ""
-
-
-def _numbers_of(
-    model: Model,
-    reading: Reading,
-    columns: dict[str, Array],
-    rows: IntArray,
-    extra: Extra,
-    run: Callable[[Columns], Run],
-) -> tuple[Array, BoolArray, list[int]]:
-    """Return prediction and what else is wanted of complete rows, (n, m), their flags, (n,), and
-    the rows at which a free run diverges.
-
-    Those of a recording go stretch by stretch where signals follow from others. `rows` are the
-    numbers by which rows are told.
-    """
-    if reading.turned_for is not None:
-        turned = solve_for_input(model, columns, reading.turned_for)
-        outside = (
-            outside_range(model, {**columns, reading.turned_for: turned.values}) | ~turned.solved
-        )
-        return turned.values[:, None], outside, []
-    numbers = np.full((len(rows), 1 + len(extra.names(model))), np.nan)
-    outside, diverged = np.zeros(len(rows), dtype=bool), list[int]()
-    for part in between_gaps(columns["time"]) if reading.signals else [slice(None)]:
-        try:
-            inputs = with_signals(reading.signals, {name: x[part] for name, x in columns.items()})
-        except DataError:  # too few samples for the window of a rate
-            continue
-        # far outside of the range a term may overflow; the flag says so
-        with (
-            np.errstate(all="ignore"),
-            numbered(rows[part]),
-        ):
-            said = run(inputs)
-            outside[part] = outside_range(model, inputs)
-            numbers[part] = np.column_stack(
-                [said.values, *extra.of(model, inputs, said.values, outside[part])]
-            )
-        diverged += rows[part][list(said.diverged)].tolist()
-    return numbers, outside, diverged
 
 
 def adapt(
@@ -325,7 +297,7 @@ def adapt(
         if not block:
             raise table.empty()
         columns = table.values(block, places)
-        known = np.logical_and.reduce([np.isfinite(values) for values in columns.values()])
+        known = complete(columns.values(), len(block))
         columns = {name: values[known] for name, values in columns.items()}
     target = columns.pop(model.output.name)
     fit = adapted(model.body.fit, columns, target, constants[of])

@@ -8,7 +8,7 @@ import difflib
 import math
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import product
+from itertools import chain, product
 from typing import NamedTuple
 
 import numpy as np
@@ -175,7 +175,9 @@ class Sheet:
         if there := next((name for name in added if name in self.names), None):
             raise DataError(f"{self.label}: already has a column {there}", "rename or remove it")
         located = locate_columns(
-            TableRequest(self.label, tuple(wanted), header=True), self.names, len(self.names)
+            TableRequest(self.label, tuple(dict.fromkeys(wanted)), header=True),
+            self.names,
+            len(self.names),
         )
         return {str(name): place for name, place in located.items()}
 
@@ -233,28 +235,21 @@ def grid_lines(text: str, inputs: Sequence[str]) -> Iterator[str]:
     Raises UsageError where `text` is malformed, names an input twice or one that the model has not,
     leaves one out, or has a step that does not lead from the first value to the last.
     """
-    axes = _axes(text, inputs)
-    return (
-        ",".join(point) + "\n"
-        for points in ([tuple(axes)], product(*axes.values()))
-        for point in points
-    )
+    axes = grid_axes(text, inputs)
+    values = ([format(value, ".12g") for value in axis] for axis in axes.values())
+    return (",".join(point) + "\n" for point in chain([axes], product(*values)))
 
 
 def grid_axes(text: str, inputs: Sequence[str]) -> dict[str, list[float]]:
-    """Return the places along every input of a grid; raises as `grid_lines`."""
-    return {name: list(map(float, values)) for name, values in _axes(text, inputs).items()}
-
-
-def _axes(text: str, inputs: Sequence[str]) -> dict[str, list[str]]:
-    axes: dict[str, list[str]] = {}
+    """Return the places along every input of a grid, to twelve digits; raises as `grid_lines`."""
+    axes: dict[str, list[float]] = {}
     for part in text.split(","):
         name, equals, values = (piece.strip() for piece in part.partition("="))
         if not equals:
             raise UsageError(f"--grid: '{part.strip()}' has no '='", EXAMPLE)
         if name in axes:
             raise UsageError(f"--grid: '{name}' is given twice", EXAMPLE)
-        axes[name] = [format(value, ".12g") for value in _axis_values(part.strip(), values)]
+        axes[name] = [float(f"{value:.12g}") for value in _axis_values(part.strip(), values)]
     if unknown := next((name for name in axes if name not in inputs), None):
         near = difflib.get_close_matches(unknown, inputs, n=1)
         hint = f"did you mean '{near[0]}'? " if near else ""
@@ -273,16 +268,13 @@ def _axes(text: str, inputs: Sequence[str]) -> dict[str, list[str]]:
 
 
 def _axis_values(part: str, text: str) -> list[float]:
-    numbers = [number for piece in text.split(":") if (number := number_of(piece)) is not None]
-    if (
-        len(numbers) not in (1, 3)
-        or len(numbers) != text.count(":") + 1
-        or not all(map(math.isfinite, numbers))
-    ):
+    numbers = [number_of(piece) for piece in text.split(":")]
+    finite = [number for number in numbers if number is not None and math.isfinite(number)]
+    if len(numbers) not in (1, 3) or len(finite) < len(numbers):
         raise UsageError(f"--grid: cannot read '{part}'", EXAMPLE)
-    if len(numbers) == 1:
-        return numbers
-    first, last, step = numbers
+    if len(finite) == 1:
+        return finite
+    first, last, step = finite
     steps = (last - first) / step if step else math.nan
     if not 0 <= steps <= MOST_POINTS:
         raise UsageError(

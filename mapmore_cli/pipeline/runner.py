@@ -10,9 +10,9 @@ from __future__ import annotations
 import os
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, TypedDict
+from typing import TypedDict
 
 from mapmore_cli.checking import findings
 from mapmore_cli.domain.errors import DataError, MapmoreError, RunWarning, SpecError, WriteError
@@ -30,6 +30,7 @@ from mapmore_cli.pipeline.staleness import (
     plans_of,
     refuse_circle,
 )
+from mapmore_cli.spec.loader import LoadedSpec
 from mapmore_cli.storage.atomic import refusals_told, write_text
 from mapmore_cli.storage.run_folder import (
     RunFiles,
@@ -49,9 +50,6 @@ from mapmore_cli.storage.run_record import (
     stamps_of,
     tool_versions,
 )
-
-if TYPE_CHECKING:
-    from mapmore_cli.spec.loader import LoadedSpec
 
 RESOLVED_SPEC = "experiment.yaml"
 FOUND = "found.yaml"
@@ -149,24 +147,15 @@ def bring_up_to_date(
     refuse_circle(loaded)
     run_dir = runs / loaded.spec.name
     open_run_folder(run_dir)
-    run = _Run(
-        loaded=loaded,
-        run_dir=run_dir,
-        given=stages,
-        origin=_origin(loaded, run_dir, options.campaign),
-        options=options,
-        progress=progress,
-        warn=warn,
-        on_stage=on_stage,
-    )
+    origin = _origin(loaded, run_dir, options.campaign)
+    run = _Run(loaded, run_dir, stages, origin, options, progress, warn, on_stage)
     plans = run.settled(until)
     if plans is None:
         with run_lock(run_dir, options.patient):
             plans = run.settle(until)
     reasons = {plan.stage.name: plan.reason for plan in plans if plan.reason is not None}
-    done = {
-        plan.stage.name: "done" if plan.stage.name in reasons else "up-to-date" for plan in plans
-    }
+    names = (plan.stage.name for plan in plans)
+    done = {name: "done" if name in reasons else "up-to-date" for name in names}
     return RunOutcome(loaded.spec.name, run_dir, done, reasons)
 
 
@@ -206,7 +195,7 @@ def _from(run_dir: Path, path: Path) -> str:
     return Path(os.path.relpath(path, run_dir)).as_posix()
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class _Run:
     """A run in its folder, and who is told of it; `given` are other stages than those of the
     pipeline.
@@ -232,9 +221,7 @@ class _Run:
         plans = list(self.planned(until, records))
         whole = (
             plans[-1].stage.name == until
-            and all(
-                plan.reason is None and plan.record == records[plan.stage.name] for plan in plans
-            )
+            and all(one.reason is None and one.now == records[one.stage.name] for one in plans)
             and not any(self.checks(p, until) and self.known_findings(p) is None for p in plans)
             and load_origin(self.run_dir) == self.origin
             and not self.unwritten(until)
@@ -270,15 +257,16 @@ class _Run:
             plans.append(plan)
             needed = {other.need.key: self.bring(other) for other in plan.needed}
             self.on_stage(plan.stage.name, plan.reason)
-            if plan.record is not None and plan.record != kept[plan.stage.name]:
-                kept[plan.stage.name] = plan.record
-                save_records(self.run_dir, self.loaded.spec.name, self.origin, kept)
+            name, now = plan.stage.name, plan.now
             if plan.reason is not None:
                 try:
-                    kept = self.make(plan, plan.reason, needed, kept)
+                    now = self.make(plan, needed)
                 except (SpecError, DataError) as fault:
                     self.add_findings(fault, plan.stage)
                     raise
+            if now != kept.get(name):
+                kept[name] = now
+                save_records(self.run_dir, self.loaded.spec.name, self.origin, kept)
             if self.checks(plan, until):
                 self.apply_rules(plan)
         for path, text in self.unwritten(until).items():
@@ -290,15 +278,9 @@ class _Run:
         how = (self.run_dir, records, self.options.rehash, self.options.force)
         return plan_stages(self.given, until, self.loaded, *how)
 
-    def make(
-        self,
-        plan: StagePlan,
-        why: str,
-        needed: Mapping[str, Path],
-        records: Mapping[str, StageRecord],
-    ) -> dict[str, StageRecord]:
-        """Run one stage and commit it; the records with its entry. `needed` are the folders of the
-        runs whose models it needs.
+    def make(self, plan: StagePlan, needed: Mapping[str, Path]) -> StageRecord:
+        """Run one stage and move its outputs in; the entry that commits them. `needed` are the
+        folders of the runs whose models it needs.
         """
         started, stage = time.perf_counter(), plan.stage
         with refusals_told(self.run_dir), stage_folder(self.run_dir, stage.name) as out:
@@ -314,19 +296,10 @@ class _Run:
             )
             with one_blas_thread():
                 stage.run(plan.part, workspace)
-            written = {path.name for path in out.iterdir()}
-            if written != set(stage.outputs):  # the stage itself is wrong
-                raise RuntimeError(
-                    f"stage {stage.name} wrote {sorted(written)} and declares "
-                    f"{sorted(stage.outputs)}"
-                )
             outputs = stamps_of(out, stage.outputs)
             swap_in(out, self.run_dir, stage.outputs)
-            seconds = round(time.perf_counter() - started, 3)
-            made = (plan.fingerprint, stage.revision, plan.before, plan.slice, plan.inputs, outputs)
-            committed = {**records, stage.name: StageRecord(*made, tool_versions(), seconds, why)}
-            save_records(self.run_dir, self.loaded.spec.name, self.origin, committed)
-        return committed
+        seconds, why = round(time.perf_counter() - started, 3), plan.reason or ""
+        return replace(plan.now, outputs=outputs, tools=tool_versions(), seconds=seconds, why=why)
 
     def checks(self, plan: StagePlan, until: str) -> bool:
         """Whether the rules are applied after a stage: ingest, where it is not the last."""
@@ -336,7 +309,7 @@ class _Run:
         """Return what the rules found in these data; None where that is not known, or ends the run:
         places in the spec may have moved.
         """
-        issues = findings.kept(self.run_dir, findings.mark_of(self.loaded, ingest.fingerprint))
+        issues = findings.kept(self.run_dir, findings.mark_of(self.loaded, ingest.now.fingerprint))
         ends = self.options.check and issues is not None and findings.refusal(issues)
         return None if ends else issues
 
@@ -352,7 +325,7 @@ class _Run:
 
         issues = tuple(issues_of(self.loaded, RunFiles(self.run_dir).dataset()))
         self.tell(issues)
-        findings.keep(self.run_dir, findings.mark_of(self.loaded, ingest.fingerprint), issues)
+        findings.keep(self.run_dir, findings.mark_of(self.loaded, ingest.now.fingerprint), issues)
 
     def tell(self, issues: Sequence[findings.Issue]) -> None:
         """Warn of the findings; raise those that are errors, unless they do not count."""

@@ -157,6 +157,7 @@ def fuse(part: ModelChoices, workspace: Workspace) -> None:
     from mapmore_cli.modelling.signals.rates import needed_signals
     from mapmore_cli.modelling.validation.residuals import explained_by_inputs
     from mapmore_cli.storage.artefacts import write_model
+    from mapmore_cli.storage.run_record import tool_versions
 
     files = workspace.files
     dataset, result = files.dataset(), files.fit()
@@ -186,16 +187,9 @@ def fuse(part: ModelChoices, workspace: Workspace) -> None:
         if (why := interval_refusal(left_out)) is not None:
             workspace.warn(f"validate.intervals: {why}")
         model = replace(model, left_out=left_out)
-    write_model(workspace.out / MODEL, model, _provenance(part))
-
-
-def _provenance(part: ModelChoices) -> dict[str, str]:
-    """Return what made the model, for a reader who has nothing but the file: versions, and the
-    spec's sections that decide about it.
-    """
-    from mapmore_cli.storage.run_record import tool_versions
-
-    return {**tool_versions(), "spec": to_json(part, indent=1).decode()}
+    # for a reader who has nothing but the file
+    provenance = {**tool_versions(), "spec": to_json(part, indent=1).decode()}
+    write_model(workspace.out / MODEL, model, provenance)
 
 
 FUSE = Stage(

@@ -8,9 +8,9 @@ import hashlib
 import json
 import os
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from pydantic_core import to_jsonable_python
 
@@ -19,10 +19,9 @@ from mapmore_cli.domain.errors import DataError, SpecError
 from mapmore_cli.fitting.stage import Need, Stage
 from mapmore_cli.modelling.selection import AUTO
 from mapmore_cli.spec.experiment import Competitor, ExperimentSpec
+from mapmore_cli.spec.loader import LoadedSpec, load
+from mapmore_cli.spec.yaml_loader import as_overrides
 from mapmore_cli.storage.run_record import StageRecord, Stamp, load_records, take_stamp
-
-if TYPE_CHECKING:
-    from mapmore_cli.spec.loader import LoadedSpec
 
 MODEL_STAGE = "fuse"
 """The stage after which a run has the model that others read."""
@@ -76,8 +75,6 @@ def needed_runs(stage: Stage, loaded: LoadedSpec) -> tuple[Needed, ...]:
 
     Raises SpecError where a needed spec is missing or wrong.
     """
-    from mapmore_cli.spec.loader import load
-
     return tuple(
         Needed(need, _varied(loaded, need) if need.overrides else load(loaded.folder / need.key))
         for need in stage.needs(loaded.spec)
@@ -104,8 +101,6 @@ def refuse_circle(loaded: LoadedSpec, heirs: tuple[Path, ...] = ()) -> None:
     """Raise SpecError where runs are built on each other in a circle; `heirs` are the specs that
     led to this one. A run that is compared needs what its model is built on.
     """
-    from mapmore_cli.spec.loader import load
-
     spec, chain = loaded.spec, (*heirs, loaded.path.resolve())
     paths = {spec.needs.static, spec.needs.damping, *(part.model for part in spec.model.sum or ())}
     if not heirs:
@@ -124,9 +119,6 @@ def _varied(loaded: LoadedSpec, variation: Need) -> LoadedSpec:
     """Return the spec with other settings, and without competitors: it is one, and those of the
     spec may not suit it.
     """
-    from mapmore_cli.spec.loader import load
-    from mapmore_cli.spec.yaml_loader import as_overrides
-
     own = {
         "name": f"{loaded.spec.name}.{variation.key}",
         "validate.against": [],
@@ -150,24 +142,18 @@ LONGEST_REASON = 6
 
 @dataclass(frozen=True)
 class StagePlan:
-    """What a stage would be made from now, beside what it was made from.
+    """What a stage would be made from now.
 
-    `part` is the slice of the spec, `slice` the same as JSON values. `outputs` are the stamps of
-    the committed files that still exist. `reason` says why the stage has to run, None where it is
-    up to date; then `record` is its entry with today's file times, where the contents are still the
-    same: the next run need not read them again.
+    `part` is the slice of the spec. `now` is the entry that it would have: its outputs are the
+    committed files that still exist. `reason` says why the stage has to run, None where it is up to
+    date; `now` is then its entry with today's file times: the next run need not read them again.
     """
 
     stage: Stage
     part: Any
-    slice: Any
-    fingerprint: str
-    before: str
-    inputs: Mapping[str, Stamp]
-    outputs: Mapping[str, Stamp]
-    needed: tuple[Needed, ...] = ()
-    reason: str | None = None
-    record: StageRecord | None = None
+    now: StageRecord
+    needed: tuple[Needed, ...]
+    reason: str | None
 
 
 def plan_stages(
@@ -187,15 +173,13 @@ def plan_stages(
 
     Raises DataError where a source is missing or cannot be read.
     """
-    previous: StagePlan | None = None
+    before, previous = "", ""
     for stage in given or pipeline(searched=loaded.spec.model.type == AUTO):
-        known = records.get(stage.name)
-        part = stage.reads(loaded.spec)
+        known, part = records.get(stage.name), stage.reads(loaded.spec)
         needed = needed_runs(stage, loaded)
         chosen = plain(part) | {
             f"run {run.need.key}": _model_mark(run, given, run_dir.parent, rehash) for run in needed
         }
-        before = previous.fingerprint if previous else ""
         inputs = _source_stamps(stage, loaded, known.inputs if known else {}, rehash)
         contents = {path: stamp.sha256 for path, stamp in inputs.items()}
         mark = fingerprint(stage.name, stage.revision, chosen, before, contents)
@@ -204,16 +188,13 @@ def plan_stages(
             for path, stamp in (known.outputs if known else {}).items()
             if (run_dir / path).is_file()
         }
-        plan = StagePlan(stage, part, chosen, mark, before, inputs, outputs, needed)
-        reasons = ["forced"] if force else _reasons(plan, known, previous)
-        if len(reasons) > LONGEST_REASON:
-            more = len(reasons) - LONGEST_REASON
-            reasons = [*reasons[:LONGEST_REASON], f"and {more} more"]
-        record = None
-        if known is not None and not reasons:
-            record = replace(known, inputs=inputs, outputs=outputs)
-        previous = replace(plan, reason="; ".join(reasons) or None, record=record)
-        yield previous
+        made = (known.tools, known.seconds, known.why) if known else ({}, 0.0, "")
+        now = StageRecord(mark, stage.revision, before, chosen, inputs, outputs, *made)
+        reasons = ["forced"] if force else _reasons(stage, known, now, previous)
+        if more := reasons[LONGEST_REASON:]:
+            reasons = [*reasons[:LONGEST_REASON], f"and {len(more)} more"]
+        yield StagePlan(stage, part, now, needed, "; ".join(reasons) or None)
+        before, previous = mark, stage.name
         if stage.name == until:
             return
         if stage.name == SEARCH_STAGE:
@@ -245,36 +226,34 @@ def _model_mark(run: Needed, given: Sequence[Stage] | None, runs: Path, rehash: 
     compared run, of the model that it has.
     """
     if run.is_kept(runs):
-        mark = known_records(runs / run.loaded.spec.name)[MODEL_STAGE].fingerprint
+        record = known_records(runs / run.loaded.spec.name)[MODEL_STAGE]
     else:
-        mark = plans_of(run, given, MODEL_STAGE, runs, rehash)[-1].fingerprint
-    return mark[:SHORT_MARK]
+        record = plans_of(run, given, MODEL_STAGE, runs, rehash)[-1].now
+    return record.fingerprint[:SHORT_MARK]
 
 
-def _reasons(plan: StagePlan, known: StageRecord | None, previous: StagePlan | None) -> list[str]:
+def _reasons(stage: Stage, known: StageRecord | None, now: StageRecord, previous: str) -> list[str]:
     """Everything that differs from the committed entry."""
     if known is None:
         return ["never ran"]
-    reasons = []
-    if known.revision != plan.stage.revision:
-        reasons.append(f"stage revision {known.revision} -> {plan.stage.revision}")
-    reasons += slice_differences(plan.stage.name, known.slice, plan.slice)
-    reasons += _file_differences("source", "removed", known.inputs, plan.inputs)
-    if previous and known.before != plan.before:
-        reasons.append(f"follows from {previous.stage.name}")
-    if not reasons and known.fingerprint != plan.fingerprint:
+    reasons = slice_differences(stage.name, known.slice, now.slice)
+    if known.revision != now.revision:
+        reasons.insert(0, f"stage revision {known.revision} -> {now.revision}")
+    reasons += _file_differences("source", "removed", known.inputs, now.inputs)
+    if previous and known.before != now.before:
+        reasons.append(f"follows from {previous}")
+    if not reasons and known.fingerprint != now.fingerprint:
         reasons.append("run.json does not fit its own entries")
-    reasons += _file_differences("output", "missing", known.outputs, plan.outputs)
+    reasons += _file_differences("output", "missing", known.outputs, now.outputs)
     recorded = {path for name in known.outputs for path in (name, name.split("/", 1)[0])}
-    missing = [output for output in plan.stage.outputs if output not in recorded]
+    missing = [output for output in stage.outputs if output not in recorded]
     return [*reasons, *(f"output missing: {output}" for output in missing)]
 
 
 def _file_differences(
     what: str, gone: str, known: Mapping[str, Stamp], now: Mapping[str, Stamp]
 ) -> list[str]:
-    both = [path for path in now if path in known]
-    changed = [path for path in both if known[path].sha256 != now[path].sha256]
+    changed = [path for path in now if path in known and known[path].sha256 != now[path].sha256]
     return [
         *(f"{what} {gone}: {path}" for path in known if path not in now),
         *(f"{what} changed: {path}" for path in changed),
@@ -344,27 +323,24 @@ def place_in_spec(key: str, stage: str) -> str:
     """Where a key of a stage's slice stands in the YAML file: `levels` is `data.levels`, `against`
     is `validate.against`.
     """
-    sections = {
-        field.alias or name: field.annotation for name, field in ExperimentSpec.model_fields.items()
-    }
+    fields = ExperimentSpec.model_fields.items()
+    sections = {field.alias or name: field.annotation for name, field in fields}
     if key in sections:
         return key
     # `levels` of fuse stands inside its own section, so the first home is the one
-    homes = (
-        name
-        for name, section in sections.items()
-        if key in getattr(section, "model_fields", getattr(section, "__dataclass_fields__", ()))
-    )
-    return f"{next(homes, stage)}.{key}"
+    for name, section in sections.items():
+        if key in getattr(section, "model_fields", getattr(section, "__dataclass_fields__", ())):
+            return f"{name}.{key}"
+    return f"{stage}.{key}"
 
 
 def _differences(place: str, old: Any, new: Any) -> Iterator[str]:
-    if isinstance(old, dict) and isinstance(new, dict):
+    both = (old, new)
+    if all(isinstance(one, dict) for one in both):
         for key in new | old:
             yield from _differences(f"{place}.{key}", old.get(key, NOT_SET), new.get(key, NOT_SET))
     elif (
-        isinstance(old, list)
-        and isinstance(new, list)
+        all(isinstance(one, list) for one in both)
         and len(old) == len(new)
         and any(isinstance(part, dict) for part in new)
     ):

@@ -59,7 +59,8 @@ def scores_slice(spec: ExperimentSpec) -> ScoresSlice:
     """
     spec = with_definitions(spec)
     target = spec.target if isinstance(spec.target, str) else spec.target.column
-    moving = target in ("damping", "dynamic")
+    moving, split, groups = target in ("damping", "dynamic"), spec.data.split, spec.data.groups
+    folds = split.leave_one_level_out or split.leave_one_group_out
     return ScoresSlice(
         target=spec.validation.as_ or target,
         seen_as=spec.validation.as_,
@@ -68,12 +69,10 @@ def scores_slice(spec: ExperimentSpec) -> ScoresSlice:
         static=spec.needs.static if moving else None,
         lengths=spec.muscle.lengths,
         normaliser=spec.validation.normaliser,
-        cycles_of=spec.data.split.hold_out.of if spec.data.split.hold_out is not None else None,
-        folds=model_choices(spec)
-        if spec.data.split.leave_one_level_out or spec.data.split.leave_one_group_out
-        else None,
-        groups=spec.data.groups.of if spec.data.groups is not None else None,
-        without_groups=spec.data.split.leave_one_group_out,
+        cycles_of=split.hold_out.of if split.hold_out is not None else None,
+        folds=model_choices(spec) if folds else None,
+        groups=groups.of if groups is not None else None,
+        without_groups=split.leave_one_group_out,
         robust=None if spec.fit.loss == "squares" else spec.fit,
     )
 
@@ -158,12 +157,11 @@ def _with_interval(model: Model, curve: Curve, said: Forecast) -> Forecast:
         widths = half_widths_of(model, columns, INTERVAL)
         return np.where(outside_range(model, columns), np.nan, widths)
 
+    def known(values: Array, where: BoolArray) -> Array:
+        return np.where(where, values, np.nan)
+
     widths = row_by_row(half, curve.columns)
-    return replace(said, half=by_blocks(_where, widths, curve.held_out))
-
-
-def _where(values: Array, known: BoolArray) -> Array:
-    return np.where(known, values, np.nan)
+    return replace(said, half=by_blocks(known, widths, curve.held_out))
 
 
 def _diverged(name: str, curve: Curve, row: int, dataset: Dataset) -> str:

@@ -85,26 +85,33 @@ def nrmse_table(scores: CampaignScores) -> Table:
     `relative_to`, over the runs that have both; and in how many runs it lies below the best of
     `best_of`.
     """
-    models = scores.models
+    models, runs = scores.models, scores.pooled
     rows: list[tuple[Cell, ...]] = [
         (name, *(100 * run[model].nrmse if model in run else None for model in models))
-        for name, run in scores.pooled.items()
+        for name, run in runs.items()
     ]
     rows += [(name, *["failed", *[None] * len(models)][: len(models)]) for name in scores.failed]
     notes = [f"NRMSE in per cent, all curves pooled; normalised by {scores.normalisers}."]
-    closing: list[tuple[str, Mapping[str, Cell]]] = _summaries(scores)
+    for group in dict.fromkeys(scores.groups.values()):
+        own = [run for name, run in runs.items() if scores.groups.get(name) == group]
+        errors = [
+            [100 * _known(run[model].nrmse) for run in own if model in run] for model in models
+        ]
+        for word, of in (("median", median), ("worst", max)):
+            rows.append((f"{group}: {word}", *(of(known) if known else None for known in errors)))
     if scores.relative_to in models:
-        closing += _ratios(scores, scores.relative_to)
+        titles = ("ratio, geometric mean", "ratio, worst", "runs better")
+        ratios = [_ratios(scores, model, scores.relative_to) for model in models]
+        rows += zip(titles, *ratios, strict=True)
         notes.append(
             f"Ratios are of RMSE to that of {scores.relative_to}; a ratio below one is better."
         )
-    if set(scores.best_of) & set(models):
-        closing.append(("below the best formula", _wins(scores)))
+    if {*scores.best_of} & {*models}:
+        rows.append(("below the best formula", *(_wins(scores, model) for model in models)))
         notes.append(
             f"The best formula of {', '.join(scores.best_of)}: which of them it is in a run, "
             "one knows afterwards only."
         )
-    rows += [(name, *map(cells.get, models)) for name, cells in closing]
     columns: Columns = ("run", *(Column(model, "", ".3g") for model in models))
     return Table.of("nrmse", "NRMSE of every run and model", columns, rows, *notes)
 
@@ -115,13 +122,14 @@ def models_table(scores: CampaignScores) -> Table:
     """
 
     def place(score: Score) -> tuple[bool, bool, float]:
-        return score.model != scores.own, score.model == REPEATABILITY, _error_of(score)
+        return score.model != scores.own, score.model == REPEATABILITY, _known(score.nrmse)
 
     rows: list[tuple[Cell, ...]] = []
     for name, run in scores.pooled.items():
-        own = run.get(scores.own)
+        own = run[scores.own].rmse if scores.own in run else math.nan
         for score in sorted(run.values(), key=place):
-            ratio = _ratio(score, own) if own is not None and score is not own else None
+            beside = own > 0 and score.model != scores.own
+            ratio = _known(score.rmse) / own if beside else None
             rows.append((name, score.model, 100 * score.nrmse, ratio))
     rows += [(name, scores.own, "failed", None) for name in scores.failed]
     columns = ("run", MODEL, "NRMSE [%] .3g", Column(f"RMSE in ratio to {scores.own}", "", ".3g"))
@@ -129,42 +137,23 @@ def models_table(scores: CampaignScores) -> Table:
     return Table.of("models", "NRMSE of every run and model", columns, rows, note)
 
 
-def _error_of(score: Score) -> float:
-    """Return the NRMSE; a run that diverged has none, which is worse than any."""
-    return math.inf if math.isnan(score.nrmse) else score.nrmse
+def _known(error: float) -> float:
+    """Return the error; a run that diverged has none, which is worse than any."""
+    return math.inf if math.isnan(error) else error
 
 
-def _summaries(scores: CampaignScores) -> list[tuple[str, Mapping[str, Cell]]]:
-    """Median and worst NRMSE of each group, by model."""
-    rows: list[tuple[str, Mapping[str, Cell]]] = []
-    for group in dict.fromkeys(scores.groups.values()):
-        errors: dict[str, list[float]] = {}
-        for name, run in scores.pooled.items():
-            for model, score in run.items() if scores.groups.get(name) == group else ():
-                errors.setdefault(model, []).append(100 * _error_of(score))
-        for word, of in (("median", median), ("worst", max)):
-            rows.append((f"{group}: {word}", {model: of(x) for model, x in errors.items()}))
-    return rows
-
-
-def _ratios(scores: CampaignScores, relative_to: str) -> list[tuple[str, Mapping[str, Cell]]]:
-    """Return rows about each model's RMSE in ratio to that of one, over the runs that have both."""
-    means: dict[str, Cell] = {}
-    worst: dict[str, Cell] = {}
-    better: dict[str, Cell] = {}
-    for model in scores.models:
-        if model == REPEATABILITY:  # the floor wins nothing
-            continue
-        pairs = [(run.get(model), run.get(relative_to)) for run in scores.pooled.values()]
-        ratios = [_ratio(one, other) for one, other in pairs if one and other]
-        known = [ratio for ratio in ratios if ratio is not None]
-        if known:
-            worst[model] = max(known)
-            ties = known.count(1.0) if model != relative_to else 0
-            better[model] = _won(sum(ratio < 1 for ratio in known), len(known), ties)
-        if known and min(known) > 0:
-            means[model] = math.exp(sum(map(math.log, known)) / len(known))
-    return [("ratio, geometric mean", means), ("ratio, worst", worst), ("runs better", better)]
+def _ratios(scores: CampaignScores, model: str, relative_to: str) -> tuple[Cell, Cell, Cell]:
+    """Return what is said of a model's RMSE in ratio to that of another, over the runs that have
+    both: geometric mean, worst, and in how many it is better; the floor wins nothing.
+    """
+    both = [run for run in scores.pooled.values() if {model, relative_to} <= run.keys()]
+    pairs = [(_known(run[model].rmse), run[relative_to].rmse) for run in both]
+    ratios = [own / other for own, other in pairs if other > 0]
+    if model == REPEATABILITY or not ratios:
+        return None, None, None
+    mean = math.exp(sum(map(math.log, ratios)) / len(ratios)) if min(ratios) > 0 else None
+    ties = ratios.count(1.0) if model != relative_to else 0
+    return mean, max(ratios), _won(sum(ratio < 1 for ratio in ratios), len(ratios), ties)
 
 
 def _won(won: int, count: int, tied: int) -> str:
@@ -174,31 +163,20 @@ def _won(won: int, count: int, tied: int) -> str:
     return f"{won} of {count}{f', {tied} tied' if tied else ''}"
 
 
-def _ratio(score: Score, other: Score) -> float | None:
-    """Of two RMSE; infinite where the first run diverged, None where the second did or has no error
-    at all.
+def _wins(scores: CampaignScores, model: str) -> Cell:
+    """Return in how many runs a model lies below the best of `best_of`, and in how many it is
+    exactly as good.
     """
-    if not other.rmse > 0:
+    if model == REPEATABILITY:
         return None
-    return math.inf if math.isnan(score.rmse) else score.rmse / other.rmse
-
-
-def _wins(scores: CampaignScores) -> dict[str, Cell]:
-    """In how many runs each model lies below the best of `best_of`, and in how many it is exactly
-    as good.
-    """
-    cells: dict[str, Cell] = {}
-    for model in scores.models:
-        runs = [run for run in scores.pooled.values() if model in run]
-        won = tied = 0
-        for run in runs:
-            others = [run[name].rmse for name in scores.best_of if name in run and name != model]
-            least = min(filter(math.isfinite, others), default=math.inf)
-            won += run[model].rmse < least
-            tied += run[model].rmse == least
-        if model != REPEATABILITY:
-            cells[model] = _won(won, len(runs), tied)
-    return cells
+    won = tied = 0
+    runs = [run for run in scores.pooled.values() if model in run]
+    for run in runs:
+        others = [run[name].rmse for name in scores.best_of if name in run and name != model]
+        least = min(filter(math.isfinite, others), default=math.inf)
+        won += run[model].rmse < least
+        tied += run[model].rmse == least
+    return _won(won, len(runs), tied)
 
 
 def published_table(scores: CampaignScores) -> Table:
@@ -219,7 +197,7 @@ def published_table(scores: CampaignScores) -> Table:
         *("NRMSE [%] .3g", "published NRMSE [%] .3g"),
     )
     filled = [j for j in range(len(columns)) if any(row[j] is not None for row in rows)]
-    sources = dict.fromkeys(f"Published: {paper.source}." for paper in scores.published.values())
     kept = ([row[j] for j in filled] for row in rows)
     heads = [columns[j] for j in filled]
+    sources = dict.fromkeys(f"Published: {paper.source}." for paper in scores.published.values())
     return Table.of("published", "Beside the published numbers", heads, kept, *sources)

@@ -8,7 +8,9 @@ from dataclasses import dataclass, field, replace
 from types import ModuleType
 from typing import Any
 
-from mapmore_cli.domain.arrays import Array
+import numpy as np
+
+from mapmore_cli.domain.arrays import Array, BoolArray
 from mapmore_cli.domain.errors import UsageError
 from mapmore_cli.domain.fits import SegmentedCurve
 from mapmore_cli.domain.models import Equation, LeftOut, Model
@@ -131,6 +133,19 @@ class ReportInputs:
     def own(self) -> str:
         """Name of the run's own model."""
         return self.models[0]
+
+    def pooled(self, name: str) -> Array:
+        """Return a column of all curves that are shown, one after the other, (n,)."""
+        return np.concatenate([curve.columns[name] for curve in self.dataset.curves])
+
+    @property
+    def pooled_held_out(self) -> BoolArray:
+        """Which samples of all curves are held out, (n,)."""
+        return np.concatenate([curve.held_out for curve in self.dataset.curves])
+
+    def errors_of(self, model: str) -> Array:
+        """Return predicted less measured output of all curves, (n,)."""
+        return np.concatenate(self.validation.predictions[model]) - self.pooled(self.dataset.target)
 
     def beside(self, names: Sequence[str]) -> ReportInputs:
         """Return the inputs with these models beside the run's own, in this order. Raises

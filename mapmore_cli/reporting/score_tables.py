@@ -72,25 +72,16 @@ def score_table(
 
 
 def full_scale(pooled: Sequence[Score], unit: str) -> str:
-    """Return what errors are divided by, in a sentence; by split where that differs, as in files of
-    older versions.
-    """
-    scales = {
-        s.split: f"FS = {s.normaliser_name} = {s.normaliser:.4g} {unit}".rstrip() for s in pooled
-    }
-    if len(set(scales.values())) == 1:
-        return f"NRMSE: RMSE / FS, for all rows {next(iter(scales.values()))}."
-    words = ", ".join(f"{scale} for {split}" for split, scale in scales.items())
-    return f"NRMSE: RMSE / FS, {words}."
+    """Return what errors are divided by, in a sentence."""
+    scale = f"FS = {pooled[0].normaliser_name} = {pooled[0].normaliser:.4g} {unit}".rstrip()
+    return f"NRMSE: RMSE / FS, for all rows {scale}."
 
 
 def curve_scores_table(scores: Sequence[Score], units: Mapping[str, str]) -> Table:
     """Scores of every curve by itself, the models beside each other."""
-    order = {curve: place for place, curve in enumerate(dict.fromkeys(s.curve for s in scores))}
-    single = sorted(
-        (s for s in scores if s.curve != "all"),
-        key=lambda s: (s.split != "validate", order[s.curve]),
-    )
+    order = list(dict.fromkeys(s.curve for s in scores if s.curve != "all"))
+    single = [s for curve in order for s in scores if s.curve == curve]
+    single.sort(key=lambda s: s.split != "validate")
     columns, rows = _metrics(single, units.get(single[0].target, "") if single else "")
     cells = [(s.curve, *row) for s, row in zip(single, rows, strict=True)]
     return Table.of("curve_scores", "Scores by curve", ("curve", *columns), cells)
@@ -109,13 +100,14 @@ def _metrics(
     """Return the columns of scores and their rows, those columns alone that have something to
     say.
     """
-    shown = dict(METRICS)
-    if not any(s.far for s in scores):
-        del shown["by range [%] .2f"]
-    if not any(math.isfinite(s.chi2_dof) for s in scores):
-        del shown["weighted RMSE [UNIT]"], shown["chi²/dof .3g"]
-    if not _run_free(scores):
-        del shown["RRSE, free run .5f"], shown["RRSE, one step .5f"]
+    said = {
+        "nrmse_range": any(s.far for s in scores),
+        **dict.fromkeys(
+            ("rmse_weighted", "chi2_dof"), any(math.isfinite(s.chi2_dof) for s in scores)
+        ),
+        **dict.fromkeys(("rrse", "rrse_one_step"), _run_free(scores)),
+    }
+    shown = {column: name for column, name in METRICS.items() if said.get(name, True)}
     rows: list[tuple[Cell, ...]] = [(s.model, s.split, *cells_of(s, shown)) for s in scores]
     return [MODEL, "data", *(column.replace("UNIT", unit) for column in shown)], rows
 
@@ -264,18 +256,15 @@ def search_table(search: Search) -> Table:
         "standard error [%] .1f": "spread",
     }
     rows: list[tuple[Cell, ...]] = []
-    for number, one in enumerate(search.tried):
-        marks = ["best"] if number == search.best else []
-        marks += ["taken"] if number == search.chosen else []
-        told = ", ".join(marks)
+    marks = {"best": search.best, "taken": search.chosen}
+    order = sorted(enumerate(search.tried), key=lambda one: (bool(one[1].failure), one[1].excess))
+    for number, one in order:
+        told = ", ".join(mark for mark, place in marks.items() if place == number)
         if one.family == "black box":
             told = "to compare with"
         if one.failure:
             told = f"failed: {one.failure}"
         rows.append((*cells_of(one, columns), one.parameters or None, one.seconds, told))
-    order = sorted(
-        range(len(rows)), key=lambda i: (bool(search.tried[i].failure), search.tried[i].excess)
-    )
     notes = (
         f"Left out in turn: {search.left_out}. Errors: RMSE / FS, FS = range of the training "
         f"samples = {search.scale:.4g}. "
@@ -287,4 +276,4 @@ def search_table(search: Search) -> Table:
     )
     title = "Structures that were tried on training data"
     heads = (*columns, "parameters", "seconds .2f", "")
-    return Table.of("search", title, heads, [rows[i] for i in order], *notes)
+    return Table.of("search", title, heads, rows, *notes)

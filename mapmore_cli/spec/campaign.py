@@ -4,9 +4,8 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path, PurePosixPath
 from typing import Annotated, Literal
 
@@ -62,11 +61,15 @@ class Campaign(Section):
 class Entry:
     """A spec to run, with overrides as on the command line; `campaign` is the file that asks for
     it, where one does.
+
+    It is `called` by its own name, else by that of its spec, with its folder where another of the
+    campaign is called alike.
     """
 
     config: Path
     overrides: tuple[str, ...]
     campaign: Path | None = None
+    called: str = ""
 
 
 def is_campaign(path: Path) -> bool:
@@ -83,29 +86,22 @@ def load_campaign(path: Path) -> tuple[Campaign, tuple[Entry, ...]]:
     does.
     """
     loaded = load_as(path, Campaign)
-    entries = []
-    for run in loaded.spec.runs:
-        named = {} if run.name is None else {"name": run.name}
-        entries.append(
-            Entry(
-                loaded.folder / str(run.base or loaded.spec.base),
-                as_overrides({**named, **run.set}),
-            )
-        )
+    entries, runs = [], loaded.spec.runs
+    short = [run.name or PurePosixPath(run.base or "").stem for run in runs]
+    for run, name in zip(runs, short, strict=True):
+        base = str(run.base or loaded.spec.base)
+        settings = {**({} if run.name is None else {"name": run.name}), **run.set}
+        called = name if short.count(name) == 1 else base
+        entries.append(Entry(loaded.folder / base, as_overrides(settings), path, called))
     return loaded.spec, tuple(entries)
 
 
 @dataclass(frozen=True)
 class Expanded:
-    """A campaign with the numbers of its runs among all jobs, and their names for messages.
-
-    A run is called by its own name, else by that of its spec, with its folder where another is
-    called alike.
-    """
+    """A campaign with the numbers of its runs among all jobs."""
 
     campaign: Campaign
     jobs: tuple[int, ...]
-    names: tuple[str, ...]
 
 
 def expanded(
@@ -117,20 +113,12 @@ def expanded(
     campaigns: list[Expanded] = []
     entries: list[Entry] = []
     for config in configs:
-        if not is_campaign(config):
-            entries.append(Entry(config, tuple(overrides)))
-            continue
-        campaign, runs = load_campaign(config)
-        bases = [str(run.base or campaign.base) for run in campaign.runs]
-        short = [run.name or PurePosixPath(run.base or "").stem for run in campaign.runs]
-        uses = Counter(short)
-        names = tuple(
-            name if uses[name] == 1 else base for name, base in zip(short, bases, strict=True)
-        )
-        campaigns.append(
-            Expanded(campaign, tuple(range(len(entries), len(entries) + len(runs))), names)
-        )
-        entries += [Entry(entry.config, (*entry.overrides, *overrides), config) for entry in runs]
+        runs: tuple[Entry, ...] = (Entry(config, (), called=config.stem),)
+        if is_campaign(config):
+            campaign, runs = load_campaign(config)
+            jobs = range(len(entries), len(entries) + len(runs))
+            campaigns.append(Expanded(campaign, tuple(jobs)))
+        entries += [replace(one, overrides=(*one.overrides, *overrides)) for one in runs]
     return campaigns, entries
 
 
@@ -141,35 +129,29 @@ def run_names(entries: Sequence[Entry], campaigns: Sequence[Expanded]) -> list[s
     Raises UsageError where two of the runs, their variations and the campaigns have one name, which
     would be the same folder.
     """
-    called = {
-        number: name
-        for campaign in campaigns
-        for number, name in zip(campaign.jobs, campaign.names, strict=True)
-    }
     names: list[str] = []
-    owners: dict[str, str] = {}
-
-    def claim(folder: str, owner: str) -> None:
-        alike = folder.lower()  # one folder, where capitals do not count in names of files
-        if alike in owners:
-            raise UsageError(
-                f"{owners[alike]} and {owner} have the same name, '{folder}'",
-                "give each a `name` of its own",
-            )
-        owners[alike] = owner
-
-    for one in campaigns:
-        claim(one.campaign.campaign, f"the campaign '{one.campaign.campaign}'")
-    for number, entry in enumerate(entries):
+    named = (one.campaign.campaign for one in campaigns)
+    claims = [(name, f"the campaign '{name}'") for name in named]
+    for entry in entries:
         try:
             spec = load(entry.config, entry.overrides).spec
         except SpecError:
-            short = called.get(number, entry.config.stem)
-            names.append(str(entry.config) if short in names else short)
+            names.append(str(entry.config) if entry.called in names else entry.called)
             continue
-        claim(spec.name, str(entry.config))
-        for rival in spec.validation.against:
-            if isinstance(rival, Competitor) and rival.set is not None:
-                claim(f"{spec.name}.{rival.label}", f"{entry.config} as '{rival.label}'")
         names.append(spec.name)
+        claims.append((spec.name, str(entry.config)))
+        claims += [
+            (f"{spec.name}.{rival.label}", f"{entry.config} as '{rival.label}'")
+            for rival in spec.validation.against
+            if isinstance(rival, Competitor) and rival.set is not None
+        ]
+    owners: dict[str, str] = {}
+    for folder, owner in claims:
+        # one folder, where capitals do not count in names of files
+        first = owners.setdefault(folder.lower(), owner)
+        if first is not owner:
+            raise UsageError(
+                f"{first} and {owner} have the same name, '{folder}'",
+                "give each a `name` of its own",
+            )
     return names

@@ -37,7 +37,7 @@ from mapmore_cli.spec.units import CANONICAL, check_unit, convert, default_unit,
 if TYPE_CHECKING:
     from mapmore_cli.modelling.literature import Formula
 
-STATIC_RUN = "add `needs: {static: my-static.yaml}`"
+STATIC_RUN, REMOVE = "add `needs: {{static: my-static.yaml}}`", "remove it"
 MOTION = ("damping", "dynamic")
 """Targets that are made of a static and a damping part."""
 
@@ -51,46 +51,46 @@ def segmented(spec: ExperimentSpec) -> Iterator[Finding]:
     level = spec.data.levels.of if spec.data.levels else None
     has_terms = spec.model.type == "mapmore" and bool(spec.dictionary)
     for name, cut in spec.segment.items():
-        key, is_cut = f"segment.{name}:", isinstance(cut, Cuts)
-        tries_fits = isinstance(cut, Cuts) and cut.method == "optimal"
         by_direction = isinstance(cut, CutByDirection)
         yield from told(
             (
                 name == spec.target_quantity,
-                key,
-                f"`{name}` is the target",
+                "segment.{name}:",
+                "`{name}` is the target",
                 f"{OF_NOTHING}: take it out",
             ),
             (
                 cut == "levels" and name != level,
-                f"segment.{name}",
-                f"`{name}` has no levels",
-                f"add `levels: {{of: {name}}}` to `data`, or cut it by `method: even`",
+                "segment.{name}",
+                "`{name}` has no levels",
+                "add `levels: {{of: {name}}}` to `data`, or cut it by `method: even`",
             ),
             (
-                is_cut and name == level,
-                key,
-                f"`{name}` is constant within a curve and cannot be cut",
-                f"remove it; or write `{name}: none` to pool all levels",
+                isinstance(cut, Cuts) and name == level,
+                "segment.{name}:",
+                "`{name}` is constant within a curve and cannot be cut",
+                "remove it; or write `{name}: none` to pool all levels",
             ),
             (
-                tries_fits and not has_terms,
-                key,
-                f"`optimal` places boundaries by fits of terms, and `{spec.model.type}` has none",
+                getattr(cut, "method", None) == "optimal" and not has_terms,
+                "segment.{name}:",
+                "`optimal` places boundaries by fits of terms, and `{type}` has none",
                 "use another `method`, or remove it",
             ),
             (
                 by_direction and name != DIRECTION,
-                key,
-                f"`{name}` has no rise and fall",
+                "segment.{name}:",
+                "`{name}` has no rise and fall",
                 f"call it `{DIRECTION}`",
             ),
             (
                 by_direction and name in spec.data.quantities,
-                key,
-                f"`{name}` is a quantity of the data already",
-                f"remove it there, or write `{name}: {{method: breakpoints, at: [0]}}` here",
+                "segment.{name}:",
+                "`{name}` is a quantity of the data already",
+                "remove it there, or write `{name}: {{method: breakpoints, at: [0]}}` here",
             ),
+            name=name,
+            type=spec.model.type,
         )
 
 
@@ -98,55 +98,59 @@ def leaving_out(spec: ExperimentSpec) -> Iterator[Finding]:
     """Require levels or groups that can be left out, and a model that can be fitted without
     them.
     """
-    data, split = spec.data, spec.data.split
-    whole = spec.has_memory or spec.model.type == "sum"
-    for key, asked, given, what, example in (
-        ("leave_one_level_out", split.leave_one_level_out, data.levels, "levels", "{of: pressure}"),
-        ("leave_one_group_out", split.leave_one_group_out, data.groups, "groups", "{of: specimen}"),
+    data, whole = spec.data, spec.has_memory or spec.model.type == "sum"
+    for one, example, there in (
+        ("level", "pressure", data.levels is not None),
+        ("group", "specimen", data.groups is not None),
     ):
+        asked = getattr(data.split, f"leave_one_{one}_out")
         yield from told(
             (
-                asked and given is None,
-                f"data.split.{key}:",
-                f"there are no {what} to leave out",
-                f"add `{what}: {example}` to `data`",
+                asked and not there,
+                "data.split.leave_one_{one}_out:",
+                "there are no {one}s to leave out",
+                "add `{one}s: {{of: {example}}}` to `data`",
             ),
             (
-                asked and given is not None and whole,
-                f"data.split.{key}:",
-                f"neither a model with memory nor a sum can be fitted without one of the {what}",
-                "hold out recordings, as `validate: {last: 0.5}`",
+                asked and there and whole,
+                "data.split.leave_one_{one}_out:",
+                "neither a model with memory nor a sum can be fitted without one of the {one}s",
+                "hold out recordings, as `validate: {{last: 0.5}}`",
             ),
+            one=one,
+            example=example,
         )
 
 
 def groups(spec: ExperimentSpec) -> Iterator[Finding]:
     """Require a quantity that tells groups apart, and gains and offsets that can be known."""
-    of = spec.data.groups
-    if of is None:
+    groups, left_out = spec.data.groups, spec.data.split.leave_one_group_out
+    if groups is None:
         return
     yield from told(
         (
-            of.of not in spec.data.quantities,
+            groups.of not in spec.data.quantities,
             "data.groups.of",
-            f"no recording has the quantity `{of.of}`",
-            f"add it to `columns`, or `set: {{{of.of}: 1}}` beside the files",
+            "no recording has the quantity `{of}`",
+            "add it to `columns`, or `set: {{{of}: 1}}` beside the files",
         ),
         *(
             (
-                asked and spec.data.split.leave_one_group_out,
+                left_out and getattr(groups, effect),
                 f"data.groups.{effect}:",
                 f"the {effect} of a group that is left out is not known",
                 f"remove `{effect}` or `leave_one_group_out`",
             )
-            for effect, asked in (("offset", of.offset), ("gain", of.gain))
+            for effect in ("offset", "gain")
         ),
         (
-            of.offset and spec.target in DERIVED,
+            groups.offset and spec.target in DERIVED,
             "data.groups.offset:",
-            f"the {spec.target} force is a difference, which no offset changes",
+            "the {target} force is a difference, which no offset changes",
             "remove `offset`",
         ),
+        of=groups.of,
+        target=spec.target,
     )
 
 
@@ -157,14 +161,18 @@ def after_cycles(spec: ExperimentSpec) -> Iterator[Finding]:
     cycles, hold_out = spec.data.cycles, spec.data.split.hold_out
     if cycles is None:
         return
-    uses: list[Loc | str] = ["segment.time:"] if "time" in spec.segment else []
-    if hold_out is not None and "time" in hold_out.quantities:
-        uses.append("data.split.validate.time:")
+    held = hold_out is not None and "time" in hold_out.quantities
+    uses: list[tuple[bool, Loc | str]] = [
+        ("time" in spec.segment, "segment.time:"),
+        (held, "data.split.validate.time:"),
+    ]
     for loc, _, family in entries_of(spec.dictionary):
-        uses += [at for at, text, _ in texts_in(loc, family) if re.search(r"\btime\b", text)]
-    what = f"`cycles` puts samples in the order of `{cycles.over}`: they have no `time` any more"
-    for way in uses:
-        yield Finding(way, what, f"name `{cycles.over}`, or remove `cycles`")
+        uses += [
+            (re.search(r"\btime\b", text) is not None, at) for at, text, _ in texts_in(loc, family)
+        ]
+    what = "`cycles` puts samples in the order of `{over}`: they have no `time` any more"
+    remedy = "name `{over}`, or remove `cycles`"
+    yield from told(*((*use, what, remedy) for use in uses), over=cycles.over)
 
 
 def chosen_levels(spec: ExperimentSpec) -> Iterator[Finding]:
@@ -174,17 +182,15 @@ def chosen_levels(spec: ExperimentSpec) -> Iterator[Finding]:
         what = "there are no levels to choose from"
         yield from told((trains != "all", "fit.train_level:", what, "add `levels` to `data`"))
     elif not isinstance(levels.at, str):
-        asked: list[tuple[Loc, float]] = []
-        if not isinstance(trains, str) and trains not in levels.at:
-            asked.append((("fit", "train_level"), trains))
         values = hold_out.quantities.get(levels.of) if hold_out is not None else None
         reach = levels.within or (levels.spacing or 0) / 2
+        asked: list[tuple[Loc, object, float]] = [(("fit", "train_level"), trains, 0.0)]
         for i, value in enumerate(values if isinstance(values, list) else ()):
-            if min(abs(value - level) for level in levels.at) > reach:
-                asked.append((("data", "split", "validate", levels.of, i), value))
+            asked.append((("data", "split", "validate", levels.of, i), value, reach))
         known = f"levels are {', '.join(f'{level:g}' for level in levels.at)}"
-        for loc, value in asked:
-            yield Finding(loc, f"{value:g} is no level of `{levels.of}`", known)
+        for loc, level, off in asked:
+            if isinstance(level, float) and min(abs(level - at) for at in levels.at) > off:
+                yield Finding(loc, f"{level:g} is no level of `{levels.of}`", known)
 
 
 # Target and kind of model
@@ -195,26 +201,21 @@ def target(spec: ExperimentSpec) -> Iterator[Finding]:
     """Require what a target is made of: its quantity, load cycles, plateaus, the runs that it
     builds on.
     """
-    quantity, needs, plateau, have = (
-        spec.target_quantity,
-        spec.needs,
-        spec.data.plateau,
-        spec.data.quantities,
-    )
+    needs, plateau, have = spec.needs, spec.data.plateau, spec.data.quantities
     missing = [f"`needs.{name}`" for name in ("static", "damping") if getattr(needs, name) is None]
     low, high = plateau if isinstance(plateau, tuple) else (0.0, 1.0)
     yield from told(
         (
-            not isinstance(spec.target, TargetColumn) and quantity not in have,
+            isinstance(spec.target, str) and spec.target_quantity not in have,
             "target",
-            f"target `{spec.target}` needs the quantity `{quantity}`",
-            f"add `{quantity}` to `columns`",
+            "target `{target}` needs the quantity `{quantity}`",
+            "add `{quantity}` to `columns`",
         ),
         (
             spec.target == "hysteresis" and spec.data.cycles is None,
             "target",
             "target `hysteresis` needs load cycles",
-            "add `cycles: {over: strain}` to `data`",
+            "add `cycles: {{over: strain}}` to `data`",
         ),
         (
             spec.target == "damping" and needs.static is None,
@@ -232,7 +233,7 @@ def target(spec: ExperimentSpec) -> Iterator[Finding]:
             spec.model.type == "sum" and spec.model.sum is None and bool(missing),
             "target",
             f"the sum of two models needs {' and '.join(missing)}",
-            "add `needs: {static: my-static.yaml, damping: my-damping.yaml}`",
+            "add `needs: {{static: my-static.yaml, damping: my-damping.yaml}}`",
         ),
         *(
             (
@@ -249,6 +250,8 @@ def target(spec: ExperimentSpec) -> Iterator[Finding]:
             f"the plateau runs from {low:g} s to {high:g} s",
             "put the earlier time first",
         ),
+        target=spec.target,
+        quantity=spec.target_quantity,
     )
 
 
@@ -256,28 +259,30 @@ def kind(spec: ExperimentSpec) -> Iterator[Finding]:
     """Require what the kind of model is made of, and a model that can be inverted where it is
     scored as one of its inputs.
     """
-    model, scored_as = spec.model, spec.validation.as_
+    model, scored_as, is_pieces = spec.model, spec.validation.as_, spec.model.type == "mapmore"
     family = () if model.family is None else ("pressure", "strain", model.family.of)
-    tries_fits = any(
-        isinstance(cut, Cuts) and cut.method == "optimal" for cut in spec.segment.values()
-    )
+    tries_fits = any(getattr(cut, "method", None) == "optimal" for cut in spec.segment.values())
     is_own = not isinstance(spec.target, TargetColumn) or scored_as == spec.target.column
-    weighed = {"loss", "weight"} & {*spec.fit.changed}
-    yield from told(
-        (
-            bool(weighed) and model.type != "mapmore",
-            f"fit.{min(weighed, default='')}",
-            f"`{model.type}` fits all samples alike, by squares",
-            "remove it, or fit terms of a `dictionary`",
-        ),
-        *(
+    for name in family:
+        yield from told(
             (
                 name not in spec.data.quantities,
                 "model.family:",
-                f"a family needs the quantity `{name}`",
-                f"add `{name}` to `columns`, or `set` it beside the files",
+                "a family needs the quantity `{name}`",
+                "add `{name}` to `columns`, or `set` it beside the files",
+            ),
+            name=name,
+        )
+    weighed = sorted({"loss", "weight"} & {*spec.fit.changed})
+    yield from told(
+        *(
+            (
+                not is_pieces,
+                f"fit.{key}",
+                "`{type}` fits all samples alike, by squares",
+                "remove it, or fit terms of a `dictionary`",
             )
-            for name in family
+            for key in weighed[:1]
         ),
         (
             model.backbone == AUTO and spec.has_memory,
@@ -294,15 +299,17 @@ def kind(spec: ExperimentSpec) -> Iterator[Finding]:
         (
             scored_as is not None and is_own,
             "validate.as",
-            f"`{scored_as}` needs a model of another quantity to be inverted",
-            "set `target: {column: strain}`, or remove `as`",
+            "`{scored_as}` needs a model of another quantity to be inverted",
+            "set `target: {{column: strain}}`, or remove `as`",
         ),
         (
-            scored_as is not None and not is_own and (spec.has_memory or model.type != "mapmore"),
+            scored_as is not None and not is_own and (spec.has_memory or not is_pieces),
             "validate.as",
             "only a model of pieces can be inverted to be scored",
             "remove `as`",
         ),
+        type=model.type,
+        scored_as=scored_as,
     )
 
 
@@ -356,24 +363,23 @@ def rivals_of(spec: ExperimentSpec) -> list[tuple[Loc, Competitor]]:
 
 def formulas(spec: ExperimentSpec) -> Iterator[Finding]:
     """Require that formulas exist and find what they need in the study."""
-    uses: list[tuple[Loc, str | None]] = [(("model", "name"), spec.model.name)]
-    uses += [(("model", "backbone"), spec.model.backbone)] if spec.model.backbone != AUTO else []
+    model = spec.model
+    uses: list[tuple[Loc, str | None]] = [
+        (("model", "name"), model.name),
+        (("model", "backbone"), None if model.backbone == AUTO else model.backbone),
+    ]
     for loc, rival in rivals_of(spec):
         if rival.model in (*SIMPLE, *BASELINES):
             yield from _other_rival(spec, rival.model, rival, loc)
         elif rival.as_ is None or not rival.is_file:
             uses += [((*loc, "model"), rival.model)]
-        uses += [((*loc, "static"), rival.static)] if rival.static != OWN else []
+        uses += [((*loc, "static"), None if rival.static == OWN else rival.static)]
         uses += [((*loc, "damping"), rival.damping)]
     for loc, name in uses:
         formula = formula_called(spec, name)
         if name is None or formula is None:
-            yield from unknown_formula(
-                spec,
-                name,
-                loc,
-                (*BASELINES, *SIMPLE) if loc[0] == "validate" and loc[-1] == "model" else (),
-            )
+            is_rival = loc[0] == "validate" and loc[-1] == "model"
+            yield from unknown_formula(spec, name, loc, (*BASELINES, *SIMPLE) if is_rival else ())
         else:
             yield from _needs(spec, name, formula, loc)
 
@@ -382,57 +388,57 @@ def _needs(spec: ExperimentSpec, name: str, formula: Formula, loc: Loc) -> Itera
     is_own, is_backbone = loc[0] == "model", loc == ("model", "backbone")
     of_cycles = formula.fitted_to == literature.LOAD_CYCLES
     beside, muscle = "name it in `validate.against`", spec.muscle
+    beyond = "use `type: literature` with `{name}`" if is_backbone else None
     yield from told(
         (
             loc == ("model", "name") and not formula.inputs,
             loc,
-            f"`{name}` is no function of anything",
+            "`{name}` is no function of anything",
             beside,
         ),
         *(
             (
                 is_backbone or muscle.lengths[dimension] is None,
                 loc,
-                f"`{name}` needs the {dimension} of the muscle",
-                f"use `type: literature` with `{name}`"
-                if is_backbone
-                else f"add `{dimension}: 10 mm` (your number) to `muscle`",
+                f"`{{name}}` needs the {dimension} of the muscle",
+                beyond or f"add `{dimension}: 10 mm` (your number) to `muscle`",
             )
             for dimension in formula.dimensions
         ),
         *(
             (
-                True,
+                missing not in spec.quantities,
                 loc,
-                f"`{name}` needs the quantity `{missing}`",
-                f"add `{missing}` to `columns` or `derive`, or leave `{name}` out",
+                f"`{{name}}` needs the quantity `{missing}`",
+                f"add `{missing}` to `columns` or `derive`, or leave `{{name}}` out",
             )
             for missing in formula.inputs
-            if missing not in spec.quantities
         ),
-        (of_cycles and is_own, loc, f"`{name}` is fitted to load cycles, not to a target", beside),
+        (of_cycles and is_own, loc, "`{name}` is fitted to load cycles, not to a target", beside),
         (
             of_cycles and not is_own and (spec.needs.static is None or spec.target not in MOTION),
             loc,
-            f"`{name}` is fitted to the load cycles of a static run",
+            "`{name}` is fitted to the load cycles of a static run",
             STATIC_RUN,
         ),
         (
             of_cycles and not is_own and muscle.length is None,
             loc,
-            f"`{name}` needs the length of the muscle",
+            "`{name}` needs the length of the muscle",
             "add `length: 88 mm` to `muscle`",
         ),
+        name=name,
     )
 
 
 def _other_rival(spec: ExperimentSpec, name: str, rival: Competitor, loc: Loc) -> Iterator[Finding]:
+    is_box = name in BASELINES
     yield from told(
         (
             name == "backbone" and spec.model.backbone is None,
             loc,
             "the model has no backbone",
-            "give it one, as `model: {backbone: sarosi}`, or leave this out",
+            "give it one, as `model: {{backbone: sarosi}}`, or leave this out",
         ),
         (
             name == "arx" and not spec.runs_over_time,
@@ -441,17 +447,13 @@ def _other_rival(spec: ExperimentSpec, name: str, rival: Competitor, loc: Loc) -
             "leave it out",
         ),
         (
-            name in BASELINES and find_spec("sklearn") is None,
+            is_box and find_spec("sklearn") is None,
             loc,
-            f"`{name}` needs scikit-learn, which is not installed",
+            "`{name}` needs scikit-learn, which is not installed",
             "install the extra: `pip install 'mapmore[baselines]'`",
         ),
-        (
-            name in BASELINES and rival.method is not None,
-            (*loc, "method"),
-            f"`{name}` has no `method`",
-            "remove it",
-        ),
+        (is_box and rival.method is not None, (*loc, "method"), "`{name}` has no `method`", REMOVE),
+        name=name,
     )
 
 
@@ -459,21 +461,20 @@ def competitors(spec: ExperimentSpec) -> Iterator[Finding]:
     """Require that formulas can be fitted in the way that is wanted, and competitors have names of
     their own and data to be fitted to.
     """
-    shown = [OWN, REPEATABILITY]
+    shown, moves = [OWN, REPEATABILITY], spec.target in MOTION
     for loc, rival in rivals_of(spec):
-        formula = formula_called(spec, rival.model)
+        formula, composite = formula_called(spec, rival.model), rival.static is not None
         if formula is not None and rival.starts is not None:
             yield from refused((*loc, "starts"), formula.starting_from, rival.starts)
-        composite = rival.static is not None
         yield from told(
             (
-                composite and spec.target not in MOTION,
+                composite and not moves,
                 loc,
-                f"target `{spec.target}` has no static and damping parts",
+                "target `{target}` has no static and damping parts",
                 "give one `model`",
             ),
             (
-                composite and spec.target in MOTION and spec.needs.static is None,
+                composite and moves and spec.needs.static is None,
                 loc,
                 "a static formula is fitted to the data of the static run",
                 STATIC_RUN,
@@ -481,9 +482,11 @@ def competitors(spec: ExperimentSpec) -> Iterator[Finding]:
             (
                 rival.label in shown,
                 loc,
-                f"two models of the scores are named `{rival.label}`",
-                "give this one a name: `{model: ..., as: NAME}`",
+                "two models of the scores are named `{label}`",
+                "give this one a name: `{{model: ..., as: NAME}}`",
             ),
+            target=spec.target,
+            label=rival.label,
         )
         shown.append(rival.label)
 
@@ -495,61 +498,59 @@ def own_formulas(spec: ExperimentSpec) -> Iterator[Finding]:
     taken = {*literature.names(), *BASELINES, *SIMPLE, OWN, REPEATABILITY, AUTO}
     for i, one in enumerate(spec.formulas):
         if isinstance(one, str):
-            yield Finding(
-                ("formulas", i),
-                "this is no formula",
-                "write `formulas: [my_formula.yaml]`, or the formula itself",
-            )
+            what, remedy = "this is no formula", "write `formulas: [my_formula.yaml]`"
+            yield Finding(f"formulas.{i}", what, f"{remedy}, or the formula itself")
             continue
         if one.name in taken:
-            yield Finding(
-                ("formulas", i, "name"),
-                f"there is a model `{one.name}` already",
-                "give this one another name",
-            )
+            what = f"there is a model `{one.name}` already"
+            yield Finding(f"formulas.{i}.name", what, "give this one another name")
         taken.add(one.name)
-        loc = ("formulas", i, "expression")
+        place, inputs = f"formulas.{i}.expression", None
         try:
             inputs = _defined(spec, one).inputs
         except ExpressionError as error:
-            yield Finding(loc, f"not an expression: {error.message}", offset=error.position)
+            yield Finding(place, f"not an expression: {error.message}", offset=error.position)
         except SpecError as error:
-            yield Finding(("formulas", i, "units"), error.message, error.remedy)
+            yield Finding(f"formulas.{i}.units", error.message, error.remedy)
         except ValueError as error:
-            yield Finding(
-                loc, str(error), "give `bounds` to every parameter in which it is not linear"
-            )
-        else:
-            if not inputs:
-                yield Finding(
-                    loc,
-                    "the formula depends on no quantity",
-                    "name one, as `pressure`, that is no parameter",
-                )
-            for state in (name for name in inputs if not name.isidentifier()):
-                yield Finding(
-                    loc,
-                    f"`{state}` is a state with memory",
+            remedy = "give `bounds` to every parameter in which it is not linear"
+            yield Finding(place, str(error), remedy)
+        yield from told(
+            (
+                inputs == (),
+                place,
+                "the formula depends on no quantity",
+                "name one, as `pressure`, that is no parameter",
+            ),
+            *(
+                (
+                    not name.isidentifier(),
+                    place,
+                    f"`{name}` is a state with memory",
                     "a formula is of quantities; put states into the `dictionary`",
                 )
+                for name in inputs or ()
+            ),
+        )
 
 
 def shapes(spec: ExperimentSpec) -> Iterator[Finding]:
     """Require shapes of quantities of the study, of models that can keep them, and bounds of terms
     that the fit can find again.
     """
-    target, no_terms = spec.target_quantity, spec.model.type not in ("mapmore", "literature")
-    bounded = any(entry.bounded for entry in spec.dictionary)
-    weighed = spec.fit.loss != "squares" or spec.fit.weight == "curve"
+    fit, target = spec.fit, spec.target_quantity
+    is_other = spec.has_memory or spec.model.type not in ("mapmore", "literature")
+    weighed = fit.loss != "squares" or fit.weight == "curve"
+    kept = fit.shape is not None or any(entry.bounded for entry in spec.dictionary)
     yield from told(
         (
-            weighed and (spec.fit.shape is not None or bounded),
-            ("fit", "loss" if spec.fit.loss != "squares" else "weight"),
+            weighed and kept,
+            "fit.loss" if fit.loss != "squares" else "fit.weight",
             "a shape, a sign and bounds are kept by least squares over samples",
             "use `loss: squares` and `weight: sample` with them",
         )
     )
-    for name, words in (spec.fit.shape or {}).items():
+    for name, words in (fit.shape or {}).items():
         loc: Loc = ("fit", "shape", name)
         yield from unknown_quantity(name, (*spec.quantities, target), loc, on_key=True)
         positive = {words} if isinstance(words, str) else {*words}
@@ -558,29 +559,30 @@ def shapes(spec: ExperimentSpec) -> Iterator[Finding]:
                 (name == target) != (positive == {"positive"}),
                 loc,
                 "`positive` is about the target, and all other words are about an input",
-                f"write `{target}: positive`, or another word of an input",
+                "write `{target}: positive`, or another word of an input",
             ),
             (
-                no_terms or spec.has_memory,
+                is_other,
                 loc,
                 "a shape is kept by pieces and formulas, and this model is neither",
-                "remove it",
+                REMOVE,
             ),
+            target=target,
         )
     for i, entry in enumerate(spec.dictionary):
-        inner = entry.family[1].of if isinstance(entry.family[1], Products) else []
-        nested = [one for one in inner if isinstance(one, DictionaryEntry)]
+        _, family = entry.family
+        inner = family.of if isinstance(family, Products) else []
         yield from told(
             (
-                entry.bounded and (spec.has_memory or isinstance(entry.family[1], AlongRange)),
-                ("dictionary", i),
+                entry.bounded and (spec.has_memory or isinstance(family, AlongRange)),
+                f"dictionary.{i}",
                 "`sign` and `bounds` are of coefficients of pieces, and of terms that do not "
                 "change with the training range",
                 "remove them",
             ),
             (
-                any(one.bounded for one in nested),
-                ("dictionary", i),
+                any(isinstance(one, DictionaryEntry) and one.bounded for one in inner),
+                f"dictionary.{i}",
                 "`sign` and `bounds` inside of products say nothing",
                 "write them beside `products`",
             ),
@@ -595,38 +597,38 @@ def metrics(spec: ExperimentSpec) -> Iterator[Finding]:
     """Require that limits are set on numbers of the score row."""
     for name in spec.validation.require:
         if name not in METRICS:
-            yield Finding(
-                ("validate", "require", name),
-                f"there is no metric `{name}`",
-                did_you_mean(name, METRICS),
-                on_key=True,
-            )
+            known = did_you_mean(name, METRICS)
+            loc = ("validate", "require", name)
+            yield Finding(loc, f"there is no metric `{name}`", known, on_key=True)
 
 
 def units(spec: ExperimentSpec) -> Iterator[Finding]:
     """Require units that exist: the model's fit the canonical quantity, the columns' fit the
     model's.
     """
-    known = (*spec.data.quantities, *CANONICAL)
-    wrong = []
+    known, wrong = (*spec.data.quantities, *CANONICAL), set[str]()
     for name, unit in spec.units.items():
         yield from unknown_quantity(name, known, ("units", name), on_key=True)
-        found = _unit_findings(
+        for finding in _unit_findings(
             ("units", name), unit, default_unit(name) if is_canonical(name) else unit
-        )
-        wrong += [name] if found else []
-        yield from found
-    tables: list[tuple[Loc, Logs]] = [
-        (("data",), spec.data),
-        *((("data", "join", i), join) for i, join in enumerate(spec.data.join)),
-    ]
+        ):
+            wrong.add(name)
+            yield finding
+    tables: list[tuple[Loc, Logs]] = [(("data",), spec.data)]
+    tables += [(("data", "join", i), join) for i, join in enumerate(spec.data.join)]
     for loc, table in tables:
         for name, column in table.columns.items():
             if column.unit is not None and name not in wrong:
-                yield from _unit_findings(
-                    (*loc, "columns", name, "unit"), column.unit, default_unit(name, spec.units)
-                )
+                place = (*loc, "columns", name, "unit")
+                yield from _unit_findings(place, column.unit, default_unit(name, spec.units))
 
 
 def _unit_findings(loc: Loc, unit: str, wanted: str) -> list[Finding]:
     return [*refused(loc, check_unit, unit)] or [*refused(loc, convert, 1.0, unit, wanted)]
+
+
+CHECKS = (
+    *(segmented, leaving_out, groups, after_cycles, chosen_levels, target, kind, of_kinds),
+    *(formulas, competitors, own_formulas, shapes, metrics, units),
+)
+"""The checks of this file, each of which yields what it finds in a spec."""

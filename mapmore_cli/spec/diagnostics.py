@@ -72,11 +72,16 @@ def locate(finding: Finding, root: Node) -> Mistake:
     return Mistake(at, finding.message, finding.remedy)
 
 
-def told(*rows: tuple[bool, Loc | str, str, str]) -> Iterator[Finding]:
-    """Yield the rows that apply: whether, the way, what is wrong, and what would be right."""
-    for applies, way, message, remedy in rows:
+def told(*rows: tuple[bool, Loc | str, str, str], **known: Any) -> Iterator[Finding]:
+    """Yield the rows that apply: whether, the way, what is wrong, and what would be right.
+
+    Texts are templates: `{name}` stands for what is `known` by it, `{{` for a brace.
+    """
+    for applies, way, *texts in rows:
         if applies:
-            yield Finding(way, message, remedy)
+            place = way.format(**known) if isinstance(way, str) else way
+            what, remedy = (text.format(**known) for text in texts)
+            yield Finding(place, what, remedy)
 
 
 def refused(way: Loc | str, attempt: Callable[..., object], *arguments: Any) -> Iterator[Finding]:
@@ -152,25 +157,31 @@ MOST_ERRORS = 200
 """Errors that are explained: a list of thousands of wrong values is one mistake."""
 
 _EXPECTED = {
-    **{
-        "string_type": "text",
-        "int_type": "a whole number",
-        "int_from_float": "a whole number",
-        "float_type": "a number",
-    },
-    **{"bool_type": "true or false", "list_type": "a list", "tuple_type": "a list"},
-    **dict.fromkeys(("is_instance_of", "sequence_str"), "a list"),  # of a `Sequence`
+    "string_type": "text",
+    **dict.fromkeys(("int_type", "int_from_float"), "a whole number"),
+    "float_type": "a number",
+    "bool_type": "true or false",
+    **dict.fromkeys(("list_type", "tuple_type", "is_instance_of", "sequence_str"), "a list"),
     **dict.fromkeys(
         ("dict_type", "model_type", "model_attributes_type", "dataclass_type"), "a mapping"
     ),
 }
-_UNKNOWN = ("extra_forbidden", "unexpected_keyword_argument")
-_BOUNDS = {
-    "greater_than": ("gt", "greater than"),
-    "greater_than_equal": ("ge", "at least"),
-    "less_than": ("lt", "less than"),
-    "less_than_equal": ("le", "at most"),
+_SAID: dict[str, tuple[str, str | None]] = {
+    "greater_than": ("should be greater than {gt:g}, but is {shown}", None),
+    "greater_than_equal": ("should be at least {ge:g}, but is {shown}", None),
+    "less_than": ("should be less than {lt:g}, but is {shown}", None),
+    "less_than_equal": ("should be at most {le:g}, but is {shown}", None),
+    "finite_number": ("should be a finite number, but is {value}", None),
+    "string_pattern_mismatch": (
+        "cannot be {shown}",
+        "start with a letter or digit, and go on with letters, digits, `.`, `_` and `-`",
+    ),
+    "string_too_long": ("is too long: {size} characters", "use {max_length} at most"),
+    "too_short": ("is empty", "give at least {min_length}"),
+    "too_long": ("has too many values: {shown}", "give {max_length}"),
 }
+"""What is said of a value for each kind of error, and what would be right."""
+_UNKNOWN = ("extra_forbidden", "unexpected_keyword_argument")
 
 
 KeysAt = Callable[[Loc], Sequence[str]]
@@ -218,17 +229,11 @@ def _problem(details: ErrorDetails, root: Node, keys_at: KeysAt) -> Mistake:
     node = nearest(root, loc)
     name = f"`{_dotted(loc)}`" if loc else "the spec"
     # a key that would be a quantity, but whose value says that a near one is meant
-    for depth, key in enumerate(loc):
-        known = keys_at(loc[:depth])
-        if (
-            known
-            and isinstance(key, str)
-            and key not in known
-            and get_close_matches(key, known, n=1, cutoff=0.75)
-        ):
-            return Mistake(
-                nearest(root, loc[: depth + 1]).start, *_unknown_key(loc[: depth + 1], known)
-            )
+    for depth, key in enumerate(loc, start=1):
+        known = keys_at(loc[: depth - 1])
+        near = () if key in known else get_close_matches(str(key), known, n=1, cutoff=0.75)
+        if near:
+            return Mistake(nearest(root, loc[:depth]).start, *_unknown_key(loc[:depth], known))
     match details["type"]:
         case kind if kind in _UNKNOWN:
             return Mistake(node.start, *_unknown_key(loc, keys_at(loc[:-1])))
@@ -252,40 +257,24 @@ def _problem(details: ErrorDetails, root: Node, keys_at: KeysAt) -> Mistake:
 
 
 def _of_value(details: ErrorDetails, value: object, name: str) -> Explained:
-    context: dict[str, Any] = details.get("ctx", {})
+    known: dict[str, Any] = details.get("ctx", {})
     kind, shown = details["type"], _value_in_words(value)
-    if kind in _EXPECTED or kind == "union_tag_invalid":
-        expected = _EXPECTED.get(kind) or " or ".join(
-            re.findall(r"<([^>]*)>", context["expected_tags"])
-        )
+    expected = _EXPECTED.get(kind)
+    if kind == "union_tag_invalid":
+        expected = " or ".join(re.findall(r"<([^>]*)>", known["expected_tags"]))
+    if expected is not None:
         return f"{name} should be {expected}, but is {shown}", _shape_remedy(expected, value)
-    if kind in _BOUNDS:
-        key, words = _BOUNDS[kind]
-        return f"{name} should be {words} {context[key]:g}, but is {shown}", None
-    match kind:
-        case "literal_error":
-            known = re.findall(r"'([^']*)'", context["expected"]) or [context["expected"]]
-            word = "" if isinstance(value, dict | list) else str(value)
-            return f"{name} cannot be {shown}", did_you_mean(word, known, "possible are")
-        case "string_pattern_mismatch":
-            return (
-                f"{name} cannot be {shown}",
-                "start with a letter or digit, and go on with letters, digits, `.`, `_` and `-`",
-            )
-        case "string_too_long":
-            return (
-                f"{name} is too long: {len(str(value))} characters",
-                f"use {context['max_length']} at most",
-            )
-        case "too_short":
-            return f"{name} is empty", f"give at least {context['min_length']}"
-        case "too_long":
-            return f"{name} has too many values: {shown}", f"give {context['max_length']}"
-        case "finite_number":
-            return f"{name} should be a finite number, but is {value}", None
-        case "value_error":
-            return str(context["error"]), None
-    return f"{name}: {details['msg']}", None
+    if kind == "literal_error":
+        words = re.findall(r"'([^']*)'", known["expected"]) or [known["expected"]]
+        word = "" if isinstance(value, dict | list) else str(value)
+        return f"{name} cannot be {shown}", did_you_mean(word, words, "possible are")
+    if kind == "value_error":
+        return str(known["error"]), None
+    if kind not in _SAID:
+        return f"{name}: {details['msg']}", None
+    known = {**known, "shown": shown, "value": value, "size": len(str(value))}
+    what, remedy = (text and text.format(**known) for text in _SAID[kind])
+    return f"{name} {what}", remedy
 
 
 def _split(loc: Loc, root: Node) -> tuple[tuple[str | int, ...], tuple[str | int, ...]]:
@@ -360,13 +349,9 @@ def _value_in_words(value: object) -> str:
         return shape(value).strip("<>")
     text = str(value)
     text = text if len(text) <= 40 else text[:40] + "..."
-    return (
-        f"the text {text!r}"
-        if isinstance(value, str)
-        else text.lower()
-        if isinstance(value, bool)
-        else text
-    )
+    if isinstance(value, str):
+        return f"the text {text!r}"
+    return text.lower() if isinstance(value, bool) else text
 
 
 def _shape_remedy(expected: str, value: object) -> str | None:

@@ -27,7 +27,7 @@ from pydantic import (
 from mapmore_cli.domain.declared import Contradiction, Either, InUnit, OfKey, always_in
 from mapmore_cli.domain.errors import SpecError
 from mapmore_cli.modelling.literature.own import is_definition
-from mapmore_cli.spec.tree import Node, Written, written
+from mapmore_cli.spec.tree import Loc, Node, Written, values_at, written
 from mapmore_cli.spec.units import (
     CANONICAL,
     default_unit,
@@ -98,25 +98,21 @@ class Context:
     def of(cls, root: Node, partial: bool = False) -> Context:
         """Return what a spec says of its units and quantities, as far as it is well-formed."""
         spec = written(root)
-        data, units = _mapping(spec, "data"), _only_texts(_mapping(spec, "units"))
-        derived = _mapping(data, "derive")
-        rates = _only_texts({name: _mapping(derived, name).get("rate_of") for name in derived})
-        tables = [data, *_entries(data, "join")]
-        names = {
-            *CANONICAL,
-            *units,
-            *derived,
-            *(name for table in tables for name in _mapping(table, "columns")),
-            *(name for entry in _entries(data, "files") for name in _mapping(entry, "set")),
-        }
-        target = as_target(spec.get("target")) if isinstance(spec, dict) else None
-        column, level = _mapping(target).get("column"), _mapping(data, "levels").get("of")
+        spec["target"] = as_target(spec.get("target"))
+
+        def texts(place: str, step: int = -1) -> dict[str, str]:
+            found = values_at(spec, place)
+            return {str(way[step]): str(text) for way, text in found if isinstance(text, str)}
+
+        units, rates = texts("units.*"), texts("data.derive.*.rate_of", -2)
+        places = ("data.derive.*", "data.columns.*", "data.join.*.columns.*", "data.files.*.set.*")
+        names = (str(way[-1]) for place in places for way, _ in values_at(spec, place))
         return cls(
             folder=root.at.source.folder,
             units={**{name: default_unit(name, units, rates) for name in rates}, **units},
-            quantities=frozenset(names),
-            target=column if isinstance(column, str) else "force",
-            level=level if isinstance(level, str) else None,
+            quantities=frozenset({*CANONICAL, *units, *names}),
+            target=texts("target.column").get("column", "force"),
+            level=texts("data.levels.of").get("of"),
             partial=partial,
         )
 
@@ -124,8 +120,10 @@ class Context:
         """Keep which keys a section knows, for messages about others."""
         self.known.setdefault(id(given), (given, []))[1].extend(keys)
 
-    def keys_of(self, given: Any) -> tuple[str, ...]:
-        """Return the keys that the sections which have read a mapping know."""
+    def keys_at(self, given: Any, loc: Loc) -> tuple[str, ...]:
+        """Return the keys that the sections which have read a part of what was given know."""
+        for step in loc:
+            given = given[step]
         return tuple(dict.fromkeys(self.known.get(id(given), ({}, []))[1]))
 
     def converted(self, given: Any, unit_of: Callable[[Place], str | None]) -> Any:
@@ -162,13 +160,11 @@ class Place:
     @property
     def quantity(self) -> str | None:
         """The nearest key that is a quantity, as `pressure` in `set: {pressure: 2 bar}`."""
-        return next(
-            (str(step) for step in reversed(self.text.way) if self._is_quantity(step)), None
-        )
-
-    def _is_quantity(self, step: str | int) -> bool:
-        base = str(step).removesuffix("_rate").removeprefix("step_")
-        return step in self.context.quantities or base in self.context.quantities
+        for step in map(str, reversed(self.text.way)):
+            base = step.removesuffix("_rate").removeprefix("step_")
+            if {step, base} & self.context.quantities:
+                return step
+        return None
 
     @property
     def level(self) -> str | None:
@@ -183,22 +179,6 @@ class Place:
     def unit_of(self, quantity: object) -> str | None:
         """Return the model's unit of a quantity; None where the spec does not name one."""
         return default_unit(quantity, self.context.units) if isinstance(quantity, str) else None
-
-
-def _only_texts(section: Mapping[str, Any]) -> dict[str, str]:
-    return {name: str(text) for name, text in section.items() if isinstance(text, str)}
-
-
-def _entries(section: Mapping[str, Any], key: str) -> list[Any]:
-    listed = section.get(key)
-    return listed if isinstance(listed, list) else []
-
-
-def _mapping(value: Any, *keys: str) -> dict[str, Any]:
-    """Return the mapping under `keys`; empty where there is none."""
-    for key in keys:
-        value = value.get(key) if isinstance(value, dict) else None
-    return value if isinstance(value, dict) else {}
 
 
 # Numbers with units
@@ -319,15 +299,11 @@ PathOrName = Annotated[
 
 def stray_variables(root: Node, context: Context) -> Iterator[tuple[Node, str]]:
     """Yield the texts that hold a variable and were read by no path, with what is wrong."""
-    match root.value:
-        case dict() as children:
-            for child in children.values():
-                yield from stray_variables(child, context)
-        case list() as items:
-            for item in items:
-                yield from stray_variables(item, context)
-        case str() as text if id(root) not in context.paths and (found := variable_in(text)):
-            what = (
-                f"`{found}` stands in a text that is no path: variables are expanded in paths alone"
-            )
-            yield root, what
+    children = root.value.values() if isinstance(root.value, dict) else root.value
+    if isinstance(children, str):
+        if id(root) not in context.paths and (found := variable_in(children)):
+            what = "stands in a text that is no path: variables are expanded in paths alone"
+            yield root, f"`{found}` {what}"
+    elif isinstance(children, Iterable):
+        for child in children:
+            yield from stray_variables(child, context)

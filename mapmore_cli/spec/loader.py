@@ -39,6 +39,7 @@ from mapmore_cli.spec.tree import (
     SourceText,
     merged,
     nearest,
+    values_at,
     with_child,
     without,
     written,
@@ -46,33 +47,10 @@ from mapmore_cli.spec.tree import (
 from mapmore_cli.spec.units import default_unit, is_kept
 from mapmore_cli.spec.yaml_loader import VARIABLES, dump, escaped, expand, parse, read_source
 
-CHECKS = (
-    check_names.names_of_quantities,
-    check_names.derivations,
-    check_names.clocks,
-    check_names.terms,
-    check_names.along_recordings,
-    check_names.idle,
-    check_study.segmented,
-    check_study.leaving_out,
-    check_study.groups,
-    check_study.after_cycles,
-    check_study.chosen_levels,
-    check_study.target,
-    check_study.kind,
-    check_study.of_kinds,
-    check_study.formulas,
-    check_study.competitors,
-    check_study.own_formulas,
-    check_study.shapes,
-    check_study.metrics,
-    check_study.units,
-)
-
 
 def findings(spec: ExperimentSpec) -> Iterator[Finding]:
     """Every mistake of an experiment whose form is right."""
-    for check in CHECKS:
+    for check in (*check_names.CHECKS, *check_study.CHECKS):
         yield from check(spec)
 
 
@@ -177,7 +155,7 @@ def _validated(
         spec = model.model_validate(given, context=context)
         later = [locate(finding, root) for finding in check(spec)]
     except ValidationError as error:
-        keys_at = partial(_keys_at, given, context)
+        keys_at = partial(context.keys_at, given)
         later = [
             *explain(error, root, keys_at),
             *_further_mistakes(error, root, keys_at, model, check),
@@ -192,13 +170,6 @@ def _validated(
     return Loaded(spec, path, path.parent, tuple(overrides), root)
 
 
-def _keys_at(given: Any, context: Context, loc: Loc) -> tuple[str, ...]:
-    """Return the keys that the sections which have read a part of what was given know."""
-    for step in loc:
-        given = given[step]
-    return context.keys_of(given)
-
-
 def _further_mistakes(
     error: ValidationError, root: Node, keys_at: KeysAt, model: type[M], check: Check[M]
 ) -> list[Mistake]:
@@ -209,9 +180,8 @@ def _further_mistakes(
         return []
     sections = set[str | int]()
     while True:
-        for loc, meant in sorted(
-            lost(error, root, keys_at), key=lambda one: _last_items_first(one[0]), reverse=True
-        ):
+        # the last items of a list first, so that the numbers of those before them stay
+        for loc, meant in sorted(lost(error, root, keys_at), key=_place_among_items, reverse=True):
             if meant is not None and _echoes(meant):
                 return []
             root = without(root, loc)
@@ -224,7 +194,7 @@ def _further_mistakes(
                 if not ("dictionary" in sections and finding.loc[0] == "fit")
             ]
         except ValidationError as still:  # what was left out was required: its section goes next
-            error, keys_at = still, partial(_keys_at, given, context)
+            error, keys_at = still, partial(context.keys_at, given)
 
 
 def _echoes(loc: Loc) -> bool:
@@ -236,11 +206,8 @@ def _echoes(loc: Loc) -> bool:
     )
 
 
-def _last_items_first(loc: Loc) -> tuple[tuple[int, str], ...]:
-    """Sorts ways so that, in reverse, removing one list item leaves the numbers of those before
-    it.
-    """
-    return tuple((step, "") if isinstance(step, int) else (0, step) for step in loc)
+def _place_among_items(lost: tuple[Loc, Loc | None]) -> list[tuple[int, str]]:
+    return [(step, "") if isinstance(step, int) else (0, step) for step in lost[0]]
 
 
 # Open questions
@@ -364,32 +331,15 @@ def _with_units(root: Node) -> Node:
     Per cent is a plain number where `units` does not name it.
     """
     units = root.child("units") or Node({}, root.at)
-    data = root.child("data")
-    if data is None or not isinstance(units.value, dict):
+    if not isinstance(units.value, dict):
         return root
-    joined = data.child("join")
-    tables = (
-        data,
-        *(joined.value if joined is not None and isinstance(joined.value, list) else ()),
-    )
     found = dict(units.value)
-    for columns in (table.child("columns") for table in tables):
-        for name, column in (
-            columns.value.items() if columns is not None and isinstance(columns.value, dict) else ()
-        ):
-            unit = column.child("unit")
-            if (
-                name not in found
-                and default_unit(name) == "1"
-                and unit is not None
-                and is_kept(str(unit.value))
-            ):
-                found[name] = unit
-    return (
-        with_child(root, "units", replace(units, value=found))
-        if len(found) > len(units.value)
-        else root
-    )
+    for place in ("data.columns.*.unit", "data.join.*.columns.*.unit"):
+        for way, unit in values_at(written(root), place):
+            name = str(way[-2])
+            if name not in found and default_unit(name) == "1" and is_kept(str(unit)):
+                found[name] = nearest(root, way)
+    return with_child(root, "units", replace(units, value=found)) if found else root
 
 
 # Overrides

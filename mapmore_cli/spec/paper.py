@@ -64,22 +64,28 @@ class Ours(Section):
     total: bool = False  # adds up the numbers of these rows
 
 
-class Source(Section):
+class OfRun(Section):
+    """What is of a `run`, or a `file` below the paper's `root` that a command wrote."""
+
+    run: SpecPath | None = None
+    file: str | None = None
+
+    def _contradictions(self) -> Iterator[ValueError]:
+        if (self.run is None) == (self.file is None):
+            kind = "figure is of" if isinstance(self, Drawn) else "source is"
+            yield Contradiction(f"a {kind} a `run` or a `file`", "give one of them", "run")
+
+
+class Source(OfRun):
     """A table that inequalities take numbers from: of a `run` (by default the pooled scores on
-    held-out data), or a CSV `file` that a command wrote, below the paper's `root`.
+    held-out data), or a CSV `file`.
 
     `rows` keeps the rows with these texts; the texts in the columns of `key` name a row.
     """
 
-    run: SpecPath | None = None
-    file: str | None = None
     table: str = "scores"
     rows: dict[str, str] = {}
     key: Annotated[list[str], Field(min_length=1)] = ["model"]
-
-    def _contradictions(self) -> Iterator[ValueError]:
-        if (self.run is None) == (self.file is None):
-            yield Contradiction("a source is a `run` or a `file`", "give one of them", "run")
 
     @property
     def kept(self) -> dict[str, str]:
@@ -158,21 +164,15 @@ class Claim(Shown):
             )
 
 
-class Drawn(Section):
-    """A figure of a run, all of it or one panel, or an SVG `file` below the `root` that a command
-    drew. `models` are those that it shows, where that is not all of the run.
+class Drawn(OfRun):
+    """A figure of a run, all of it or one panel, or an SVG `file`. `models` are those that it
+    shows, where that is not all of the run.
     """
 
-    run: SpecPath | None = None
-    file: str | None = None
     figure: Literal[tuple(FIGURES)] = "fit"  # type: ignore[valid-type]
     panel: str | None = None
     models: list[str] = []
     caption: str
-
-    def _contradictions(self) -> Iterator[ValueError]:
-        if (self.run is None) == (self.file is None):
-            yield Contradiction("a figure is of a `run` or a `file`", "give one of them", "run")
 
 
 class Item(Section):
@@ -234,15 +234,11 @@ def load_paper(path: Path) -> LoadedPaper:
 
 def _findings(paper: Paper, folder: Path) -> Iterator[Finding]:
     listed = {one for item in paper.items for one in item.stands_for}
-    for kind, count in paper.has.items():
-        for number in range(1, count + 1):
-            if (kind, number) not in listed:
-                yield Finding(
-                    ("items",),
-                    f"{kind} {number} is not listed",
-                    "add an item with its status and its place",
-                    on_key=True,
-                )
+    counted = ((kind, n + 1) for kind, count in paper.has.items() for n in range(count))
+    for kind, number in counted:
+        if (kind, number) not in listed:
+            what = f"{kind} {number} is not listed"
+            yield Finding("items:", what, "add an item with its status and its place")
     ids = {item.id for item in paper.items}
     spoken_of = {place for claim in paper.claims for place in claim.place}
     for k, item in enumerate(paper.items):

@@ -188,34 +188,22 @@ rows where nothing is held out.
 
 def _section(title: str, section: dict[str, Any]) -> str:
     required = section.get("required", [])
-    keys = {key: value for key, value in section["properties"].items() if key != "schema_version"}
     rows = [
         f"| `{key}` | {_allowed(value)} | {_default(value, key in required)} | {_meaning(value)} |"
-        for key, value in keys.items()
+        for key, value in section["properties"].items()
+        if key != "schema_version"
     ]
+    about = [f"### {title}", "", section.get("description", ""), ""]
     return "\n".join(
-        [
-            f"### {title}",
-            "",
-            section.get("description", ""),
-            "",
-            "| key | value | default | what it is |",
-            "|---|---|---|---|",
-            *rows,
-            "",
-        ]
+        [*about, "| key | value | default | what it is |", "|---|---|---|---|", *rows, ""]
     )
 
 
 def _allowed(value: dict[str, Any]) -> str:
     """Return what may stand at a key, in one cell."""
-    for several in ("anyOf", "oneOf"):
-        if several in value:
-            return " or ".join(
-                dict.fromkeys(
-                    text for part in value[several] if (text := _allowed(part)) != "nothing"
-                )
-            )
+    if parts := value.get("anyOf", value.get("oneOf")):
+        words = dict.fromkeys(map(_allowed, parts))
+        return " or ".join(word for word in words if word != "nothing")
     if "$ref" in value:
         name = _section_title(value["$ref"].rpartition("/")[2])
         return f"[{name}](#{name.lower().replace(' ', '-')})"
@@ -226,29 +214,27 @@ def _allowed(value: dict[str, Any]) -> str:
     if value.get("type") == "object":
         inner = value.get("additionalProperties")
         return f"mapping to {_allowed(inner)}" if isinstance(inner, dict) else "mapping"
-    if value.get("type") == "string" and str(value.get("pattern", "")).startswith(r"^\s*[-+]?"):
+    if str(value.get("pattern", "")).startswith(r"^\s*[-+]?"):
         return "with unit"
-    signs = {"minimum": "≥", "exclusiveMinimum": ">", "maximum": "≤", "exclusiveMaximum": "<"}
-    bounds = [f" {sign} {value[key]:g}" for key, sign in signs.items() if key in value]
-    words = {
-        "string": "text",
-        "number": "number",
-        "integer": "whole number",
-        "boolean": "`true` or `false`",
-        "null": "nothing",
-    }
-    return "".join([words.get(value.get("type", ""), "value"), *bounds])
+    bounds = [f" {sign} {value[key]:g}" for key, sign in _SIGNS.items() if key in value]
+    return "".join([_WORDS.get(value.get("type", ""), "value"), *bounds])
+
+
+_SIGNS = {"minimum": "≥", "exclusiveMinimum": ">", "maximum": "≤", "exclusiveMaximum": "<"}
+_WORDS = {
+    "string": "text",
+    "number": "number",
+    "integer": "whole number",
+    "boolean": "`true` or `false`",
+    "null": "nothing",
+}
 
 
 def _default(value: dict[str, Any], required: bool) -> str:
-    if required:
-        return "**required**"
     default = value.get("default")
-    return (
-        ""
-        if default is None or isinstance(default, dict)
-        else f"`{json.dumps(default, ensure_ascii=False)}`"
-    )
+    if required or default is None or isinstance(default, dict):
+        return "**required**" if required else ""
+    return f"`{json.dumps(default, ensure_ascii=False)}`"
 
 
 def _meaning(value: dict[str, Any]) -> str:

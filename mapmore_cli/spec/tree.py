@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import MappingProxyType
@@ -98,13 +98,17 @@ def written(node: Node, way: Loc = (), around: Mapping[str, Any] = MappingProxyT
     return node.value
 
 
-def plain(node: Node) -> Any:
-    """Return the bare value: dicts, lists, scalars."""
-    if isinstance(node.value, dict):
-        return {key: plain(child) for key, child in node.value.items()}
-    if isinstance(node.value, list):
-        return [plain(child) for child in node.value]
-    return node.value
+def values_at(
+    tree: Any, place: str, way: tuple[str | int, ...] = ()
+) -> Iterator[tuple[tuple[str | int, ...], Any]]:
+    """Yield the bare values at a place, as `data.columns.*.unit`, each after its way; `*` is every
+    key or item.
+    """
+    step, _, rest = place.partition(".")
+    items = enumerate(tree) if isinstance(tree, list) else ()
+    for key, child in tree.items() if isinstance(tree, dict) else items:
+        if step in ("*", key):
+            yield from values_at(child, rest, (*way, key)) if rest else [((*way, key), child)]
 
 
 def nearest(root: Node, loc: Loc) -> Node:

@@ -11,7 +11,6 @@ import gc
 import json
 import os
 import re
-import sys
 from collections.abc import Mapping
 from functools import lru_cache
 from pathlib import Path
@@ -42,10 +41,6 @@ DEEPEST = 40
 """Levels of nesting that are read; a spec needs ten."""
 
 
-class TooDeep(Exception):
-    """Nested deeper than `DEEPEST`; the argument is the mark of the place."""
-
-
 class CoreLoader(yaml.SafeLoader):
     """Composes nodes with YAML 1.2 core tags; `<<` is an ordinary key."""
 
@@ -56,7 +51,8 @@ class CoreLoader(yaml.SafeLoader):
         """Return a node, unless it lies too deep (PyYAML would recurse until Python's limit)."""
         self._depth += 1
         if parent is not None and self._depth > DEEPEST:
-            raise TooDeep(parent.start_mark)
+            problem = f"nested more than {DEEPEST} levels deep"
+            raise yaml.MarkedYAMLError(problem=problem, problem_mark=parent.start_mark)
         node: yaml.Node | None = super().compose_node(parent, index)
         self._depth -= 1
         return node
@@ -236,6 +232,7 @@ _PLAINER = (  # what PyYAML says, what is meant, what to do
         "an anchor that is defined twice",
         "give the second one another name",
     ),
+    ("levels deep", f"nested more than {DEEPEST} levels deep", "a spec needs ten"),
     ("found unexpected end of stream", "the text ends within quotes", "close the quotes"),
 )
 
@@ -283,26 +280,12 @@ def parse(source: SourceText, problems: list[Mistake]) -> Node:
 def _tree_of(source: SourceText) -> tuple[Node, tuple[Mistake, ...]]:
     try:
         root = _composed(source.text)
-    except (yaml.YAMLError, TooDeep) as error:
+    except yaml.YAMLError as error:
         _explain_fault(error, source)
-    except (
-        ValueError,
-        OverflowError,
-    ):  # of PyYAML's `chr`: an escape of a number beyond those that Unicode has
-        found = next(
-            (
-                match
-                for match in re.finditer(r"\\U([0-9A-Fa-f]{8})", source.text)
-                if int(match[1], 16) > sys.maxunicode
-            ),
-            None,
-        )
-        at = _at(source, found.start() if found else 0)
-        fail(
-            at,
-            f"{found[0] if found else 'an escape'} is no character",
-            "write the character itself",
-        )
+    except (ValueError, OverflowError):  # of PyYAML's `chr`
+        found = re.search(r"\\U(?!00(?:0|10))[0-9A-Fa-f]{8}", source.text)
+        what = f"{found[0] if found else 'an escape'} is no character: Unicode has fewer"
+        fail(_at(source, found.start() if found else 0), what, "write the character itself")
     problems: list[Mistake] = []
     tree = (
         Node(None, Position(source, 1, 1))
@@ -420,14 +403,8 @@ def _explain_fault(error: Exception, source: SourceText) -> NoReturn:
             f"control character #x{int(error.character):04x}",
             "a spec is plain text; is this a data file?",
         )
-    mark = (
-        error.args[0]
-        if isinstance(error, TooDeep)
-        else getattr(error, "problem_mark", None) or getattr(error, "context_mark", None)
-    )
+    mark = getattr(error, "problem_mark", None) or getattr(error, "context_mark", None)
     at = Position(source, mark.line + 1, mark.column + 1) if mark else Position(source, 1, 1)
-    if isinstance(error, TooDeep):
-        fail(at, f"nested more than {DEEPEST} levels deep", "a spec needs ten")
     said = (
         f"{getattr(error, 'context', None) or ''} {getattr(error, 'problem', None) or ''}".strip()
     )

@@ -42,7 +42,7 @@ def test_commands_of_the_page_are_ours():
 
     from mapmore_cli.cli.app import app
 
-    batch = get_command(app).commands["batch"]
+    batch = get_command(app).get_command(None, "batch")
     known = {option for parameter in batch.params for option in parameter.opts}
     used = {
         option

@@ -15,7 +15,7 @@ from inverse_agreement import inversion
 from mapmore_cli.annexes.exporting.c_source import c_source
 from mapmore_cli.domain.errors import DataError, UsageError
 from mapmore_cli.modelling.inverse import LOWEST, NEAREST, invert
-from mapmore_cli.modelling.kinds import predict
+from mapmore_cli.modelling.kinds import predict, runs_over_time
 from mapmore_cli.modelling.program.model import slopes
 
 pytestmark = pytest.mark.skipif(shutil.which("gcc") is None, reason="there is no C compiler here")
@@ -102,7 +102,7 @@ def test_single_precision(tmp_path):
     ids=["static", "memory", "fed back"],
 )
 def test_code_and_derivatives_run_clean_under_the_sanitizers(tmp_path, model):
-    columns = recording(model, 500) if c_source(model).with_memory else points(model, 500)
+    columns = recording(model, 500) if runs_over_time(model) else points(model, 500)
     with np.errstate(all="ignore"):
         expected = predict(model, columns)
     assert difference(sanitized(model, tmp_path, columns), expected) < 1e-12

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from reading import opaque_mat, refused, timetable_of_73, workbook
 
 from mapmore_cli.annexes.drafting import start as drafting
-from mapmore_cli.annexes.drafting.answers import Answers, read_columns
+from mapmore_cli.annexes.drafting.answers import Answers, read_names
 from mapmore_cli.annexes.drafting.draft import Draft
 from mapmore_cli.annexes.drafting.recordings import read_draft
 from mapmore_cli.domain.errors import DataError
@@ -242,7 +242,7 @@ def test_bars_between_fields_and_a_readme_beside(tmp_path):
             "2. steps 200g load",
         ],
     )
-    said = Answers(read_columns("time:s,pressure:kPa,angle"))
+    said = Answers(read_names("--columns", "time:s,pressure:kPa,angle"))
     found = drafting.start(tmp_path, tmp_path, answers=said)
     (draft,) = found.drafts
     assert draft.data["delimiter"] == "|"

@@ -5,19 +5,15 @@ before.
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any
 
 import yaml
 
 from mapmore_cli.fitting.stage import Stage
-from mapmore_cli.modelling.pieces.recipe import Fuse
-from mapmore_cli.modelling.selection import Fit
-from mapmore_cli.spec.experiment import ExperimentSpec, Report
-from mapmore_cli.spec.sections.data import Data
+from mapmore_cli.spec.experiment import ExperimentSpec
 
 Hook = Callable[[str], None]
 """Called between the steps of a stage, to interrupt it."""
@@ -61,27 +57,6 @@ def study(folder, **sections):
     return Study(ExperimentSpec.model_validate(document), folder)
 
 
-@dataclass(frozen=True)
-class IngestSlice:
-    data: Data
-
-
-@dataclass(frozen=True)
-class FitSlice:
-    dictionary: Sequence[Any]
-    fit: Fit
-
-
-@dataclass(frozen=True)
-class FuseSlice:
-    fuse: Fuse
-
-
-@dataclass(frozen=True)
-class ReportSlice:
-    report: Report
-
-
 def sources(_spec, folder):
     return sorted((folder / "data").glob("*.csv"))
 
@@ -110,13 +85,13 @@ def fake_stages(
     def ingest(part, workspace):
         started("ingest")
         rows = [path.read_text() for path in sources(None, workspace.spec_dir)]
-        write(workspace.out / "ingest.h5", json.dumps([part.data.model_dump(mode="json"), rows]))
+        write(workspace.out / "ingest.h5", json.dumps([part["data"].model_dump(mode="json"), rows]))
 
     def fit(part, workspace):
         started("fit")
         write(
             workspace.out / "fit.h5",
-            f"fit {part.fit.max_terms} of {(workspace.run_dir / 'ingest.h5').read_text()}",
+            f"fit {part['fit'].max_terms} of {(workspace.run_dir / 'ingest.h5').read_text()}",
         )
         write(workspace.out / "terms.csv", "term\nstrain\n")
 
@@ -124,7 +99,7 @@ def fake_stages(
         started("fuse")
         write(
             workspace.out / "model.h5",
-            f"fused {part.fuse.z_s} of {(workspace.run_dir / 'fit.h5').read_text()}",
+            f"fused {part['fuse'].z_s} of {(workspace.run_dir / 'fit.h5').read_text()}",
         )
 
     def report(part, workspace):
@@ -132,31 +107,24 @@ def fake_stages(
         page = workspace.out / "report"
         (page / "tables").mkdir(parents=True)
         model, spec = (workspace.run_dir / "model.h5").read_text(), workspace.spec_text
-        write(page / "index.html", f"<p>{part.report.formats} {model}</p><pre>{spec}</pre>")
+        write(page / "index.html", f"<p>{part['report'].formats} {model}</p><pre>{spec}</pre>")
         write(page / "tables" / "scores.csv", "model\n")
 
-    raised = {"ingest": 1, "fit": 1, "fuse": 1, "report": 1, **(revisions or {})}
-    return (
-        Stage(
-            "ingest",
-            raised["ingest"],
-            ("ingest.h5",),
-            lambda spec: IngestSlice(spec.data),
-            ingest,
-            sources,
-        ),
-        Stage(
-            "fit",
-            raised["fit"],
-            ("fit.h5", "terms.csv"),
-            lambda spec: FitSlice(spec.dictionary, spec.fit),
-            fit,
-        ),
-        Stage("fuse", raised["fuse"], ("model.h5",), lambda spec: FuseSlice(spec.fuse), fuse),
-        Stage(
-            "report", raised["report"], ("report",), lambda spec: ReportSlice(spec.report), report
-        ),
-    )
+    outputs = {ingest: ("ingest.h5",), fit: ("fit.h5", "terms.csv"), fuse: ("model.h5",)}
+    keys = {ingest: ["data"], fit: ["dictionary", "fit"], fuse: ["fuse"], report: ["report"]}
+
+    def stage(work):
+        name = work.__name__
+        return Stage(
+            name,
+            (revisions or {}).get(name, 1),
+            outputs.get(work, (name,)),
+            lambda spec: {key: getattr(spec, key) for key in keys[work]},
+            work,
+            sources if work is ingest else lambda _spec, _folder: (),
+        )
+
+    return tuple(map(stage, keys))
 
 
 def make_data(folder):

@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
-
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mapmore_cli.modelling.pieces.recipe import Cuts, Fuse
-from mapmore_cli.pipeline.staleness import fingerprint, place_in_spec, plain, slice_differences
-from mapmore_cli.spec.experiment import Competitor
+from mapmore_cli.pipeline.staleness import fingerprint, place_in_spec, slice_differences
 
 VALUES = st.recursive(
     st.none()
@@ -24,45 +20,6 @@ VALUES = st.recursive(
     max_leaves=8,
 )
 SLICES = st.dictionaries(st.sampled_from(["fit", "fuse", "levels", "odd"]), VALUES, max_size=3)
-
-
-@dataclass(frozen=True)
-class Slice:
-    fuse: Fuse
-    segment: dict[str, Cuts | str]
-    against: list[str | Competitor]
-
-
-def test_slices_become_json_under_the_names_of_the_file():
-    part = Slice(
-        Fuse(z_s=0.1),
-        {"strain": Cuts(method="even", count=4)},
-        [Competitor(model="sarosi", as_="LM")],
-    )
-    chosen = plain(part)
-    assert chosen["fuse"] == {**asdict(Fuse()), "z_s": 0.1}
-    assert chosen["segment"]["strain"]["count"] == 4
-    assert chosen["against"][0]["as"] == "LM"
-
-
-def test_every_ingredient_counts():
-    basis = {
-        "name": "fit",
-        "revision": 1,
-        "part": {"a": 1},
-        "before": "x",
-        "contents": {"p": "h"},
-    }
-    changes = [
-        {"name": "fuse"},
-        {"revision": 2},
-        {"part": {"a": 2}},
-        {"before": "y"},
-        {"contents": {"q": "h"}},
-        {"contents": {"p": "i"}},
-    ]
-    marks = {fingerprint(**basis), *(fingerprint(**{**basis, **change}) for change in changes)}
-    assert len(marks) == 1 + len(changes)
 
 
 @given(SLICES)

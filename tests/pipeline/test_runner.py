@@ -33,6 +33,10 @@ def reasons(loaded, stages=None, until="report", **options):
     return explain(loaded, loaded.folder / "runs", until, stages=stages or fake_stages(), **options)
 
 
+def assert_settled(folder):
+    assert run(study(folder)).reasons == {}
+
+
 def record(folder):
     return json.loads((folder / "runs" / "demo" / "run.json").read_text())
 
@@ -112,7 +116,6 @@ FILES = [
         lambda folder: (folder / SOURCE).write_text("e,F\n0,1\n"),
         ["source changed: data/a.csv", *AFTER_INGEST],
     ),
-    (lambda folder: os.utime(folder / SOURCE, ns=(1, 1)), [None] * 4),
     (
         lambda folder: (folder / SOURCE).rename(folder / RENAMED),
         ["source removed: data/a.csv; source added: data/c.csv", *AFTER_INGEST],
@@ -141,7 +144,7 @@ def test_what_explain_says_is_what_happens(change, expected, folder):
     assert ran == list(outcome.reasons)
     bring_up_to_date(study(folder), folder / "fresh", stages=fake_stages())
     assert contents(outcome.run_dir) == contents(folder / "fresh" / "demo")
-    assert run(study(folder)).reasons == {}
+    assert_settled(folder)
 
 
 def test_explain_writes_nothing(folder):
@@ -168,18 +171,11 @@ def test_content_is_read_again_only_when_needed(folder):
     rehash = Options(rehash=True)
     run_dir = run(study(folder)).run_dir
     spoilt(folder / SOURCE, "a", "z")
-    assert run(study(folder)).reasons == {}
+    assert_settled(folder)
     assert reasons(study(folder), options=rehash)[0] == ("ingest", "source changed: data/a.csv")
     assert run(study(folder), options=rehash).stages == dict.fromkeys(ALL, "done")
     spoilt(run_dir / "model.h5", "fused", "FUSED")
     assert reasons(study(folder), options=rehash)[2] == ("fuse", "output changed: model.h5")
-
-
-def test_touched_files_are_remembered(folder):
-    run(study(folder))
-    os.utime(folder / "data" / "a.csv", ns=(1, 1))
-    assert run(study(folder)).reasons == {}
-    assert record(folder)["stages"]["ingest"]["inputs"]["data/a.csv"]["mtime_ns"] == 1
 
 
 AN_HOUR, IN_TEN_YEARS = 3_600_000_000_000, 315_000_000_000_000_000
@@ -195,29 +191,31 @@ def test_a_source_written_after_the_clock_was_set_back_is_another(folder):
     spoilt(folder / SOURCE, "a", "z", -AN_HOUR)
     assert run(study(folder)).reasons["ingest"] == "source changed: data/a.csv"
     # results that are newer than it, made with a later clock, included
-    assert run(study(folder)).reasons == {}
+    assert_settled(folder)
 
 
 @pytest.mark.parametrize("when", ["start of ingest", "half of ingest.h5"])
 def test_a_source_that_changes_while_it_is_read_is_read_again(when, folder):
     def rewritten(step):
         if step == when:
-            (folder / "data" / "a.csv").write_text("e,F\n0,1\n1,2\n")
+            (folder / SOURCE).write_text("e,F\n0,1\n1,2\n")
 
     run(study(folder), fake_stages(hook=rewritten))
     assert run(study(folder)).reasons["ingest"] == "source changed: data/a.csv"
     assert "1,2" in (folder / "runs" / "demo" / "ingest.h5").read_text()
-    assert run(study(folder)).reasons == {}
+    assert_settled(folder)
 
 
 def test_the_same_content_with_another_time_is_the_same(folder):
     run_dir = run(study(folder)).run_dir
     for shift in (-AN_HOUR, IN_TEN_YEARS):
-        shifted(folder / "data" / "a.csv", shift)
-        assert run(study(folder)).reasons == {}
+        shifted(folder / SOURCE, shift)
+        assert_settled(folder)
+        known = record(folder)["stages"]["ingest"]["inputs"]["data/a.csv"]["mtime_ns"]
+        assert known == (folder / SOURCE).stat().st_mtime_ns
     for path in run_dir.rglob("*"):
         shifted(path, IN_TEN_YEARS)
-    assert run(study(folder)).reasons == {}
+    assert_settled(folder)
 
 
 def test_results_from_the_future_are_made_anew_where_the_study_changed(folder):
@@ -228,7 +226,7 @@ def test_results_from_the_future_are_made_anew_where_the_study_changed(folder):
     assert run(study(folder)).reasons["ingest"] == "source changed: data/a.csv"
     spoilt(run_dir / "model.h5", "fused", "FUSED", IN_TEN_YEARS)
     assert run(study(folder)).reasons["fuse"] == "output changed: model.h5"
-    assert run(study(folder)).reasons == {}
+    assert_settled(folder)
 
 
 def test_force(folder):
@@ -237,7 +235,7 @@ def test_force(folder):
         "ingest": "forced",
         "fit": "forced",
     }
-    assert run(study(folder)).reasons == {}  # the same numbers came out
+    assert_settled(folder)  # the same numbers came out
 
 
 def test_record(folder):
@@ -291,7 +289,7 @@ def test_fault_in_a_stage_leaves_results_as_they_were(fault, step, folder):
         [],
         [".lock"],
     )
-    assert run(study(folder)).reasons == {}
+    assert_settled(folder)
 
 
 def test_full_disk_in_a_stage(folder):
@@ -309,12 +307,6 @@ def test_unreadable_source_is_a_data_error(folder):
     (folder / "data" / "c.csv").symlink_to(folder / "nowhere")
     with pytest.raises(DataError, match=r"data/c\.csv: cannot be read"):
         run(study(folder))
-
-
-def test_stage_must_write_what_it_declares(folder):
-    ingest = replace(fake_stages()[0], outputs=("ingest.h5", "more.csv"))
-    with pytest.raises(RuntimeError, match="declares"):
-        run(study(folder), (ingest,), until="ingest")
 
 
 def test_new_output_of_a_stage_is_missed(folder):
@@ -348,7 +340,7 @@ def test_damaged_record_counts_as_absent(text, folder):
     assert run(study(folder), warn=warnings.append).reasons == dict.fromkeys(ALL, "never ran")
     assert len(warnings) == 1
     assert "run.json" in warnings[0]
-    assert run(study(folder)).reasons == {}
+    assert_settled(folder)
 
 
 def test_edited_record_is_noticed(folder):

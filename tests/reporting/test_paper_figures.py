@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from common import python
 from matplotlib.image import imread
-from report_builder import all_named
+from report_builder import all_named, legend_of
 
 from mapmore_cli.domain.errors import UsageError
 from mapmore_cli.domain.foreign import tex_text
@@ -227,7 +227,7 @@ def test_a_panel_that_the_page_leaves_out_is_drawn_when_it_is_asked_for(inputs, 
     curve = next(one for one in inputs.dataset.curves if one.id == "pressure=150")
     assert set(panel.data["data"]) == {"train"}
     assert sorted(panel.data["force [N]"]) == sorted(curve.columns["force"])
-    assert drawing.legend[0].get_label() == "training"
+    assert legend_of(compose(drawing, panel=panel))[0] == "training"
     assert "no prediction" not in drawing.alt
     monkeypatch.setattr(data, "MOST_RECORDINGS", 1)
     shown = [one.key for drawing in drawings("data", inputs) for one in drawing.panels]

@@ -14,7 +14,7 @@ from mapmore_cli.reporting.figures import panels, style
 from mapmore_cli.reporting.figures.drawing import compose, drawings
 from mapmore_cli.reporting.figures.fit import curve_fit, held_out_spans
 from mapmore_cli.reporting.figures.segments import draw_segments, segment_curves
-from mapmore_cli.reporting.figures.terms import term_steps, whole_curves
+from mapmore_cli.reporting.figures.terms import left_unexplained, whole_curves
 from mapmore_cli.reporting.inputs import FigureStyle
 from mapmore_cli.reporting.table import title_of
 
@@ -181,14 +181,15 @@ class TestFit:
         scattered = build(held_out=lambda _level, strain: np.arange(len(strain)) % 3 == 0)
         panel, top = curve_fit(scattered, 0), drawn(scattered, "fit")["fit"].axes[0]
         assert len(top.patches) == 0
-        training, held_out = top.lines[:2]
+        held_out, training = top.lines[:2]
         assert training.get_markerfacecolor() == "none"
         assert set(held_out.get_ydata()) <= set(panel.y[panel.held_out])
         assert set(training.get_ydata()) <= set(panel.y[~panel.held_out])
 
     def test_a_failed_formula_draws_nothing_and_is_called_failed(self, failed):
         figure = drawn(failed, "fit")["fit"]
-        assert [line.get_label() for line in figure.axes[0].lines[1:]] == ["mapmore", "flat"]
+        shown = [line.get_label() for line in figure.axes[0].lines if len(line.get_xdata())]
+        assert shown == ["measured", "mapmore", "flat"]
         assert "Sárosi (failed)" in legend_of(figure)
 
     def test_without_held_out_samples_there_are_training_curves_only(self, alone):
@@ -199,7 +200,7 @@ class TestTraining:
     def test_held_out_samples_are_left_out(self, mixed):
         top, bottom = drawn(mixed, "fit")["fit_training"].axes
         assert len(top.lines) == 8
-        rows = zip(mixed.dataset.curves, top.lines[1::2], bottom.lines[1:], strict=True)
+        rows = zip(mixed.dataset.curves, top.lines[::2], bottom.lines[1:], strict=True)
         for number, (curve, line, error) in enumerate(rows):
             predicted = mixed.validation.predictions["mapmore"][number][~curve.held_out]
             measured = curve.columns["force"][~curve.held_out]
@@ -246,9 +247,8 @@ class TestNrmse:
         assert ax.get_xlim()[0] == 0
         names = [label.get_text() for label in ax.get_yticklabels()]
         assert names == list(map(title_of, inputs.models))
-        (markers,) = ax.lines
-        assert markers.get_xdata() == pytest.approx([2.2, 2.5, 7.0])
-        bar, at = ax.patches[0], markers.get_ydata()[0]
+        assert [x for mark in ax.lines for x in mark.get_xdata()] == pytest.approx([2.2, 2.5, 7.0])
+        bar, (at,) = ax.patches[0], ax.lines[0].get_ydata()
         assert bar.get_y() < at < bar.get_y() + bar.get_height()
         assert ax.texts[0].get_text().endswith("(published 2.2)")
         assert legend_of(figure) == ["held out", "training", "published"]
@@ -301,9 +301,9 @@ class TestSegments:
 class TestTerms:
     def test_left_over_shares_of_choice_and_runner_up(self, inputs):
         for fit in inputs.fit.segments:
-            steps, err = term_steps(fit), np.sort(fit.selection.err_all[0])
-            assert steps.left == pytest.approx([100 * (1 - err[-1])])
-            assert steps.left_by_runner_up == pytest.approx([100 * (1 - err[-2])])
+            (left, by_runner_up), err = left_unexplained(fit), np.sort(fit.selection.err_all[0])
+            assert left == pytest.approx([100 * (1 - err[-1])])
+            assert by_runner_up == pytest.approx([100 * (1 - err[-2])])
 
     def test_of_many_segments_whole_curves_are_shown(self):
         many = build(levels=list(range(60, 460, 10)))

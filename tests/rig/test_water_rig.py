@@ -2,6 +2,7 @@
 data.
 """
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -69,7 +70,7 @@ def test_a_choked_valve_does_not_feel_what_lies_behind_it():
 
 def test_a_closed_reservoir_gains_what_the_valve_lets_in():
     """Without water flow, isothermal: `dP V = p0 q dt`."""
-    isothermal = Reservoir(2e-4, 1.0, 0.4e-8, 1e-8, 0.3)
+    isothermal = replace(RESERVOIR, polytropic=1.0)
     assert isothermal.rate(1e5, 0.0, 1e-4) * 2e-4 == pytest.approx(ATMOSPHERE * 1e-4)
     assert isothermal.rate(1e5, 1e-5, 0.0) == pytest.approx(-(1e5 + ATMOSPHERE) * 1e-5 / 2e-4)
 

@@ -22,7 +22,6 @@ from mapmore_cli.fitting.kinds.choices import model_choices
 from mapmore_cli.fitting.kinds.dictionary import signals_of, units_of
 from mapmore_cli.fitting.kinds.pieces import recipe_of
 from mapmore_cli.pipeline.stages import segment_slice
-from mapmore_cli.spec.fields import Section
 from mapmore_cli.spec.loader import load
 
 
@@ -157,7 +156,6 @@ def test_variants_of_the_static_study_load(tmp_path, old, new):
 
 
 EVEN = "{method: even, count: 4}"
-FUSE = "fuse: {transition: linear, z_s: 0.25,"
 DYNAMIC = DAMPING.replace("target: damping", "target: dynamic").replace(
     "needs: {static: dmsp-20-88-static.yaml}", "needs: {static: s.yaml, damping: d.yaml}"
 )
@@ -203,9 +201,6 @@ def test_weights_between_step_pressures_go_by_the_pressure(tmp_path):
     assert recipe_of("damping", model_choices(spec)).level == "pressure"
 
 
-BREAKPOINTS = "{method: breakpoints, at: [100 kPa, 2]}"
-
-
 def test_segments_depend_on_the_fit_only_where_boundaries_try_it(tmp_path):
     """A change of `fit` must not cut the curves anew, unless boundaries are optimal for that
     fit.
@@ -220,10 +215,3 @@ def test_segments_depend_on_the_fit_only_where_boundaries_try_it(tmp_path):
         for text in (STATIC, more_terms)
     )
     assert next(tried) != next(tried)
-
-
-class Regulator(Section):
-    """Another kind of spec."""
-
-    volume: float
-    steps: list[int]

@@ -6,13 +6,11 @@ import ast
 import json
 import re
 from pathlib import Path
-from typing import get_type_hints
 
 import jsonschema
 import pytest
 from spec_examples import GOOD, PROJECT, SHIPPED, STATIC
 
-from mapmore_cli.domain.scores import METRICS, Score
 from mapmore_cli.spec.experiment import ExperimentSpec
 from mapmore_cli.spec.loader import confirmed, questions_in
 from mapmore_cli.spec.schema import json_schema, reference
@@ -103,12 +101,6 @@ def test_every_key_is_in_the_reference_and_every_link_has_its_heading():
         for heading in re.findall(r"^### (.*)$", text, re.MULTILINE)
     }
     assert set(re.findall(r"\]\(#([^)]+)\)", text)) <= headings
-
-
-def test_every_number_of_a_score_is_a_metric():
-    assert list(METRICS) == [
-        name for name, kind in get_type_hints(Score).items() if kind in (int, float)
-    ]
 
 
 SPEC = """\

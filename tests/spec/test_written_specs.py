@@ -2,25 +2,12 @@
 editors.
 """
 
-from pathlib import Path
-
-from hypothesis import given
-from hypothesis import strategies as st
 from spec_examples import STATIC
 
 from mapmore_cli.spec.loader import load
-from mapmore_cli.spec.tree import SourceText, written
-from mapmore_cli.spec.yaml_loader import dump, parse
+from mapmore_cli.spec.yaml_loader import dump
 
 MODELINE = "# yaml-language-server: $schema="
-values = st.recursive(
-    st.none() | st.booleans() | st.integers() | st.text(max_size=20),
-    lambda inner: (
-        st.lists(inner, max_size=4)
-        | st.dictionaries(st.text(min_size=1, max_size=8), inner, max_size=4)
-    ),
-    max_leaves=20,
-)
 
 
 def test_what_is_short_stands_on_one_line():
@@ -40,11 +27,6 @@ def test_what_is_short_stands_on_one_line():
         "fit: {max_terms: 8, stop: bic}",
     ]
     assert dump({"a": 1}) == "a: 1\n"
-
-
-@given(st.dictionaries(st.text(min_size=1, max_size=8), values, max_size=4))
-def test_it_reads_back_as_it_was(document):
-    assert written(parse(SourceText("t.yaml", Path(), dump(document)), [])) == document
 
 
 def test_the_line_for_editors_leads_from_the_new_place(tmp_path):

@@ -8,9 +8,27 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
+from typer import Argument, Exit, Option
 
-from mapmore_cli.cli import console
+from mapmore_cli.cli.console import (
+    NONE,
+    RUNS,
+    AsJson,
+    Force,
+    Junit,
+    NoCheck,
+    Overrides,
+    Quiet,
+    Rehash,
+    Runs,
+    Summary,
+    View,
+    error_document,
+    exit_code,
+    message,
+    print_view,
+    write_ci_files,
+)
 from mapmore_cli.cli.progress import Reporter
 from mapmore_cli.domain.errors import LimitMissed, RunWarning, UsageError
 
@@ -23,15 +41,15 @@ if TYPE_CHECKING:
 def batch(
     configs: Annotated[
         list[Path],
-        typer.Argument(metavar="CONFIG...", help="Experiment specs or campaigns (YAML)."),
+        Argument(metavar="CONFIG...", help="Experiment specs or campaigns (YAML)."),
     ],
-    runs: console.Runs = console.RUNS,
+    runs: Runs = RUNS,
     jobs: Annotated[
-        int, typer.Option("--jobs", "-j", metavar="N", min=1, help="Runs at a time.")
+        int, Option("--jobs", "-j", metavar="N", min=1, help="Runs at a time.")
     ] = os.cpu_count() or 1,
     cluster: Annotated[
         str | None,
-        typer.Option(
+        Option(
             "--cluster",
             metavar="ADDRESS",
             help="Scheduler of a Dask cluster to run on, as tcp://host:8786.",
@@ -39,25 +57,25 @@ def batch(
     ] = None,
     cluster_file: Annotated[
         Path | None,
-        typer.Option(
+        Option(
             "--cluster-file", metavar="FILE", help="The same, by the file that the scheduler wrote."
         ),
     ] = None,
-    overrides: console.Overrides = console.NONE,
+    overrides: Overrides = NONE,
     no_pages: Annotated[
         bool,
-        typer.Option(
+        Option(
             "--no-pages",
             help="Write no page for each run. The same command without it does that later.",
         ),
     ] = False,
-    force: console.Force = False,
-    rehash: console.Rehash = False,
-    no_check: console.NoCheck = False,
-    junit: console.Junit = None,
-    summary: console.Summary = None,
-    as_json: console.AsJson = False,
-    quiet: console.Quiet = False,
+    force: Force = False,
+    rehash: Rehash = False,
+    no_check: NoCheck = False,
+    junit: Junit = None,
+    summary: Summary = None,
+    as_json: AsJson = False,
+    quiet: Quiet = False,
 ) -> None:
     """Run several specs, or the runs of campaigns, at a time.
 
@@ -126,26 +144,26 @@ def batch(
         _run_document(entry.config, name, ordered[name])
         for entry, name in zip(entries, names, strict=True)
     ]
-    console.print_view(console.View({"runs": documents}, tuple(tables), tuple(lines)), as_json)
-    console.write_ci_files(junit, summary, ordered, tables)
+    print_view(View({"runs": documents}, tuple(tables), tuple(lines)), as_json)
+    write_ci_files(junit, summary, ordered, tables)
     if code := max(map(_code, ordered.values())):
-        raise typer.Exit(code)
+        raise Exit(code)
 
 
 def _tell(reporter: Reporter, name: str, result: Result, count: str) -> None:
     if isinstance(result, BaseException):
-        reporter.complain(f"{name}: {console.message(result)}")
+        reporter.complain(f"{name}: {message(result)}")
         return
     for warning in result.warnings:
         reporter.warn(RunWarning.of(name, warning))
     reporter.say(f"{name}: done ({count})")
     for limit in result.missed:
-        reporter.complain(f"{name}: {console.message(LimitMissed(limit))}")
+        reporter.complain(f"{name}: {message(LimitMissed(limit))}")
 
 
 def _code(result: Result) -> int:
     if isinstance(result, BaseException):
-        return console.exit_code(result)
+        return exit_code(result)
     return LimitMissed.exit_code if result.missed else 0
 
 
@@ -154,7 +172,7 @@ def _run_document(config: Path, name: str, result: Result) -> dict[str, Any]:
 
     head: dict[str, Any] = {"config": str(config), "name": name, "exit_code": _code(result)}
     if isinstance(result, BaseException):
-        return {**head, "error": console.error_document(result)}
+        return {**head, "error": error_document(result)}
     run = {
         "run_dir": str(result.run_dir),
         "stages": result.stages,

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping
-from dataclasses import dataclass, field
-from typing import NamedTuple
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from functools import partial
+from typing import Any, NamedTuple
 
-from mapmore_cli.annexes.drafting.draft import NamedColumn
+from mapmore_cli.annexes.drafting.draft import Named, NamedColumn
 from mapmore_cli.domain.errors import SpecError, UsageError
 from mapmore_cli.spec.units import CANONICAL, check_unit, convert, parse_quantity
 
@@ -44,7 +45,7 @@ class Answers:
     ----------
     columns
         All columns that are used, by quantity. Where some are named, no other is used.
-    targets
+    target
         What is to be predicted. The keys are names of columns, titles or words of these, unless the
         person gives a name to a column.
     inputs
@@ -61,9 +62,9 @@ class Answers:
         Columns that were open questions, as they were answered; None for a time that is none.
     """
 
-    columns: Mapping[str, NamedColumn] = field(default_factory=dict)
-    targets: Mapping[str, NamedColumn] = field(default_factory=dict)
-    inputs: Mapping[str, NamedColumn] | None = None
+    columns: Named = field(default_factory=dict)
+    target: Named = field(default_factory=dict)
+    inputs: Named | None = None
     hold: Hold | None = None
     group: str | None = None
     length: float | None = None
@@ -73,22 +74,24 @@ class Answers:
 
 def answers_of(**said: str | None) -> Answers:
     """Return what the options say, by their names; UsageError for what cannot be."""
-    given = {key: text for key, text in said.items() if text is not None}
-    group = given.get("group")
-    if group is not None and not _QUANTITY.fullmatch(group):
+    readers: dict[str, Callable[[str], Any]] = {
+        **{name: partial(read_names, f"--{name}") for name in ("columns", "target", "inputs")},
+        "hold": read_hold,
+        "group": _read_group,
+        "length": partial(read_size, "--length", unit="m", example="88mm"),
+        "like": str,
+    }
+    given = {name: readers[name](text) for name, text in said.items() if text is not None}
+    return Answers(**given)
+
+
+def _read_group(text: str) -> str | None:
+    if not _QUANTITY.fullmatch(text):
         raise UsageError(
-            f"--group: {group!r} is no name of a quantity",
+            f"--group: {text!r} is no name of a quantity",
             "say what the names of files tell apart, as specimen",
         )
-    return Answers(
-        read_columns(given["columns"]) if "columns" in given else {},
-        read_names("--target", given["target"]) if "target" in given else {},
-        read_names("--inputs", given["inputs"]) if "inputs" in given else None,
-        read_hold(given["hold"]) if "hold" in given else None,
-        None if group == "none" else group,
-        read_size("--length", given["length"], "m", "88mm") if "length" in given else None,
-        given.get("like"),
-    )
+    return None if text == "none" else text
 
 
 def read_size(option: str, text: str, unit: str, example: str) -> float:
@@ -104,30 +107,25 @@ def read_size(option: str, text: str, unit: str, example: str) -> float:
     return value
 
 
-def read_columns(text: str) -> dict[str, NamedColumn]:
-    """Read `time:ms,_,force:N` by place, or `force=Load:N` by title or place; UsageError for what
-    is neither.
-    """
-    return read_names("--columns", text, are_places=True)
-
-
-def read_names(option: str, text: str, are_places: bool = False) -> dict[str, NamedColumn]:
+def read_names(option: str, text: str) -> Named:
     """Read `tip`, `Tip z:mm`, `7` or `tip=Tip z:mm`: columns by their names, titles or places.
 
-    With `are_places`, a name without a column is that of the column at its place in the text.
+    Of `--columns`, as `time:ms,_,force:N`, a name without a column is that of the column at its
+    place in the text. Raises UsageError for what is neither.
     """
-    told: dict[str, NamedColumn] = {}
+    told: Named = {}
     for place, entry in enumerate(one.strip() for one in _COMMA.split(text)):
         if entry in ("", "_", "-"):
             continue
-        name, column = _read_entry(option, entry, are_places)
+        name, column = _read_entry(option, entry)
         if name in told:
             raise UsageError(
                 f"{option}: {name} is said twice",
                 "give each column a name of its own, as `p1` and `p2`",
             )
         if column.column == "":
-            column = column.at(place if are_places else int(name) if name.isdigit() else name)
+            own = place if option == "--columns" else int(name) if name.isdigit() else name
+            column = replace(column, column=own)
         told[name] = column
     if not told:
         raise UsageError(f"{option}: no column is named", f"name one, as `{option} force`")
@@ -138,11 +136,11 @@ def read_hold(text: str) -> Hold:
     """Read `strain`, `strain:%`, `strain=kinked:%` or `none`; UsageError for what is no quantity
     with a unit.
     """
-    name, held = _read_entry("--hold", text, is_quantity=True)
+    name, held = _read_entry("--hold", text)
     return Hold(name, str(held.column), held.unit)
 
 
-def _read_entry(option: str, entry: str, is_quantity: bool) -> tuple[str, NamedColumn]:
+def _read_entry(option: str, entry: str) -> tuple[str, NamedColumn]:
     """Return the name and the column of `name=column:unit`; the column is empty where it is not
     said. Raises UsageError for a unit that cannot be, and for a name that is no quantity's where it
     has to be one.
@@ -158,7 +156,8 @@ def _read_entry(option: str, entry: str, is_quantity: bool) -> tuple[str, NamedC
             convert(1.0, match["unit"], CANONICAL.get(name, match["unit"]))
     except SpecError as fault:
         raise UsageError(f"{option}: {name}: {fault.message}", fault.remedy or FORM) from fault
-    if (equals or is_quantity) and not _QUANTITY.fullmatch(name):
+    is_quantity = equals or option in ("--columns", "--hold")
+    if is_quantity and not _QUANTITY.fullmatch(name):
         raise UsageError(f"{option}: {name[:40]!r} is no name of a quantity", FORM)
     return name, NamedColumn(
         int(where) if where.isdigit() else where,

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mapmore_cli.annexes.drafting.draft import Column, NamedColumn, Raw, range_of
+from mapmore_cli.annexes.drafting.draft import Column, Named, NamedColumn, Raw, range_of
 from mapmore_cli.checking.evidence import same_signals
 from mapmore_cli.checking.names import POSITIONS, read_label
 from mapmore_cli.domain.arrays import Array
@@ -113,6 +113,11 @@ class TitledColumn:
         """Whether it goes up by one from row to row."""
         return all(len(one) > 1 and (np.diff(one) == 1).all() for one in self.values)
 
+    def is_time(self, is_titled: bool) -> bool:
+        """Return whether title or unit say that it is the time; without titles, any may be."""
+        by_unit = not self.quantity and unit_of(self.unit, "s") is not None
+        return not is_titled or self.quantity == "time" or by_unit
+
     def as_quantity(self, name: str) -> NamedColumn:
         """Return the column as a quantity, in the unit that the title or the file says.
 
@@ -203,14 +208,8 @@ def _unit_of_clock(values: Sequence[Array]) -> str:
 # --------------------------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True)
-class Known:
-    """The columns by the names that their titles give, the clock first, and why others are left
-    out.
-    """
-
-    columns: dict[str, NamedColumn]
-    left_out: dict[Column, str]
+Known = tuple[Named, dict[Column, str]]
+"""The columns by their names, the clock first; and why others are left out."""
 
 
 def known_by_titles(table: Table) -> Known:
@@ -220,7 +219,8 @@ def known_by_titles(table: Table) -> Known:
     another column, what was computed by a model, and what goes on like a clock and is not the time
     are left out.
     """
-    clock = _clock_of(table)
+    is_titled = any(one.title for one in table.values())
+    clock = next((one for one in table.values() if one.rises and one.is_time(is_titled)), None)
     rest = [one for one in table.values() if one is not clock]
     left_out = {one.column: why for one in rest if (why := _why_unused(one, clock is not None))}
     left_out |= _copies([one for one in rest if one.column not in left_out])
@@ -231,21 +231,7 @@ def known_by_titles(table: Table) -> Known:
         name = quantities.get(one.column, one.name)
         name = f"column_{one.place}" if name in {*columns, "time"} else name
         columns[name] = one.as_quantity(name)
-    return Known(columns, left_out)
-
-
-def _clock_of(table: Table) -> TitledColumn | None:
-    """Return the first column that rises and is the time by its title or unit; without titles, the
-    first that rises.
-    """
-    rising = [one for one in table.values() if one.rises]
-    if any(one.title for one in table.values()):
-        rising = [
-            one
-            for one in rising
-            if one.quantity == "time" or (not one.quantity and unit_of(one.unit, "s"))
-        ]
-    return next(iter(rising), None)
+    return columns, left_out
 
 
 def _why_unused(one: TitledColumn, has_clock: bool) -> str:
@@ -306,18 +292,13 @@ def _plainness(one: TitledColumn) -> int:
 # --------------------------------------------------------------------------------------------------
 
 
-def named_by_person(
-    said: Mapping[str, NamedColumn],
-    table: Table,
-    option: str,
-    known: Mapping[str, NamedColumn],
-) -> dict[str, NamedColumn]:
+def named_by_person(said: Named, table: Table, option: str, known: Named) -> Named:
     """Return the columns that a person names, by the names that they have already, by those that
     the person gives, or by their titles.
 
     A unit that was not said is that of the title, else the model's.
     """
-    columns: dict[str, NamedColumn] = {}
+    columns: Named = {}
     names = {one.column: name for name, one in known.items()}
     for name, one in said.items():
         is_named = option == "--columns" or not one.refers_to(name)

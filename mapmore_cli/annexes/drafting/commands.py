@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
-from enum import StrEnum
+from collections.abc import Iterable, Mapping
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
-import typer
+from typer import Argument, Option
 
-from mapmore_cli.cli import console
+from mapmore_cli.cli.console import STANDARD, Quiet
 from mapmore_cli.cli.progress import Reporter
 from mapmore_cli.domain.errors import UsageError, WriteError
 from mapmore_cli.storage.atomic import write_text
@@ -21,67 +20,53 @@ if TYPE_CHECKING:
     from mapmore_cli.annexes.drafting.questions import Question
 
 
-class Paper(StrEnum):
-    """A paper whose settings a draft may have."""
-
-    m1 = "m1"
-    m2 = "m2"
-
-
 def init(
-    path: Annotated[
-        Path, typer.Argument(metavar="PATH", help="A recording, or a folder of recordings.")
-    ],
+    path: Annotated[Path, Argument(metavar="PATH", help="A recording, or a folder of recordings.")],
     output: Annotated[
         Path | None,
-        typer.Option(
+        Option(
             "--output",
             "-o",
             metavar="FILE",
             help="Where to write; NAME.yaml here by default, - for stdout.",
         ),
     ] = None,
-    name: Annotated[str | None, typer.Option(metavar="NAME", help="Name of the study.")] = None,
+    name: Annotated[str | None, Option(metavar="NAME", help="Name of the study.")] = None,
     length: Annotated[
         str | None,
-        typer.Option(
-            metavar="LENGTH", help="Of the muscle, as 88mm: makes a strain of a displacement."
-        ),
+        Option(metavar="LENGTH", help="Of the muscle, as 88mm: makes a strain of a displacement."),
     ] = None,
     columns: Annotated[
         str | None,
-        typer.Option(
-            metavar="LIST", help='What the columns are, as "time:ms,_,pressure:bar,force:N".'
-        ),
+        Option(metavar="LIST", help='What the columns are, as "time:ms,_,pressure:bar,force:N".'),
     ] = None,
     target: Annotated[
-        str | None, typer.Option(metavar="LIST", help="The column to predict; several with commas.")
+        str | None, Option(metavar="LIST", help="The column to predict; several with commas.")
     ] = None,
     inputs: Annotated[
         str | None,
-        typer.Option(metavar="LIST", help="The columns that drive it; else all that move."),
+        Option(metavar="LIST", help="The columns that drive it; else all that move."),
     ] = None,
     hold: Annotated[
-        str | None, typer.Option(metavar="NAME", help="What was held, as strain:%, or none.")
+        str | None, Option(metavar="NAME", help="What was held, as strain:%, or none.")
     ] = None,
     group: Annotated[
         str | None,
-        typer.Option(
+        Option(
             metavar="NAME", help="What names tell apart, as specimen: each is scored by itself."
         ),
     ] = None,
     like: Annotated[
-        Paper | None, typer.Option(help="Take the settings of a paper; nothing is searched.")
+        Literal["m1", "m2"] | None,
+        Option(help="Take the settings of a paper; nothing is searched."),
     ] = None,
     budget: Annotated[
         str,
-        typer.Option(metavar="TIME", help="Computing time for the search of each model, as 60s."),
+        Option(metavar="TIME", help="Computing time for the search of each model, as 60s."),
     ] = "20s",
-    yes: Annotated[
-        bool, typer.Option("--yes", "-y", help="Ask nothing: mark what is not sure.")
-    ] = False,
-    force: Annotated[bool, typer.Option("--force", help="Replace specs that exist.")] = False,
-    quiet: console.Quiet = False,
+    yes: Annotated[bool, Option("--yes", "-y", help="Ask nothing: mark what is not sure.")] = False,
+    force: Annotated[bool, Option("--force", help="Replace specs that exist.")] = False,
+    quiet: Quiet = False,
 ) -> None:
     """Start a spec from recordings.
 
@@ -89,6 +74,7 @@ def init(
     structure of the model is searched on training data. Each layout of files is a study.
     """
     from mapmore_cli.annexes.drafting.answers import answers_of, read_size
+    from mapmore_cli.annexes.drafting.outputs import as_files
     from mapmore_cli.annexes.drafting.proof import proven
     from mapmore_cli.annexes.drafting.start import start
 
@@ -100,37 +86,44 @@ def init(
         hold=hold,
         group=group,
         length=length,
-        like=None if like is None else like.value,
+        like=like,
     )
+    if output == STANDARD and len(answers.target) > 1:
+        raise UsageError(f"-o -: {len(answers.target)} specs are no one text", "name a file by -o")
+    if output is not None:
+        _refuse([output], force)
     seconds = read_size("--budget", budget, "s", "60s")
-    folder = Path() if output is None or output == console.STANDARD else output.parent
+    folder = Path() if output is None or output == STANDARD else output.parent
     asking = ask if sys.stdin.isatty() and sys.stderr.isatty() and not (yes or quiet) else None
     with Reporter(quiet) as reporter:
         search = partial(proven, budget=seconds, progress=reporter.progress)
         drafted = start(path, folder, name, output is not None, answers, asking, search)
         for remark in drafted.remarks:
             reporter.say(f"left out: {remark}")
-        _write(drafted.drafts, output, force, reporter)
+        if output == STANDARD:
+            print(drafted.drafts[0].text(), end="")
+        else:
+            _write(as_files(drafted.drafts, output), force, reporter)
 
 
-def _write(drafts: Sequence[Draft], output: Path | None, force: bool, reporter: Reporter) -> None:
-    """Write the files of all drafts that do not exist yet, or all with `force`, and print the paths
-    of the specs; then refuse where one was there.
+def _refuse(files: Iterable[Path], force: bool) -> None:
+    """Refuse files that exist already, unless they are to be replaced."""
+    taken = [str(path) for path in files if path.exists() and not force]
+    if taken:
+        remedy = "say --force to replace it, or -o to write elsewhere"
+        raise WriteError(f"{', '.join(taken)}: exists already", remedy)
+
+
+def _write(files: Mapping[Path, tuple[str, Draft]], force: bool, reporter: Reporter) -> None:
+    """Write the files that do not exist yet, or all with `force`, and print the paths of the
+    specs; then refuse where one was there.
     """
-    from mapmore_cli.annexes.drafting.outputs import as_files
     from mapmore_cli.annexes.drafting.page import draft_page
     from mapmore_cli.spec.schema import write_schema_beside
 
-    if output == console.STANDARD:
-        if len(drafts) > 1:
-            raise UsageError(f"-o -: {len(drafts)} specs are no one text", "name a file by -o")
-        print(drafts[0].text(), end="")
-        return
-    files = as_files(drafts, output)
-    taken = [path for path in files if path.exists() and not force]
-    for path, (text, draft) in files.items():
-        if path in taken:
-            continue
+    free = {path: file for path, file in files.items() if force or not path.exists()}
+    taken = files.keys() - free.keys()
+    for path, (text, draft) in free.items():
         if draft.raw and not path.name.startswith("_"):
             write_text(path.with_suffix(".html"), draft_page(draft))
             reporter.say(f"To look at its columns: {path.with_suffix('.html')}")
@@ -138,11 +131,7 @@ def _write(drafts: Sequence[Draft], output: Path | None, force: bool, reporter: 
         print(path)
     first = next(iter(files))
     write_schema_beside(first)
-    if taken:
-        raise WriteError(
-            f"{', '.join(map(str, taken))}: exists already",
-            "say --force to replace it, or -o to write elsewhere; others were written",
-        )
+    _refuse(sorted(taken), force)
     reporter.say(f"Next: mapmore {'batch' if files[first][1].of else 'check'} {first}")
 
 

@@ -29,7 +29,12 @@ Column = str | int
 Raw = Mapping[Column, Sequence[Array]]
 """Values of every column, one array `(n,)` for each file."""
 
+Told = Mapping[str, Sequence[float]]
+"""Values of quantities that names of files tell, one for each recording."""
+
 Loc = tuple[str | int, ...]
+Section = dict[str, Any]
+"""A spec, or a section of it, as YAML will hold it."""
 
 
 @dataclass(frozen=True)
@@ -46,20 +51,20 @@ class NamedColumn:
     scale: float = 1.0
     offset: float = 0.0
 
-    def at(self, column: Column) -> NamedColumn:
-        """Return the same of another column."""
-        return replace(self, column=column)
-
     def refers_to(self, name: str) -> bool:
         """Return True for a column that a person called by its name or place alone."""
         return self.column in (name, int(name) if name.isdigit() else name)
 
-    def as_spec(self) -> dict[str, Any]:
+    def as_spec(self) -> Section:
         """Return the column as the spec describes it."""
         usual = {"unit": ("", "1"), "scale": (1.0,), "offset": (0.0,)}
         told = {key: getattr(self, key) for key in usual}
         changed = {key: value for key, value in told.items() if value not in usual[key]}
         return {"column": self.column, **changed}
+
+
+Named = dict[str, NamedColumn]
+"""Columns by the names of their quantities."""
 
 
 @dataclass(frozen=True)
@@ -84,7 +89,7 @@ class Draft:
     outputs.
     """
 
-    spec: dict[str, Any]
+    spec: Section
     notes: dict[Loc, Note] = field(default_factory=dict)
     files: int = field(default=0, compare=False)
     raw: Raw = field(default_factory=dict, repr=False, compare=False)
@@ -97,9 +102,9 @@ class Draft:
         return str(self.spec["name"])
 
     @property
-    def data(self) -> dict[str, Any]:
+    def data(self) -> Section:
         """The `data` section."""
-        section: dict[str, Any] = self.spec["data"]
+        section: Section = self.spec["data"]
         return section
 
     @property

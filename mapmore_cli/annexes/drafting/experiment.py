@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from mapmore_cli.annexes.drafting.answers import Hold
-from mapmore_cli.annexes.drafting.draft import Draft
+from mapmore_cli.annexes.drafting.draft import Draft, Section, Told
 from mapmore_cli.annexes.drafting.recordings import BREAK
 from mapmore_cli.checking.evidence import MUCH, settling, two_digits
 from mapmore_cli.domain.errors import DataError, UsageError
@@ -43,7 +42,7 @@ def find_held(
     recordings: Sequence[Recording],
     inputs: Sequence[str],
     hold: Hold | None,
-    told: Mapping[str, Sequence[float]],
+    told: Told,
 ) -> Held | None:
     """Return what was held while another input moved: what a person says; else the one quantity
     that names tell, or that stays at a value of its own in each recording; else, in a table without
@@ -82,9 +81,7 @@ def find_held(
     return Held(of, at, within, swept, why)
 
 
-def _own_levels(
-    recordings: Sequence[Recording], name: str, told: Mapping[str, Sequence[float]]
-) -> list[float] | None:
+def _own_levels(recordings: Sequence[Recording], name: str, told: Told) -> list[float] | None:
     """Return the values of a quantity that stays near one in each recording: twice the gap between
     two is more than it moves at any. None where it moves more, or is one everywhere.
     """
@@ -140,7 +137,7 @@ def with_experiment(
     recordings: Sequence[Recording],
     target: str,
     held: Held | None,
-    told: Mapping[str, Sequence[float]],
+    told: Told,
 ) -> Draft:
     """Return the draft with its target, static samples and levels, and what is held out: static
     where a person says what was held, or it is the force at what was held, or no clock is known;
@@ -196,7 +193,7 @@ def _with_static_samples(draft: Draft, recordings: Sequence[Recording], held: He
 
 
 def _with_levels(draft: Draft, held: Held) -> Draft:
-    levels: dict[str, Any] = {"of": held.of, "at": [float(f"{level:.6g}") for level in held.at]}
+    levels: Section = {"of": held.of, "at": [float(f"{level:.6g}") for level in held.at]}
     why = f"{held.why}: {held.of} was held, in {default_unit(held.of, draft.spec.get('units', {}))}"
     if held.within is not None:
         levels["within"] = held.within
@@ -204,9 +201,7 @@ def _with_levels(draft: Draft, held: Held) -> Draft:
     return draft.with_data("levels", levels, why)
 
 
-def _with_split(
-    draft: Draft, recordings: Sequence[Recording], told: Mapping[str, Sequence[float]]
-) -> Draft:
+def _with_split(draft: Draft, recordings: Sequence[Recording], told: Told) -> Draft:
     """Return the draft with something held out: inner levels; without levels inner values that
     names tell, else recordings; else the last samples of each.
     """

@@ -7,16 +7,19 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from mapmore_cli.annexes.drafting.draft import Draft, yaml_text
+from mapmore_cli.annexes.drafting.draft import Draft, Section, yaml_text
+
+Files = dict[Path, tuple[str, Draft]]
+"""The text of every file, and the draft that it is of."""
 
 
-def as_files(drafts: Sequence[Draft], output: Path | None) -> dict[Path, tuple[str, Draft]]:
+def as_files(drafts: Sequence[Draft], output: Path | None) -> Files:
     """Return the text of every file, and the draft that it is of: a spec for each study; for a
     study of several outputs a campaign, a fragment with what its specs share, and a spec for each.
 
     The first file is `output` where that is given, and those beside it have its name.
     """
-    files: dict[Path, tuple[str, Draft]] = {}
+    files: Files = {}
     studies: dict[str, list[Draft]] = {}
     for draft in drafts:
         studies.setdefault(draft.of or draft.name, []).append(draft)
@@ -29,15 +32,15 @@ def as_files(drafts: Sequence[Draft], output: Path | None) -> dict[Path, tuple[s
     return files
 
 
-def _campaign(name: str, own: Sequence[Draft], first: Path) -> dict[Path, tuple[str, Draft]]:
+def _campaign(name: str, own: Sequence[Draft], first: Path) -> Files:
     shared = first.with_name(f"_{first.name}")
-    common = _common([draft.spec for draft in own])
+    common, rests = _shared([draft.spec for draft in own])
     specs = {
         first.with_name(f"{first.stem}{draft.name.removeprefix(name)}.yaml"): (
-            replace(draft, spec={"extends": shared.name, **_beyond(draft.spec, common)}).text(),
+            replace(draft, spec={"extends": shared.name, **rest}).text(),
             draft,
         )
-        for draft in own
+        for draft, rest in zip(own, rests, strict=True)
     }
     runs = [{"base": path.name} for path in specs]
     campaign = {"schema_version": 1, "campaign": name, "runs": runs}
@@ -50,23 +53,20 @@ def _campaign(name: str, own: Sequence[Draft], first: Path) -> dict[Path, tuple[
     }
 
 
-def _common(specs: Sequence[dict[str, Any]]) -> dict[str, Any]:
-    """Return the keys that all have alike, those of `data` and its columns one by one."""
-    first, *others = specs
-    common: dict[str, Any] = {}
-    for key, value in first.items():
+def _shared(specs: Sequence[Section]) -> tuple[Section, list[Section]]:
+    """Return what all specs have alike, and what each has beyond; `data`, its columns and units
+    are looked at key by key.
+    """
+    common: Section = {}
+    rests: list[Section] = [{} for _ in specs]
+    for key in {key: None for spec in specs for key in spec}:
+        values: list[Any] = [spec.get(key) for spec in specs]
+        if all(value == values[0] for value in values):
+            common[key] = values[0]
+            continue
         if key in ("data", "columns", "units"):
-            common[key] = _common([spec.get(key, {}) for spec in specs])
-        elif all(key in one and one[key] == value for one in others):
-            common[key] = value
-    return common
-
-
-def _beyond(spec: dict[str, Any], common: dict[str, Any]) -> dict[str, Any]:
-    rest: dict[str, Any] = {}
-    for key, value in spec.items():
-        if key not in common:
-            rest[key] = value
-        elif value != common[key]:
-            rest[key] = _beyond(value, common[key])
-    return rest
+            common[key], values[:] = _shared([value or {} for value in values])
+        for rest, value in zip(rests, values, strict=True):
+            if value:
+                rest[key] = value
+    return common, rests

@@ -7,11 +7,11 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mapmore_cli.annexes.drafting.draft import Draft, Note
+from mapmore_cli.annexes.drafting.draft import Draft, Note, Section
 from mapmore_cli.annexes.search.searching import search
 from mapmore_cli.annexes.search.stage import search_slice
 from mapmore_cli.checking.evidence import two_digits
@@ -19,7 +19,6 @@ from mapmore_cli.domain.errors import DataError, MapmoreError
 from mapmore_cli.domain.results import Search
 from mapmore_cli.domain.scores import Score, deciding
 from mapmore_cli.modelling.selection import AUTO
-from mapmore_cli.pipeline.inspection import inspect
 from mapmore_cli.pipeline.runner import bring_up_to_date
 from mapmore_cli.spec.loader import load_text
 from mapmore_cli.spec.yaml_loader import dump
@@ -31,17 +30,6 @@ if TYPE_CHECKING:
 
 MODEL = ("segment", "dictionary", "model", "fit", "fuse")
 EXPERIMENT = ("cycles", "keep", "derive", "split", "levels", "resample", "gaps")
-
-
-def scored(loaded: LoadedSpec) -> tuple[Score, Score | None]:
-    """Run a spec, and return the score of its model and the best one of formulas and plainer
-    models. Raises as a run does.
-    """
-    with TemporaryDirectory() as runs:
-        files = RunFiles(bring_up_to_date(loaded, Path(runs), "validate").run_dir)
-        own, *others = deciding(files.validation().scores)
-    known = [row for row in others if np.isfinite(row.rmse)]
-    return own, min(known, key=lambda row: row.rmse, default=None)
 
 
 def score_in_words(own: Score, plainer: Score | None) -> str:
@@ -96,28 +84,29 @@ def _straight_line(draft: Draft) -> Draft:
 
 
 def _tried(draft: Draft, folder: Path, budget: float, progress: Progress) -> tuple[Draft, str]:
-    """Return the draft with a model, and what it scored; MapmoreError for what `check`, `run` or
-    the search have against it.
+    """Return the draft with a model, and what it scored on data that are read once; MapmoreError
+    for what `run` or the search have against it.
     """
-    if "dictionary" not in draft.spec:
-        model = {"type": AUTO, "budget": budget}
-        loaded = _loaded({**draft.without("validate").spec, "model": model}, folder)
-        inspection = inspect(loaded)
-        if inspection.verdict is not None or inspection.dataset is None:
-            errors = [issue for issue in inspection.issues if issue.severity == "error"]
-            raise DataError("; ".join(f"{issue.message}; {issue.remedy}" for issue in errors))
-        part = search_slice(loaded.spec)
-        draft = _with_structure(draft, search(inspection.dataset, part, progress, beside=False))
-    return draft, score_in_words(*scored(_loaded(draft.spec, folder)))
+    with TemporaryDirectory() as place:
+        runs = Path(place)
+        if "dictionary" not in draft.spec:
+            loaded = _loaded({**draft.spec, "model": {"type": AUTO, "budget": budget}}, folder)
+            ingested = RunFiles(bring_up_to_date(loaded, runs, "ingest").run_dir).dataset()
+            part = search_slice(loaded.spec)
+            draft = _with_structure(draft, search(ingested, part, progress, beside=False))
+        run_dir = bring_up_to_date(_loaded(draft.spec, folder), runs, "validate").run_dir
+        own, *others = deciding(RunFiles(run_dir).validation().scores)
+    known = [row for row in others if np.isfinite(row.rmse)]
+    return draft, score_in_words(own, min(known, key=lambda row: row.rmse, default=None))
 
 
-def _loaded(spec: dict[str, Any], folder: Path) -> LoadedSpec:
+def _loaded(spec: Section, folder: Path) -> LoadedSpec:
     return load_text(dump(spec), "draft.yaml", folder)
 
 
 def _with_structure(draft: Draft, found: Search) -> Draft:
     """Return the draft with the sections that a search has found, and how."""
-    sections: dict[str, Any] = {}
+    sections: Section = {}
     for key, value in found.found.sections.items():
         section, _, inner = key.partition(".")
         sections[section] = {**sections.get(section, {}), inner: value} if inner else value

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -56,11 +57,13 @@ def interview(table: Table, view: View, answers: Answers, ask: Ask) -> Answers:
 
     Raises UsageError where the person says no, or says nothing of what has to be known.
     """
-    steps = (_target, _inputs, _units, _held, _summary)
     past: list[tuple[int, Answers]] = []
     place = 0
-    while place < len(steps):
-        question = steps[place](table, view, answers)
+    while place <= len(QUESTIONS):
+        if place == 0:
+            question = _target(table, view, answers)
+        else:
+            question = QUESTIONS[place - 1](table, view(answers), answers, view)
         if question is not None:
             reply = ask(question).strip()
             if reply == BACK:
@@ -89,31 +92,23 @@ def _options(table: Table, but: Iterable[NamedColumn] = ()) -> tuple[Option, ...
     )
 
 
-def _so_far(view: View, answers: Answers) -> Understood | None:
-    """Return what is understood; None while it is not said what is predicted."""
-    try:
-        return view(answers)
-    except UsageError:
-        return None
-
-
 def _target(table: Table, view: View, answers: Answers) -> Question | None:
-    if answers.targets or _so_far(view, answers) is not None:
-        return None
+    with suppress(UsageError):  # while nobody says what is predicted
+        if answers.target or view(answers):
+            return None
 
     def take(reply: str) -> Answers:
         said = read_names("the target", reply)
         for one in said.values():
             find(table, one.column, "the target")
-        return replace(answers, targets=said)
+        return replace(answers, target=said)
 
     form = "numbers or titles; with a name and a unit as `force=6:N`"
     return Question("What is to be predicted?", _options(table), form, take)
 
 
-def _inputs(table: Table, view: View, answers: Answers) -> Question | None:
-    known = _so_far(view, answers)
-    if answers.columns or answers.inputs is not None or known is None or len(known.inputs) < 2:
+def _inputs(table: Table, known: Understood, answers: Answers, view: View) -> Question | None:
+    if answers.columns or answers.inputs is not None or len(known.inputs) < 2:
         return None
     targets = [known.columns[name] for name in known.targets]
 
@@ -135,20 +130,17 @@ def _inputs(table: Table, view: View, answers: Answers) -> Question | None:
     return Question("What drives it?", _options(table, targets), form, take)
 
 
-def _units(table: Table, view: View, answers: Answers) -> Question | None:
-    known = _so_far(view, answers)
-    unsure = (
-        {} if known is None else {name: one for name, one in known.columns.items() if not one.sure}
-    )
+def _units(table: Table, known: Understood, answers: Answers, _: View) -> Question | None:
+    unsure = {name: one for name, one in known.columns.items() if not one.sure}
     if not unsure:
         return None
     usual = ",".join(f"{name}:{one.unit}" for name, one in unsure.items())
 
     def take(reply: str) -> Answers:
-        settled: dict[str, NamedColumn | None] = {}
-        for name, one in (
-            read_names("the units", usual) | read_names("the units", reply or usual)
-        ).items():
+        settled: dict[str, NamedColumn | None] = {
+            name: replace(one, why="you", sure=True) for name, one in unsure.items()
+        }
+        for name, one in (read_names("the units", reply) if reply else {}).items():
             if name not in unsure:
                 raise UsageError(f"the units: {name} is not asked for", f"say {usual}")
             if one.column == "none":
@@ -164,9 +156,8 @@ def _units(table: Table, view: View, answers: Answers) -> Question | None:
     return Question("Which units are these in?", options, form, take)
 
 
-def _held(_: Table, view: View, answers: Answers) -> Question | None:
-    known = _so_far(view, answers)
-    if known is None or answers.hold is not None or len(known.drives) < 2:
+def _held(_: Table, known: Understood, answers: Answers, _view: View) -> Question | None:
+    if answers.hold is not None or len(known.drives) < 2:
         return None
 
     def take(reply: str) -> Answers:
@@ -184,13 +175,15 @@ def _held(_: Table, view: View, answers: Answers) -> Question | None:
     return Question("What was held while the others moved?", options, form, take)
 
 
-def _summary(_: Table, view: View, answers: Answers) -> Question | None:
-    rows = view(answers).summary()
-
+def _summary(_: Table, known: Understood, answers: Answers, _view: View) -> Question:
     def take(reply: str) -> Answers:
         if reply.casefold() not in ("", "y", "yes"):
             raise Stopped("stopped: what was understood is not right", "say it on the line")
         return answers
 
-    options = tuple(Option(name, text) for name, text in rows.items())
+    options = tuple(Option(name, text) for name, text in known.summary().items())
     return Question("Is this right?", options, "Enter: yes; b: back; no: stop", take)
+
+
+QUESTIONS = (_inputs, _units, _held, _summary)
+"""What is asked once it is known what is predicted."""

@@ -4,11 +4,10 @@ read.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -18,15 +17,16 @@ from mapmore_cli.annexes.drafting.columns import (
     named_by_person,
     read_titles,
 )
-from mapmore_cli.annexes.drafting.draft import Column, Draft, NamedColumn
-from mapmore_cli.annexes.drafting.sources import Study, patterns
+from mapmore_cli.annexes.drafting.draft import Column, Draft, Named, Section, Told
+from mapmore_cli.annexes.drafting.sources import Study, started
 from mapmore_cli.annexes.drafting.understanding import Understood
 from mapmore_cli.checking.evidence import MUCH, two_digits
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import DataError, SpecError
 from mapmore_cli.domain.recording import Dataset
 from mapmore_cli.ingestion.dataset import build_dataset
-from mapmore_cli.ingestion.files import IngestSlice, relative_name
+from mapmore_cli.ingestion.files import IngestSlice, Meter, find_sources
+from mapmore_cli.ingestion.samples import Samples, read_tables
 from mapmore_cli.spec.sections.data import Data
 from mapmore_cli.spec.units import can_convert, convert, default_unit, is_canonical
 from mapmore_cli.storage.tables.cells import NotANumber
@@ -36,6 +36,8 @@ MOST_WORDS = 3  # that stand for missing numbers in one column; more are a colum
 RESET = {"longer_than": 60.0, "action": "split"}  # cuts a recording where its clock is set back
 BREAK = 5  # usual steps without a sample, that are a gap
 
+T = TypeVar("T")
+
 
 class _Columns(Data):
     """The columns of a file before anything is known of them: any may hold time stamps."""
@@ -44,64 +46,50 @@ class _Columns(Data):
         return frozenset(column.column for column in self.columns.values())
 
 
-def read_draft(draft: Draft, folder: Path, measured: str, form: type[Data] = Data) -> Dataset:
+def read_draft(draft: Draft, folder: Path, measured: str) -> Dataset:
     """Return the dataset of a draft, in the units that it says; DataError where it cannot be
     made.
     """
-    data = form.model_validate(draft.data)
+    data = Data.model_validate(draft.data)
     units = {name: default_unit(name) for name in data.quantities} | draft.spec.get("units", {})
     try:
-        return build_dataset(
-            IngestSlice(data=data, measured=measured, component="static", units=units), folder
-        )
+        return build_dataset(IngestSlice(data, measured, "static", units), folder)
     except SpecError as fault:
         raise DataError(fault.message, fault.remedy) from fault
 
 
-def read_tolerantly(
-    draft: Draft, folder: Path, measured: str, form: type[Data] = Data
-) -> tuple[Draft, Dataset]:
-    """Return a draft that leaves samples without a number out, and its dataset; a few words, as
-    `---`, may stand for such numbers.
+def _with_words(read: Callable[[Any], T]) -> tuple[Any, T]:
+    """Return the first rule for missing values by which something can be read, and what was read:
+    a few words, as `---`, may stand for such values.
 
-    Raises DataError where its cells hold more words, or hardly a number; and for a cell that is no
-    such word, as a date.
+    Raises DataError for more words, and for a cell that is no such word, as a date.
     """
     words: list[str] = []
     while True:
-        draft = draft.with_data("missing", {"tokens": words} if words else "drop")
+        rule = {"tokens": words} if words else "drop"
         try:
-            dataset = read_draft(draft, folder, measured, form)
+            return rule, read(rule)
         except NotANumber as fault:
             if len(words) == MOST_WORDS or fault.known:
                 raise
             words = [*words, fault.cell]
-            continue
-        read, kept = (
-            sum(getattr(one, key) for one in dataset.recordings)
-            for key in ("rows_read", "rows_kept")
-        )
-        if words and kept < MUCH * read:
-            raise DataError(f"hardly a number among {', '.join(map(repr, words))}")
-        return draft, dataset
 
 
 def table_of(study: Study, folder: Path) -> Table:
     """Return the columns of a few files of a study; those of text and empty ones have no values.
 
-    Where cells are empty every column is read by itself: one that is hardly filled must not hide
-    the others. Raises DataError where no column is left.
+    Where one cannot be read, every column is read by itself. Raises DataError where no column is
+    left.
     """
-    layout = study.layout
-    raw: dict[Column, list[Array]] = {}
-    is_whole = False
-    with suppress(DataError):
-        raw, is_whole = _read_columns(study, folder, layout.columns)
-    if not is_whole:
+    layout, section = study.layout, started(study, folder).data
+    last = DataError(f"{study.files[0].name}: no column has numbers", "fill its cells")
+    try:
+        raw = _read_columns(section, folder, layout.columns)
+    except DataError:
         raw = {}
         for place, column in enumerate(layout.columns):
             try:
-                raw |= _read_columns(study, folder, (column,))[0]
+                raw |= _read_columns(section, folder, (column,))
             except DataError as fault:
                 if isinstance(fault, NotANumber) and fault.known and place in layout.numeric:
                     raise
@@ -116,27 +104,32 @@ def table_of(study: Study, folder: Path) -> Table:
 
 
 def _read_columns(
-    study: Study, folder: Path, columns: Sequence[Column]
-) -> tuple[dict[Column, list[Array]], bool]:
-    """Return the columns, and whether every sample has all of them."""
+    section: Mapping[str, Any], folder: Path, columns: Sequence[Column]
+) -> dict[Column, list[Array]]:
+    """Return the numbers of every column; of none that is empty in a file, or that mostly has
+    words.
+    """
     names = {f"column_{place}": column for place, column in enumerate(columns)}
-    some = study.files[:: -(-len(study.files) // MOST_FILES)]  # columns are the same in all
-    data = {
-        "files": [
-            {"path": relative_name(file, folder), "id": str(place)}
-            for place, file in enumerate(some)
-        ],
-        "reader": study.layout.reader,
-        **study.layout.settings,
-        "columns": {name: {"column": column} for name, column in names.items()},
-    }
-    draft = Draft({"data": data, "units": dict.fromkeys(names, "1")})
-    _, dataset = read_tolerantly(draft, folder, "column_0", _Columns)
-    raw = {
-        column: [np.asarray(one.columns[name]) for one in dataset.recordings]
-        for name, column in names.items()
-    }
-    return raw, not any(one.dropped.get("missing value") for one in dataset.recordings)
+    entries = {name: {"column": column} for name, column in names.items()}
+    units = {**dict.fromkeys(names, "1"), "time": "s"}
+
+    def read(missing: Any) -> list[Samples]:
+        data = _Columns.model_validate({**section, "columns": entries, "missing": missing})
+        every = find_sources(data.files, folder)
+        some = every[:: -(-len(every) // MOST_FILES)]  # columns are the same in all
+        meter = Meter(some, lambda *_: None)
+        logs = [read_tables(source, data, data, units, meter) for source in some]
+        return [table for log in logs for table in log]
+
+    missing, tables = _with_words(read)
+    raw: dict[Column, list[Array]] = {}
+    for name, column in names.items():
+        cells = [np.asarray(table.columns[name]) for table in tables]
+        values = [own[np.isfinite(own)] for own in cells]
+        least = 0.0 if missing == "drop" else MUCH * sum(map(len, cells))
+        if all(map(len, values)) and sum(map(len, values)) >= least:
+            raw[column] = values
+    return raw
 
 
 def with_columns(draft: Draft, known: Understood, target: str, table: Table) -> Draft:
@@ -157,7 +150,8 @@ def with_columns(draft: Draft, known: Understood, target: str, table: Table) -> 
         for name, one in columns.items()
         if not is_canonical(name) and one.unit != "1"
     }
-    if units := units | draft.spec.get("units", {}):
+    told = {one.quantity: one.unit for one in known.conditions if one.unit}
+    if units := units | {name: unit for name, unit in told.items() if not is_canonical(name)}:
         draft = draft.with_section("units", units)
     if "time" in columns:
         draft = draft.without("data.sample_time")
@@ -184,21 +178,30 @@ def cleaned(draft: Draft, folder: Path, target: str) -> tuple[Draft, Dataset]:
     DataError where they cannot be read, or where another log is joined by such a clock.
     """
     draft = lenient(draft)
+    columns = draft.data["columns"]
     try:
-        read, dataset = read_tolerantly(draft, folder, target)
+        draft, dataset = _read_tolerantly(draft, folder, target)
     except DataError as fault:
-        if "time" not in draft.data["columns"]:
+        if "time" not in columns:
             raise
+        why = f"s: the clock is set back, and cuts the recording: {fault.message}"
         try:
-            why = f"s: the clock is set back, and cuts the recording: {fault.message}"
-            read, dataset = read_tolerantly(draft.with_data("gaps", RESET, why), folder, target)
+            cut = draft.with_data("gaps", RESET, why)
+            draft, dataset = _read_tolerantly(cut, folder, target)
         except DataError:
             if "join" in draft.data:
                 raise fault from None
-            columns = {key: one for key, one in draft.data["columns"].items() if key != "time"}
-            draft = draft.with_data("columns", columns, f"time is left out: {fault.message}", False)
-            read, dataset = read_tolerantly(draft, folder, target)
-    return _with_losses_told(read, dataset), dataset
+            others = {key: one for key, one in columns.items() if key != "time"}
+            draft = draft.with_data("columns", others, f"time is left out: {fault.message}", False)
+            draft, dataset = _read_tolerantly(draft, folder, target)
+    return _with_losses_told(draft, dataset), dataset
+
+
+def _read_tolerantly(draft: Draft, folder: Path, target: str) -> tuple[Draft, Dataset]:
+    missing, dataset = _with_words(
+        lambda rule: read_draft(draft.with_data("missing", rule), folder, target)
+    )
+    return draft.with_data("missing", missing), dataset
 
 
 def _with_losses_told(draft: Draft, dataset: Dataset) -> Draft:
@@ -224,19 +227,25 @@ def _with_losses_told(draft: Draft, dataset: Dataset) -> Draft:
     return draft
 
 
-def with_strain(draft: Draft, dataset: Dataset, length: float) -> tuple[Draft, str]:
+def with_strain(draft: Draft, length: float, told: Told) -> tuple[Draft, str]:
     """Return the draft with the strain that a length or a displacement makes of the muscle's own
     length in m, and which of them; empty where a column holds the strain, or there is none.
 
-    A displacement counts as contraction in the direction in which it mostly goes.
+    A displacement counts as contraction in the direction in which it mostly goes. `told` are
+    values by names of files.
     """
     draft = draft.with_section("muscle", {"length": length})
-    columns = dataset.recordings[0].columns
-    measured = next((one for one in ("length", "displacement") if one in columns), None)
-    if "strain" in columns or measured is None:
+    columns = draft.data["columns"]
+    known = {*columns, *told}
+    measured = next((one for one in ("length", "displacement") if one in known), None)
+    if "strain" in known or measured is None:
         return draft, ""
-    pooled = np.concatenate([one.columns[measured] for one in dataset.recordings])
-    turned = "-" if measured == "displacement" and abs(pooled.min()) > abs(pooled.max()) else ""
+    turned = ""
+    if measured == "displacement":
+        entry = columns.get(measured, {})
+        pooled = np.concatenate(draft.raw[entry["column"]] if entry else [told[measured]])
+        pooled = pooled * entry.get("scale", 1.0) + entry.get("offset", 0.0)
+        turned = "-" if abs(pooled.min()) > abs(pooled.max()) else ""
     rules = {
         "length": f"({length:g} - length)/{length:g}",
         "displacement": f"{turned}displacement/{length:g}",
@@ -245,14 +254,12 @@ def with_strain(draft: Draft, dataset: Dataset, length: float) -> tuple[Draft, s
     return draft.with_data("derive", {"strain": rules[measured]}, why, False), measured
 
 
-def with_second_log(
-    draft: Draft, second: Study, folder: Path, target: str, said: Mapping[str, NamedColumn]
-) -> Draft:
+def with_second_log(draft: Draft, second: Study, folder: Path, target: str, said: Named) -> Draft:
     """Return the draft with the pressure of a second log, shifted as the changes of the target and
     of the pressure tell, where they do.
     """
     table = table_of(second, folder)
-    columns = known_by_titles(table).columns
+    columns, _ = known_by_titles(table)
     columns |= named_by_person(said, table, "--columns", columns)
     if not {"time", "pressure"} <= columns.keys() or "time" not in draft.data["columns"]:
         raise DataError(
@@ -261,10 +268,8 @@ def with_second_log(
         )
     steps = np.diff(table[columns["time"].column].values[0])
     usual = convert(float(np.median(steps[steps > 0])), columns["time"].unit, "s")
-    entry: dict[str, Any] = {
-        "files": patterns(second.files, folder),
-        "reader": second.layout.reader,
-        **second.layout.settings,
+    entry: Section = {
+        **started(second, folder).data,
         "columns": {name: columns[name].as_spec() for name in ("time", "pressure")},
         "shift": "auto",
         "match": {"first": target, "second": "pressure"},

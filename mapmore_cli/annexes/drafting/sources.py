@@ -14,7 +14,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from mapmore_cli.annexes.drafting.draft import Draft
+from mapmore_cli.annexes.drafting.draft import Draft, Section
 from mapmore_cli.annexes.drafting.names import Condition, stem_of
 from mapmore_cli.annexes.drafting.preview import Preview, preview, unread
 from mapmore_cli.checking.names import POSITIONS, read_label
@@ -153,14 +153,16 @@ def _glob_of(parts: Sequence[str]) -> str:
     return f"{glob.escape(begin)}*{glob.escape(end[mark.start() :]) if mark else ''}"
 
 
-def started(study: Study, folder: Path, conditions: Sequence[Condition], remark: str) -> Draft:
+def started(
+    study: Study, folder: Path, conditions: Sequence[Condition] = (), remark: str = ""
+) -> Draft:
     """Return a draft with the name and the files; recordings for which the same values are set
     share an entry.
 
     `remark` tells of numbers in names that were taken for repeats.
     """
     layout = study.layout
-    data: dict[str, Any] = {"files": [], "reader": layout.reader, **layout.settings}
+    data: Section = {"files": [], "reader": layout.reader, **layout.settings}
     draft = Draft({"schema_version": 1, "name": study.name, "data": data}, files=len(study.files))
     if not layout.settings.get("header", True):
         draft = draft.noted(("data", "header"), "the first line holds numbers")
@@ -191,7 +193,7 @@ def _file_entries(
         members.setdefault(kind, []).append(file)
     entries: list[Any] = []
     for (sheet, told), files in members.items():
-        more: dict[str, Any] = {"sheet": sheet} if sheet else {}
+        more: Section = {"sheet": sheet} if sheet else {}
         if told:
             more["set"] = dict(zip((one.quantity for one in conditions), told, strict=True))
         paths = patterns(list(dict.fromkeys(files)), folder)

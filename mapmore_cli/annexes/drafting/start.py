@@ -5,14 +5,14 @@ Titles, units and the person decide what columns are; nothing is guessed from va
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 from mapmore_cli.annexes.drafting.answers import Answers
 from mapmore_cli.annexes.drafting.columns import Table, find
-from mapmore_cli.annexes.drafting.draft import Draft, NamedColumn
+from mapmore_cli.annexes.drafting.draft import Draft, Named
 from mapmore_cli.annexes.drafting.experiment import find_held, with_experiment
 from mapmore_cli.annexes.drafting.like import with_paper
 from mapmore_cli.annexes.drafting.names import numbered_groups, tests_of
@@ -20,7 +20,6 @@ from mapmore_cli.annexes.drafting.proof import proven
 from mapmore_cli.annexes.drafting.questions import Ask, interview
 from mapmore_cli.annexes.drafting.recordings import (
     cleaned,
-    read_draft,
     table_of,
     with_columns,
     with_second_log,
@@ -35,7 +34,6 @@ from mapmore_cli.annexes.drafting.sources import (
 from mapmore_cli.annexes.drafting.understanding import Understood, understood
 from mapmore_cli.checking.evidence import Unequal, unequal
 from mapmore_cli.domain.errors import DataError, SpecError, UsageError
-from mapmore_cli.spec.units import is_canonical
 
 Search = Callable[[Draft, Path], Draft]
 """Returns a draft with the model that was found for it, given the folder that its paths start at.
@@ -81,9 +79,17 @@ def propose(
     if ask is not None:
         answers = interview(table, view, answers, ask)
     known = view(answers)
+    told, group = [*known.conditions], answers.group
+    if group is not None:
+        told.append(numbered_groups(study.names, group))
     drafts = []
     for target in known.targets:
-        draft = _with_data(study, folder, known, target, answers.group)
+        draft = started(study, folder, told, known.remark)
+        if group is not None:
+            draft = draft.with_data("groups", {"of": group}, "you; each is scored by itself")
+        if len(known.targets) > 1:
+            name = f"{study.name}-{target}"
+            draft = replace(draft.with_section("name", name), of=study.name)
         draft = with_columns(draft, known, target, table)
         if second is not None and "pressure" not in known.columns:
             draft = with_second_log(draft, second, folder, target, beside)
@@ -91,9 +97,7 @@ def propose(
     return drafts
 
 
-def _shared_out(
-    columns: Mapping[str, NamedColumn], table: Table
-) -> tuple[dict[str, NamedColumn], dict[str, NamedColumn]]:
+def _shared_out(columns: Named, table: Table) -> tuple[Named, Named]:
     """Return the named columns that a table has, and those of another log."""
     here = {}
     for name, one in columns.items():
@@ -103,36 +107,18 @@ def _shared_out(
     return here, {name: one for name, one in columns.items() if name not in here}
 
 
-def _with_data(
-    study: Study, folder: Path, known: Understood, target: str, group: str | None
-) -> Draft:
-    """Return a draft with the files of a study, and what their names tell."""
-    conditions = list(known.conditions)
-    if group is not None:
-        conditions.append(numbered_groups(study.names, group))
-    draft = started(study, folder, conditions, known.remark)
-    if group is not None:
-        draft = draft.with_data("groups", {"of": group}, "you; each is scored by itself")
-    if len(known.targets) > 1:
-        draft = replace(draft, spec={**draft.spec, "name": f"{study.name}-{target}"}, of=study.name)
-    units = {one.quantity: one.unit for one in conditions if one.unit}
-    units = {name: unit for name, unit in units.items() if not is_canonical(name)}
-    return draft.with_section("units", units) if units else draft
-
-
 def _with_experiment(
     draft: Draft, study: Study, folder: Path, known: Understood, target: str, answers: Answers
 ) -> Draft:
     """Return the draft with what its recordings need to be read, and what was done."""
-    draft, dataset = cleaned(draft, folder, target)
     told = {one.quantity: one.in_model_units for one in known.conditions}
     hold, made = answers.hold, ""
     if answers.length is not None:
-        draft, made = with_strain(draft, dataset, answers.length)
+        draft, made = with_strain(draft, answers.length, told)
         target = "strain" if target == made else target
-        dataset = read_draft(draft, folder, target)
         told.pop(made, None)
         hold = hold._replace(name="strain") if hold is not None and hold.name == made else hold
+    draft, dataset = cleaned(draft, folder, target)
     ignored = ("time", target, answers.group, made)
     used = dict.fromkeys([*dataset.recordings[0].columns, *told])
     inputs = [name for name in used if name not in ignored]

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from mapmore_cli.annexes.drafting.answers import Answers
 from mapmore_cli.annexes.drafting.columns import (
-    Known,
     Table,
     kind_to_predict,
     known_by_titles,
@@ -17,7 +16,7 @@ from mapmore_cli.annexes.drafting.columns import (
     refuse_choice,
     target_of,
 )
-from mapmore_cli.annexes.drafting.draft import Column, NamedColumn
+from mapmore_cli.annexes.drafting.draft import Column, Named
 from mapmore_cli.annexes.drafting.names import Condition, told_by_names
 from mapmore_cli.annexes.drafting.sources import Study
 from mapmore_cli.checking.evidence import FEWEST, ROUNDING, same_signals
@@ -31,7 +30,7 @@ class Understood:
     them, and what is left out.
     """
 
-    columns: dict[str, NamedColumn]
+    columns: Named
     targets: list[str]
     inputs: list[str]
     conditions: list[Condition]
@@ -43,7 +42,7 @@ class Understood:
         """The inputs, those that names tell included."""
         return [*self.inputs, *(one.quantity for one in self.conditions)]
 
-    def without_others(self, target: str) -> dict[str, NamedColumn]:
+    def without_others(self, target: str) -> Named:
         """Return the columns without the other targets."""
         others = {*self.targets} - {target}
         return {name: one for name, one in self.columns.items() if name not in others}
@@ -72,16 +71,25 @@ def understood(study: Study, table: Table, answers: Answers, path: str) -> Under
         Where neither titles nor the person say what is to be predicted, or where something that
         the person names is not there.
     """
-    known = _known(table, answers)
-    chosen = named_by_person(answers.targets, table, "--target", known.columns)
-    columns = known.columns | chosen
+    own, left_out = known_by_titles(table)
+    if answers.columns:
+        own, left_out = named_by_person(answers.columns, table, "--columns", {}), {}
+    settled = {name: one for name, one in answers.settled.items() if one is not None}
+    own = settled | {name: one for name, one in own.items() if name not in answers.settled}
+    chosen = named_by_person(answers.target, table, "--target", own)
+    columns = own | chosen
     said = answers.inputs or {}
     given = [name for name, one in said.items() if not one.refers_to(name)]
     conditions, repeats = told_by_names(study.names, answers.hold, [*columns, *given])
-    targets = list(chosen) or _target_by_titles(
-        study, table, columns, answers, bool(conditions), path
-    )
-    left_out = dict(known.left_out)
+    titled = {} if answers.columns else table
+    kinds = {
+        name: kind_to_predict(name, titled.get(one.column))
+        for name, one in columns.items()
+        if name != "time"
+    }
+    targets = [*chosen] or [*filter(None, [target_of(kinds, bool(conditions))])]
+    if not targets:
+        raise refuse_choice(table, study.files[0].name, path)
     if answers.inputs is None:
         inputs = _free(table, columns, targets, left_out)
     else:
@@ -101,47 +109,13 @@ def understood(study: Study, table: Table, answers: Answers, path: str) -> Under
         )
     used = dict.fromkeys([*(["time"] if "time" in columns else []), *inputs, *targets])
     remark = f"numbers not used: {', '.join(dict.fromkeys(repeats))}" if repeats else ""
-    own = {name: columns[name] for name in used}
-    return Understood(own, targets, inputs, conditions, remark, left_out)
-
-
-def _known(table: Table, answers: Answers) -> Known:
-    """Return the columns that a person names, else those that titles name, with the answers to
-    questions.
-    """
-    known = known_by_titles(table)
-    if answers.columns:
-        known = Known(named_by_person(answers.columns, table, "--columns", {}), {})
-    columns = {name: one for name, one in known.columns.items() if name not in answers.settled}
-    settled = {name: one for name, one in answers.settled.items() if one is not None}
-    return Known(settled | columns, known.left_out)
-
-
-def _target_by_titles(
-    study: Study,
-    table: Table,
-    columns: Mapping[str, NamedColumn],
-    answers: Answers,
-    is_driven: bool,
-    path: str,
-) -> list[str]:
-    """Return the one column that plain titles leave to be predicted; UsageError, which lists the
-    columns, where they leave a choice.
-    """
-    kinds = {
-        name: kind_to_predict(name, None if answers.columns else table[one.column])
-        for name, one in columns.items()
-        if name != "time"
-    }
-    target = target_of(kinds, is_driven)
-    if target is None:
-        raise refuse_choice(table, study.files[0].name, path)
-    return [target]
+    columns = {name: columns[name] for name in used}
+    return Understood(columns, targets, inputs, conditions, remark, left_out)
 
 
 def _free(
     table: Table,
-    columns: Mapping[str, NamedColumn],
+    columns: Named,
     targets: Sequence[str],
     left_out: dict[Column, str],
 ) -> list[str]:

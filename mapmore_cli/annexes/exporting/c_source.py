@@ -7,19 +7,17 @@ wrappers.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
-from mapmore_cli.annexes.exporting.c_statements import CStatements
-from mapmore_cli.annexes.exporting.dialect import DOUBLE, SINGLE, Dialect, Expressions
+from mapmore_cli.annexes.exporting.dialect import DOUBLE, SINGLE, Dialect, program_words
 from mapmore_cli.annexes.exporting.templates import (
     Code,
     Wanted,
     code,
     identifier,
-    lines_of_code,
     names_of_inputs,
     notes_of,
     rendered_template,
@@ -48,7 +46,7 @@ from mapmore_cli.modelling.inverse import (
 )
 from mapmore_cli.modelling.kinds import OUTSIDE_TOLERANCE, runs_over_time
 from mapmore_cli.modelling.program.model import program_of, with_slopes
-from mapmore_cli.modelling.program.statements import Limit, Program
+from mapmore_cli.modelling.program.statements import Program
 
 MOST_INPUTS = 14
 """Bits of the returned number, one for every input and one more: an `int` may have 16."""
@@ -63,6 +61,13 @@ Python knows no such limit.
 
 COARSER = 1000.0
 """Times wider limits of the inverse in single precision."""
+
+SEARCH = {
+    "status": STATUS,
+    **{"DIVIDED": DIVIDED, "SPLITS": SPLITS, "BISECTIONS": BISECTIONS},
+    **{"STEEP": STEEP, "SAME": SAME, "REACHED": REACHED},
+}
+"""What the templates of the inverse know of the search."""
 
 
 def c_files(model: Model, wanted: Wanted) -> dict[str, str]:
@@ -90,208 +95,89 @@ def c_source(model: Model, single: bool = False) -> CSource:
             f"{MOST_INPUTS}",
             "export its parts",
         )
-    name, real = identifier(model.name), word("float" if single else "double")
-    dialect = SINGLE if single else DOUBLE
-    return CSource(model, program_of(model), name, word(name.upper()), real, dialect)
+    return CSource(model, program_of(model), identifier(model.name), SINGLE if single else DOUBLE)
 
 
 @dataclass(frozen=True)
 class CSource:
-    """A model as the text of its files.
-
-    - `code`: the model itself, or with its derivatives.
-    - `name`, `prefix`: of its functions, and how the names of macros begin.
-    - `real`, `dialect`: the type of numbers, and how numbers and functions are written.
-    """
+    """A model as the text of its files; `name` is that of its functions."""
 
     model: Model
     code: Program
     name: Code
-    prefix: Code
-    real: Code
     dialect: Dialect
+
+    @cached_property
+    def words(self) -> dict[str, Any]:
+        """What templates know of the model."""
+        names, single = names_of_inputs(self.model.inputs), self.dialect is SINGLE
+        prefix = word(self.name.upper())
+        return {
+            **program_words(self.code, self.dialect, apart=False),
+            "model": self.model,
+            "name": self.name,
+            "prefix": prefix,
+            "places": {name: code("{}_IN_{}", prefix, own.upper()) for name, own in names.items()},
+            "notes": notes_of(self.model, names),
+            "number": self.dialect.number,
+            "tolerance": self.dialect.number(OUTSIDE_TOLERANCE),
+            "real": word("float" if single else "double"),
+            "single": single,
+            "f": Code("f" * single),
+            "function": "eval" if self.code.step is None else "step",
+            "inverses": (),
+            "inverse": None,
+        }
 
     @cached_property
     def files(self) -> dict[str, str]:
         """Header, source and a small program to try the model with, by name; without memory also
-        its derivatives and its inverse.
+        its derivatives, and the input for a wanted output where ranges are known.
         """
-        name = self.name
-        files = {
-            f"{name}.h": self.header(),
-            f"{name}.c": self.source(),
-            f"{name}_main.c": self.program(),
-        }
-        return files if self.with_memory else files | self.inverse()
-
-    @property
-    def with_memory(self) -> bool:
-        """Whether it goes on from sample to sample."""
-        return self.code.step is not None
-
-    @cached_property
-    def places(self) -> dict[str, Code]:
-        """The macro for the place of every input, by its name."""
-        return {
-            name: code("{}_IN_{}", self.prefix, own.upper())
-            for name, own in names_of_inputs(self.model.inputs).items()
-        }
-
-    @property
-    def words(self) -> dict[str, object]:
-        """What templates know of the model."""
-        names = ("model", "name", "prefix", "places", "real", "call")
-        single = self.dialect is SINGLE
-        return {name: getattr(self, name) for name in names} | {
-            "step": self.code.step,
-            "kept": self.code.kept,
-            "number": self.dialect.number,
-            "memory": self.with_memory,
-            "single": single,
-            "f": Code("f" * single),
-        }
-
-    @property
-    def call(self) -> Code:
-        """Head of the function that computes the output."""
-        if self.with_memory:
-            return self._head("step", code("{} *out", self.real), code("{}_state *s, ", self.name))
-        return self._head("eval", code("{} *out", self.real))
-
-    def _head(self, function: str, results: Code, state: str = "") -> Code:
-        return code(
-            "int {}_{}({}const {} in[{}_INPUTS], {})",
-            self.name,
-            function,
-            Code(state),
-            self.real,
-            self.prefix,
-            results,
-        )
+        name, words = self.name, self.words
+        files = {f"{name}.h": self.header(), f"{name}.c": _source(words)}
+        files[f"{name}_main.c"] = rendered_template("main.c", **words)
+        if words["memory"]:
+            return files
+        slopes = program_words(with_slopes(self.code), self.dialect, apart=False)
+        inverses = list(self._inverses())
+        ends = max([one["ends"] for one in inverses], default=0) + 2 * DIVIDED
+        words = {**words, **slopes, **SEARCH, "inverses": inverses, "ends": ends}
+        words["function"] = "derivatives"
+        words["coarser"] = COARSER if words["single"] else 1.0
+        files[f"{name}_inverse.h"] = rendered_template("inverse.h", **words)
+        files[f"{name}_inverse.c"] = _source(words)
+        return files
 
     def header(self) -> str:
         """Return the declarations, with names and units."""
-        return rendered_template(
-            "model.h", **self.words, notes=notes_of(self.model, names_of_inputs(self.model.inputs))
-        )
+        return rendered_template("model.h", **self.words)
 
     def source(self) -> str:
         """Return the functions."""
-        return self._file(self.name, self.call, [code("*out")], reset=self.with_memory)
-
-    def program(self) -> str:
-        """Return a program that reads a sample a line, and prints the output and the bits of
-        each.
-        """
-        measured = [f"{name}_measured" for name in self.code.kept.fed_back]
-        columns = " ".join([*(quantity.name for quantity in self.model.inputs), *measured])
-        given = code("{}_INPUTS + 1" if measured else "{}_INPUTS", self.prefix)
-        return rendered_template("main.c", **self.words, columns=columns, given=given)
-
-    def _file(self, header: Code, head: Code, results: Sequence[Code], **words: object) -> str:
-        """Return a source file whose function `head` writes what the model comes to where `results`
-        are.
-        """
-        statements = CStatements(self.code, self.dialect, "s->", real=self.real)
-        functions = [
-            line for function in self.code.functions for line in statements.function(function)
-        ]
-        expressions = statements.expressions()
-        lines, values = statements.block(self.code.body, expressions)
-        checks = [
-            line
-            for number, limit in enumerate(self.code.limits)
-            for line in self._check(number, limit, expressions)
-        ]
-        lines = [
-            *lines,
-            *checks,
-            *(f"{place} = {value};" for place, value in zip(results, values, strict=True)),
-        ]
-        words = {
-            "reset": False,
-            "inverses": (),
-            **self.words,
-            **words,
-            "header": f"{header}.h",
-            "head": head,
-            "results": results,
-        }
-        words |= {"functions": lines_of_code(functions), "statements": lines_of_code(lines)}
-        return rendered_template(
-            "model.c",
-            **words,
-            body=rendered_template("body.c", **words),
-            tolerance=self.dialect.number(OUTSIDE_TOLERANCE),
-        )
-
-    def _check(self, number: int, limit: Limit, expressions: Expressions) -> Iterator[str]:
-        """Set the bits of the inputs that are beyond a range."""
-        bits = " | ".join(
-            f"1 << {place}" for name, place in self.places.items() if name in limit.inputs
-        )
-        value = expressions.text(limit.value)
-        if limit.at is None or len(limit.levels) == 1:
-            ends: list[str] = [self.dialect.number(end[0]) for end in (limit.low, limit.high)]
-        else:
-            for name, values in (
-                ("levels", limit.levels),
-                ("low", limit.low),
-                ("high", limit.high),
-            ):
-                numbers = ", ".join(map(self.dialect.number, values.tolist()))
-                yield f"static const {self.real} {name}{number}[] = {{{numbers}}};"
-            at, count = expressions.text(limit.at), len(limit.levels)
-            ends = [
-                f"end_at({at}, {count}, levels{number}, {name}{number})" for name in ("low", "high")
-            ]
-        yield f"if (beyond({value}, {', '.join(ends)})) bits |= {bits};"
-
-    def inverse(self) -> dict[str, str]:
-        """Return the second header and source of a model without memory, by name: derivatives, and
-        inverses where ranges are known.
-        """
-        slopes = [code("slopes[{}]", i) for i in range(len(self.model.inputs))]
-        head = self._head(
-            "derivatives", code("{0} *out, {0} slopes[{1}_INPUTS]", self.real, self.prefix)
-        )
-        inverses = list(self._inverses())
-        words: dict[str, object] = {"inverses": inverses, "status": STATUS}
-        if inverses:
-            words["ends"] = max(inverse["ends"] for inverse in inverses) + 2 * DIVIDED
-            words |= {"DIVIDED": DIVIDED, "SPLITS": SPLITS, "BISECTIONS": BISECTIONS}
-            coarser = COARSER if self.dialect is SINGLE else 1.0
-            words |= {"STEEP": STEEP, "SAME": SAME * coarser, "REACHED": REACHED * coarser}
-        name = code("{}_inverse", self.name)
-        header = rendered_template("inverse.h", **self.words, **words, head=head)
-        source = replace(self, code=with_slopes(self.code))
-        return {
-            f"{name}.h": header,
-            f"{name}.c": source._file(name, head, [code("*out"), *slopes], **words),
-        }
+        return _source(self.words)
 
     def _inverses(self) -> Iterator[dict[str, Any]]:
-        """Yield the function that solves for an input, for every one whose training range is
-        known.
+        """Yield what the function that solves for an input needs, for every one whose training
+        range is known.
         """
         for name, own in names_of_inputs(self.model.inputs).items():
             try:
                 places = knots(self.model, name)
             except UsageError:
                 continue
-            numbers, parts = (
-                [self.dialect.number(place) for place in places.tolist()],
-                parts_between(places),
-            )
-            head = self._head(f"invert_{own}", code("{0} wanted, {0} *found", self.real))
-            ends = 2 * (len(places) - 1) * (parts + 1) + 1
+            parts = parts_between(places)
             yield {
-                "head": head,
-                "place": self.places[name],
-                "knots": numbers,
+                "own": own,
+                "place": self.words["places"][name],
+                "knots": [self.dialect.number(place) for place in places.tolist()],
                 "parts": parts,
-                "ends": ends,
+                "ends": 2 * (len(places) - 1) * (parts + 1) + 1,
             }
+
+
+def _source(words: Mapping[str, Any]) -> str:
+    return rendered_template("model.c", **words, body=rendered_template("body.c", **words))
 
 
 # Around the C of a model: an actuator of MuJoCo, and a function for Simulink's C Caller
@@ -337,10 +223,5 @@ def simulink_files(model: Model, _wanted: Wanted) -> dict[str, str]:
     names = names_of_inputs(model.inputs, [source.name])
     words = source.words | {"output": identifier(model.output.name), "names": names.values()}
     words["parameters"] = [code("double {}", name) for name in names.values()]
-    return {
-        **source.files,
-        **{
-            f"{source.name}_simulink.{end}": rendered_template(f"simulink.{end}", **words)
-            for end in "hc"
-        },
-    }
+    forms = ("simulink.h", "simulink.c")
+    return source.files | {f"{source.name}_{one}": rendered_template(one, **words) for one in forms}

@@ -1,8 +1,9 @@
-"""What C and Python have in common: numbers, functions, expressions and statements."""
+"""A program in C, Python or MATLAB: what differs between the languages, and how numbers,
+expressions and statements are written.
+"""
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, is_dataclass, replace
 from itertools import count
@@ -22,6 +23,7 @@ from mapmore_cli.modelling.program.statements import (
     NOTHING,
     Block,
     Choose,
+    Function,
     Keep,
     Let,
     Program,
@@ -31,6 +33,159 @@ from mapmore_cli.modelling.program.statements import (
     Use,
 )
 from mapmore_cli.modelling.program.values import COMPARE
+from mapmore_cli.modelling.program.writing import names_used_in
+
+
+@dataclass(frozen=True, kw_only=True)
+class Dialect:
+    """What differs between languages.
+
+    - `number`: a finite number as text.
+    - `functions`: text of every function by its name in expressions; `pow` is a general power.
+    - `constant`: the line that gives a name to what is not assigned again.
+    - `nothing`: the value where there is none.
+    - `quotient`: the text of a quotient, of dividend and divisor.
+    - `assigned`: an assignment; `state`: how a name begins that is kept in the state `s`.
+    - `recalled`, `queued`: the value of a queue some `steps` ago, or `left` places from its oldest
+      one; the lines that put one in.
+    - `several`: the lines that give names to the results of a function.
+    - `branches`: a condition, a further one, what is left, and the end; where there are none, all
+      cases of a choice are computed for all rows.
+    - `short`: whether a choice of one value may be `condition ? value : other`.
+    """
+
+    number: Callable[[float], Code]
+    functions: Mapping[str, str]
+    constant: str
+    nothing: str
+    quotient: str = "{} / {}"
+    assigned: str
+    state: str
+    recalled: str
+    queued: tuple[str, ...]
+    several: tuple[str, ...]
+    branches: tuple[str, ...] = ()
+    short: bool = False
+
+
+_SAME = (
+    *("exp", "log", "sqrt", "sin", "cos", "tan", "atan"),
+    *("sinh", "cosh", "tanh", "expm1", "log1p", "pow"),
+)
+FUNCTIONS = {**{name: name for name in _SAME}, "abs": "fabs", "sign": "sign_of"}
+LARGEST, SMALLEST = 3.4028234e38, 1e-37
+"""Of a single-precision number; what lies beyond is held at the one, and is zero below the other.
+"""
+
+DOUBLE = Dialect(
+    number=lambda value: Code(repr(float(value))),
+    functions=FUNCTIONS,
+    constant="const double {} = {};",
+    nothing="NAN",
+    assigned="{} = {};",
+    state="s->",
+    recalled="s->{queue}[(s->{queue}_at + {left}) % {size}]",
+    queued=(
+        "s->{queue}[s->{queue}_at] = {value};",
+        "s->{queue}_at = (s->{queue}_at + 1) % {size};",
+    ),
+    several=("double {names};", "{function}({arguments}, {places});"),
+    branches=("if ({}) {{", "}} else if ({}) {{", "} else {", "}"),
+    short=True,
+)
+SINGLE = replace(
+    DOUBLE,
+    number=lambda value: code(
+        "{!r}f", 0.0 if abs(value) < SMALLEST else min(max(float(value), -LARGEST), LARGEST)
+    ),
+    functions={name: text if text == "sign_of" else f"{text}f" for name, text in FUNCTIONS.items()},
+    constant="const float {} = {};",
+    several=("float {names};", *DOUBLE.several[1:]),
+)
+NUMPY = Dialect(
+    number=DOUBLE.number,
+    functions={
+        **{name: f"np.{name}" for name in FUNCTIONS},
+        "atan": "np.arctan",
+        "pow": "np.power",
+    },
+    constant="{} = {}",
+    nothing="np.nan",
+    assigned="{} = {}",
+    state="s.",
+    recalled="s.{queue}[-{steps}]",
+    queued=("s.{queue} = [*s.{queue}[1:], {value}]",),
+    several=("{names} = {function}({arguments})",),
+)
+SCALAR = replace(NUMPY, quotient="np.divide({}, {})")
+"""Of single numbers without NumPy, where Python raises for a quotient by zero."""
+
+MATLAB = Dialect(
+    number=DOUBLE.number,
+    functions={**{name: name for name in FUNCTIONS}, "pow": "power"},
+    constant="{} = {};",
+    nothing="NaN",
+    assigned="{} = {};",
+    state="s.",
+    recalled="s.{queue}(end + 1 - {steps})",
+    queued=("s.{queue} = [s.{queue}(2:end), {value}];",),
+    several=("[{names}] = {function}({arguments});",),
+    branches=("if {}", "elseif {}", "else", "end"),
+)
+
+
+def program_words(program: Program, dialect: Dialect, apart: bool = True) -> dict[str, object]:
+    """Return what templates know of a program: its `functions`, its `lines` and their `results`,
+    and the `limits` of its inputs, which stand in a function `apart` with lines of its own.
+
+    Raises DataError where a name of the program is no identifier.
+    """
+    kept = program.kept
+    limits = [(limit.value, limit.at) for limit in program.limits]
+    parts = program.functions, program.body, tuple(limits), kept.numbers, kept.queues
+    for text in {*texts_of(parts)} - {*COMPARE}:
+        word(text)
+    body = ranges = Body(program, dialect)
+    results = body.block(program.body)
+    if apart:
+        ranges = Body(program, dialect)
+        inputs = [one for one in program.body.statements if isinstance(one, Let)]
+        ranges.write([one for one in inputs if one.name.startswith("input_")])
+    checks = [
+        {
+            "inputs": limit.inputs,
+            "value": ranges.text(limit.value),
+            "at": limit.at is not None and len(limit.levels) > 1 and ranges.text(limit.at),
+            **{
+                name: [dialect.number(end) for end in getattr(limit, name).tolist()]
+                for name in ("levels", "low", "high")
+            },
+        }
+        for limit in program.limits
+    ]
+    return {
+        "functions": [_function(program, dialect, one) for one in program.functions],
+        "lines": body.lines,
+        "results": results,
+        "range_lines": ranges.lines if apart else [],
+        "limits": checks,
+        "kept": kept,
+        "step": program.step,
+        "memory": program.step is not None,
+    }
+
+
+def _function(program: Program, dialect: Dialect, own: Function) -> dict[str, object]:
+    body = Body(program, dialect)
+    used = names_used_in(own.body)
+    return {
+        "name": own.name,
+        "note": own.note,
+        "parameters": own.parameters,
+        "unused": [name for name in own.parameters if name not in used],
+        "results": body.block(own.body),
+        "lines": body.lines,
+    }
 
 
 def texts_of(part: object) -> Iterator[str]:
@@ -49,259 +204,149 @@ def texts_of(part: object) -> Iterator[str]:
             yield from texts_of(getattr(part, one.name)) if one.name != "note" else ()
 
 
-@dataclass(frozen=True)
-class Dialect:
-    """What differs between languages.
-
-    - `number`: a finite number as text.
-    - `functions`: text of every function by its name in expressions; `pow` is a general power.
-    - `constant`: the line that gives a name to what is not assigned again, given both.
-    - `nothing`: the value where there is none.
-    - `quotient`: the text of a quotient, given dividend and divisor.
-    """
-
-    number: Callable[[float], Code]
-    functions: Mapping[str, str]
-    constant: Callable[[str, str], str]
-    nothing: str
-    quotient: Callable[[str, str], str] = lambda dividend, divisor: f"{dividend} / {divisor}"
-
-
-C_FUNCTIONS = {
-    "exp": "exp",
-    "log": "log",
-    "sqrt": "sqrt",
-    "sin": "sin",
-    "cos": "cos",
-    "tan": "tan",
-    "atan": "atan",
-    "sinh": "sinh",
-    "cosh": "cosh",
-    "tanh": "tanh",
-    "expm1": "expm1",
-    "log1p": "log1p",
-    "pow": "pow",
-    "abs": "fabs",
-    "sign": "sign_of",
-}
-LARGEST, SMALLEST = 3.4028234e38, 1e-37
-"""Of a single-precision number; what lies beyond is held at the one, and is zero below the other.
-"""
-
-DOUBLE = Dialect(
-    lambda value: Code(repr(float(value))),
-    C_FUNCTIONS,
-    lambda name, text: f"const double {name} = {text};",
-    "NAN",
-)
-SINGLE = Dialect(
-    number=lambda value: code(
-        "{!r}f", 0.0 if abs(value) < SMALLEST else min(max(float(value), -LARGEST), LARGEST)
-    ),
-    functions={
-        name: text if text == "sign_of" else f"{text}f" for name, text in C_FUNCTIONS.items()
-    },
-    constant=lambda name, text: f"const float {name} = {text};",
-    nothing="NAN",
-)
-NUMPY = Dialect(
-    number=DOUBLE.number,
-    functions={
-        **{name: f"np.{name}" for name in C_FUNCTIONS},
-        "atan": "np.arctan",
-        "pow": "np.power",
-    },
-    constant=lambda name, text: f"{name} = {text}",
-    nothing="np.nan",
-)
-SCALAR = replace(NUMPY, quotient=lambda dividend, divisor: f"np.divide({dividend}, {divisor})")
-"""Of single numbers without NumPy, where Python raises for a quotient by zero."""
-
-
 @dataclass
-class Expressions:
-    """Writes expressions, and the lines that they need before them: powers and function values that
-    occur again get a name.
+class Body:
+    """The inside of a function in the making: its `lines`, and the powers and function values that
+    have a name, since they may occur again.
 
-    They are computed in the same order as `terms.compiled` computes them, so that all languages
-    round alike.
+    They are computed in the same order as `expressions.compiled` computes them, so that all
+    languages round alike.
     """
 
+    program: Program
     dialect: Dialect
-    names: Callable[[str], str]
-    """How a name of the program is written."""
-    fresh: Callable[[str], str]
-    """A new name that begins so."""
-    lines: list[str] = field(default_factory=list)
-    known: dict[Expression, str] = field(default_factory=dict)
+    lines: list[Code] = field(default_factory=list)
+    known: dict[Expression, Code] = field(default_factory=dict)
+    numbers: Iterator[int] = field(default_factory=lambda: count(1))
 
-    def inner(self, own_lines: bool = True) -> Expressions:
-        """For a block within: it knows what is known here, and keeps to itself what it finds."""
-        return Expressions(
-            self.dialect, self.names, self.fresh, [] if own_lines else self.lines, dict(self.known)
-        )
+    def _line(self, form: str, *parts: str, **named: object) -> None:
+        self.lines.append(Code(form.format(*parts, **named)))
 
-    def condition(self, condition: Condition) -> str:
-        """Return a comparison."""
+    def _inner(self, lines: list[Code]) -> Body:
+        """Return the inside of a block: it has the names known here; those that it gives end with
+        it.
+        """
+        return replace(self, lines=lines, known=dict(self.known))
+
+    def block(self, block: Block) -> list[Code]:
+        """Write the statements of a block; return its results."""
+        self.write(block.statements)
+        return [self.text(result) for result in block.results]
+
+    def write(self, statements: Sequence[Statement]) -> None:
+        """Write statements behind the lines."""
+        dialect, sizes = self.dialect, self.program.kept.queues
+        for statement in statements:
+            match statement:
+                case Let(name, value):
+                    self._line(dialect.constant, name, self.text(value))
+                case Use(names, function, arguments):
+                    self._use(names, function, ", ".join(map(self.text, arguments)))
+                case Choose():
+                    self._choose(statement)
+                case Recall(name, queue, steps):
+                    size = sizes[queue]
+                    words = {"queue": queue, "steps": steps, "left": size - steps, "size": size}
+                    self._line(dialect.constant, name, dialect.recalled.format(**words))
+                case Keep(kept, value):
+                    self._line(dialect.assigned, f"{dialect.state}{kept}", self.text(value))
+                case Queue(queue, value):
+                    text = self.text(value)
+                    for form in dialect.queued:
+                        self._line(form, queue=queue, value=text, size=sizes[queue])
+
+    def _use(self, names: Sequence[str], function: str, arguments: str) -> None:
+        if len(names) == 1:
+            self._line(self.dialect.constant, names[0], f"{function}({arguments})")
+            return
+        places = ", ".join(f"&{name}" for name in names)
+        words = {"function": function, "arguments": arguments, "places": places}
+        for form in self.dialect.several:
+            self._line(form, names=", ".join(names), **words)
+
+    def _choose(self, choice: Choose) -> None:
+        dialect, names = self.dialect, choice.names
+        conditions = [self._condition(condition) for condition, _ in choice.cases]
+        sides = [self._inner([] if dialect.branches else self.lines) for _ in choice.blocks]
+        results = [side.block(block) for side, block in zip(sides, choice.blocks, strict=True)]
+        if not dialect.branches:
+            for i, name in enumerate(names):
+                text: str = results[-1][i]
+                for condition, values in reversed(list(zip(conditions, results, strict=False))):
+                    text = f"np.where({condition}, {values[i]}, {text})"
+                self._line(dialect.constant, name, text)
+        elif dialect.short and len(names) == 1 and not any(side.lines for side in sides):
+            cases = zip(conditions, results, strict=False)
+            text = "".join(f"{condition} ? {value} : " for condition, (value,) in cases)
+            self._line(dialect.constant, names[0], text + results[-1][0])
+        else:
+            first, other, otherwise, end = dialect.branches
+            heads = [(first if i == 0 else other).format(one) for i, one in enumerate(conditions)]
+            if dialect.short:  # names are declared
+                self._line(dialect.several[0], names=", ".join(names))
+            for head, side, values in zip([*heads, otherwise], sides, results, strict=True):
+                for name, value in zip(names, values, strict=True):
+                    side._line(dialect.assigned, name, value)
+                self.lines += [Code(head), *(Code(f"    {line}") for line in side.lines)]
+            self.lines.append(Code(end))
+
+    def _condition(self, condition: Condition) -> str:
         return f"{self.text(condition.left)} {condition.comparison} {self.text(condition.right)}"
 
-    def text(self, expression: Expression) -> str:
-        """Return the expression as a whole."""
+    def text(self, expression: Expression) -> Code:
+        """Return an expression as a whole."""
         match expression:
             case Sum((first, *others)):
-                text = self.text(first)
+                text: str = self.text(first)
                 for term in others:
                     written = self.text(term)
                     text += f" - {written[1:]}" if written.startswith("-") else f" + {written}"
-                return text
+                return Code(text)
             case Product((first, *others)):
                 text = "-" if first == Number(-1.0) else self._atom(first, front=True)
                 for factor in others:
                     if isinstance(factor, Power) and factor.exponent < 0:
-                        text = self.dialect.quotient(
+                        text = self.dialect.quotient.format(
                             "-1.0" if text == "-" else text,
                             self._power(factor.base, -factor.exponent),
                         )
                     else:
                         text += ("" if text == "-" else " * ") + self._atom(factor)
-                return text
+                return Code(text)
         return self._atom(expression, front=True)
 
-    def _atom(self, expression: Expression, front: bool = False) -> str:
+    def _atom(self, expression: Expression, front: bool = False) -> Code:
         """Return the expression as a factor."""
         match expression:
             case Number(value):
                 number = self.dialect.number(value)
-                return number if front or not number.startswith("-") else f"({number})"
+                return number if front or not number.startswith("-") else Code(f"({number})")
             case Name(name):
-                return self.dialect.nothing if expression == NOTHING else self.names(name)
+                if expression == NOTHING:
+                    return Code(self.dialect.nothing)
+                return Code(self.dialect.state * (name in self.program.kept.numbers) + name)
             case Power() | Call():
                 if expression not in self.known:
                     stem, text = self._computed(expression)
-                    name = self.fresh(stem)
-                    self.lines.append(self.dialect.constant(name, text))
-                    self.known[expression] = name
+                    name = f"{stem}{next(self.numbers)}"
+                    self._line(self.dialect.constant, name, text)
+                    self.known[expression] = Code(name)
                 return self.known[expression]
-        return f"({self.text(expression)})"
+        return Code(f"({self.text(expression)})")
 
     def _computed(self, expression: Power | Call) -> tuple[str, str]:
+        functions, number = self.dialect.functions, self.dialect.number
         match expression:
             case Call(function, argument):
-                return function, f"{self.dialect.functions[function]}({self.text(argument)})"
+                return function, f"{functions[function]}({self.text(argument)})"
             case Power(base, exponent) if exponent < 0:
-                return "inverse", self.dialect.quotient(
-                    self.dialect.number(1.0), self._power(base, -exponent)
-                )
+                divisor = self._power(base, -exponent)
+                return "inverse", self.dialect.quotient.format(number(1.0), divisor)
             case Power(base, exponent) if exponent.is_integer():
                 half = exponent // 2
                 return "power", f"{self._power(base, half)} * {self._power(base, exponent - half)}"
             case Power(base, exponent):
-                return (
-                    "power",
-                    f"{self.dialect.functions['pow']}({self.text(base)}, "
-                    f"{self.dialect.number(exponent)})",
-                )
+                return "power", f"{functions['pow']}({self.text(base)}, {number(exponent)})"
 
-    def _power(self, base: Expression, exponent: float) -> str:
+    def _power(self, base: Expression, exponent: float) -> Code:
         return self._atom(base if exponent == 1.0 else Power(base, exponent))
-
-
-@dataclass
-class Statements(ABC):
-    """Writes the statements of a program; `end` stands behind an assignment."""
-
-    end = ";"
-
-    program: Program
-    dialect: Dialect
-    state: str
-    """How a name begins that is kept in the state `s`."""
-    places: dict[str, str] = field(default_factory=dict)
-    """Where results lie that have no name of their own."""
-
-    def __post_init__(self) -> None:
-        """Raise DataError where a name of the program is no identifier."""
-        own, kept = self.program, self.program.kept
-        limits = tuple((limit.value, limit.at) for limit in own.limits)
-        for text in {*texts_of((own.functions, own.body, limits, kept.numbers, kept.queues))} - {
-            *COMPARE
-        }:
-            word(text)
-
-    def expressions(self) -> Expressions:
-        """Return how the expressions of a function are written."""
-        numbers = count(1)
-        return Expressions(self.dialect, self._name, lambda stem: f"{stem}{next(numbers)}")
-
-    def _name(self, name: str) -> str:
-        return (
-            f"{self.state}{name}"
-            if name in self.program.kept.numbers
-            else self.places.get(name, name)
-        )
-
-    def block(self, block: Block, expressions: Expressions) -> tuple[list[str], list[str]]:
-        """Return the lines of a block, behind those that `expressions` has, and its results."""
-        self.write(block.statements, expressions)
-        results = [expressions.text(result) for result in block.results]
-        return expressions.lines, results
-
-    def branches(
-        self,
-        choice: Choose,
-        expressions: Expressions,
-        form: Callable[[str], str],
-        words: tuple[str, str, str],
-    ) -> list[str]:
-        """Return a choice of which one side is computed: `form` writes a condition, `words` stand
-        before other conditions, before what is left, and at the end.
-        """
-        conditions = [form(expressions.condition(condition)) for condition, _ in choice.cases]
-        other, otherwise, end = words
-        lines = []
-        openings = (conditions[0], *(f"{other}{one}" for one in conditions[1:]), otherwise)
-        for opening, block in zip(openings, choice.blocks, strict=True):
-            own, results = self.block(block, expressions.inner())
-            values = zip(choice.names, results, strict=True)
-            lines += [opening, *indented([*own, *(f"{name} = {x};" for name, x in values)])]
-        return [*lines, end]
-
-    def write(self, statements: Sequence[Statement], expressions: Expressions) -> None:
-        """Write statements behind the lines that `expressions` has."""
-        lines = expressions.lines
-        for statement in statements:
-            match statement:
-                case Let(name, value):
-                    lines.append(self.dialect.constant(name, expressions.text(value)))
-                case Use(names, function, arguments):
-                    lines.extend(
-                        self._used(names, function, [expressions.text(one) for one in arguments])
-                    )
-                case Choose():
-                    self._chosen(statement, expressions)
-                case Recall(name, queue, steps):
-                    lines.append(self.dialect.constant(name, self._recalled(queue, steps)))
-                case Keep(kept, value):
-                    lines.append(f"{self.state}{kept} = {expressions.text(value)}{self.end}")
-                case Queue(queue, value):
-                    size = self.program.kept.queues[queue]
-                    lines.extend(
-                        self._queued(f"{self.state}{queue}", expressions.text(value), size)
-                    )
-
-    @abstractmethod
-    def _used(self, names: Sequence[str], function: str, arguments: Sequence[str]) -> list[str]: ...
-
-    @abstractmethod
-    def _chosen(self, choice: Choose, expressions: Expressions) -> None: ...
-
-    @abstractmethod
-    def _recalled(self, queue: str, steps: int) -> str: ...
-
-    @abstractmethod
-    def _queued(self, queue: str, text: str, size: int) -> list[str]: ...
-
-
-def indented(lines: Sequence[str]) -> list[str]:
-    """Lines one step to the right."""
-    return [f"    {line}" if line else line for line in lines]

@@ -159,7 +159,7 @@ def _variables(written: CSource, taken: list[str]) -> Iterator[Variable]:
     """Yield inputs, the measured output that the model goes on from, the output, and the bits; none
     of the first has a name that is `taken`.
     """
-    model, memory = written.model, written.with_memory
+    model, memory = written.model, written.code.step is not None
     measured = [
         Quantity(f"{name}_measured", model.output.unit) for name in written.code.kept.fed_back
     ]

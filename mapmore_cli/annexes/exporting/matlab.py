@@ -5,16 +5,13 @@ out.
 from __future__ import annotations
 
 import shutil
-from collections.abc import Sequence
-from dataclasses import replace
 
-from mapmore_cli.annexes.exporting.dialect import C_FUNCTIONS, NUMPY, Expressions, indented
-from mapmore_cli.annexes.exporting.python_module import PythonStatements, words_of
+from mapmore_cli.annexes.exporting.dialect import MATLAB
+from mapmore_cli.annexes.exporting.python_module import words_of
 from mapmore_cli.annexes.exporting.templates import (
     Code,
     Wanted,
     identifier,
-    lines_of_code,
     names_of_inputs,
     rendered_template,
     word,
@@ -23,14 +20,6 @@ from mapmore_cli.annexes.exporting.verifying import CompilerMissing, verify_file
 from mapmore_cli.domain.models import Model
 from mapmore_cli.modelling.kinds import fed_back
 from mapmore_cli.modelling.program.model import program_of
-from mapmore_cli.modelling.program.statements import Choose, Function
-
-MATLAB = replace(
-    NUMPY,
-    functions={**{name: name for name in C_FUNCTIONS}, "pow": "power"},
-    constant=lambda name, text: f"{name} = {text};",
-    nothing="NaN",
-)
 
 TAKEN = (
     "end function otherwise catch persistent elseif parfor spmd classdef outside measured s x n j "
@@ -59,38 +48,8 @@ def matlab_function(model: Model) -> tuple[Code, str]:
         one: own if own[0].isalpha() else f"u{own}"  # no name begins with `_`
         for one, own in names_of_inputs(model.inputs, taken).items()
     }
-    statements = MatlabStatements(program, MATLAB, "s.")
-    words = words_of(model, statements, names, [*taken, *names.values()])
-    words["functions"] = [statements.function(one) for one in program.functions]
+    words = words_of(model, program, MATLAB, names, [*taken, *names.values()])
     return name, rendered_template("function.m", **words, name=name, fed_back=fed_back(model))
-
-
-class MatlabStatements(PythonStatements):
-    """Writes statements in MATLAB, of one sample: of a choice, one side is computed."""
-
-    end = ";"
-    beyond, between, nowhere = "beyond", "interpolated", "false"
-
-    def function(self, function: Function) -> list[Code]:
-        """Return a local function."""
-        lines, results = self.block(function.body, self.expressions())
-        names = [f"result{number}" for number in range(1, len(results) + 1)]
-        ends = [f"{own} = {text};" for own, text in zip(names, results, strict=True)]
-        head = f"function [{', '.join(names)}] = {function.name}({', '.join(function.parameters)})"
-        return lines_of_code([head, *indented([*lines, *ends]), "end"])
-
-    def _used(self, names: Sequence[str], function: str, arguments: Sequence[str]) -> list[str]:
-        return [f"[{', '.join(names)}] = {function}({', '.join(arguments)});"]
-
-    def _chosen(self, choice: Choose, expressions: Expressions) -> None:
-        words = ("else", "else", "end")
-        expressions.lines.extend(self.branches(choice, expressions, "if {}".format, words))
-
-    def _recalled(self, queue: str, steps: int) -> str:
-        return f"s.{queue}(end - {steps - 1})"
-
-    def _queued(self, queue: str, text: str, size: int) -> list[str]:  # noqa: ARG002
-        return [f"{queue} = [{queue}(2:end), {text}];"]
 
 
 def _verify(model: Model, name: str, text: str) -> None:

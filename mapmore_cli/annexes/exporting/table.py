@@ -7,8 +7,7 @@ from __future__ import annotations
 import csv
 import io
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -21,7 +20,7 @@ from mapmore_cli.annexes.exporting.templates import (
     note,
     rendered_template,
 )
-from mapmore_cli.domain.arrays import Array, BoolArray
+from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import UsageError
 from mapmore_cli.domain.foreign import csv_cell, identifiers
 from mapmore_cli.domain.models import Model
@@ -40,24 +39,16 @@ MOST = 2_000_000
 HEADER = b"MATLAB 5.0 MAT-file, written by mapmore"
 
 
-@dataclass(frozen=True)
-class Grid:
-    """A model on a grid.
-
-    - `places`: along each input, by name.
-    - `points`: of the grid, (n,) by input, the last one varying fastest.
-    - `values`, `valid`: the output there, (n,), and whether it lies within the training range.
+class Grid(NamedTuple):
+    """A model on a grid: the `places` along each input, by name; the inputs at its points, (n,) by
+    name, the last one varying fastest; the output there, (n,), and 1 within the training range,
+    else 0.
     """
 
     places: dict[str, Array]
     points: dict[str, Array]
     values: Array
-    valid: BoolArray
-
-    @property
-    def shape(self) -> tuple[int, ...]:
-        """The number of places along each input."""
-        return tuple(map(len, self.places.values()))
+    valid: Array
 
 
 def table_files(model: Model, wanted: Wanted) -> dict[str, str | bytes]:
@@ -77,12 +68,19 @@ def table_files(model: Model, wanted: Wanted) -> dict[str, str | bytes]:
             "a lookup table needs two or more along each input",
         )
     files: dict[str, str | bytes] = {
-        f"{stem}.csv": _csv(model, grid, {"valid": grid.valid}),
+        f"{stem}.csv": _csv(model, grid, valid=grid.valid),
         f"{stem}.mat": _mat(model, grid),
     }
     if len(grid.places) == 2:
         files[f"{stem}.txt"] = _combi_table(model, grid)
-        files[f"{stem}.mo"] = _modelica(model, stem)
+        names = names_of_inputs(model.inputs, [*MODELICA.split(), _output(model)])
+        words = {
+            "model": model,
+            "name": stem,
+            "output": _output(model),
+            "names": list(names.values()),
+        }
+        files[f"{stem}.mo"] = rendered_template("table.mo", **words)
     return files
 
 
@@ -91,14 +89,14 @@ def lookup_table(model: Model, wanted: Wanted) -> dict[str, str]:
     lies outside would be looked up as if it were known, and is a UsageError.
     """
     grid = _on_grid(model, wanted.grid)
-    if outside := np.flatnonzero(~grid.valid).tolist():
+    if outside := np.flatnonzero(grid.valid == 0).tolist():
         first = ",".join(f"{values[outside[0]]:.12g}" for values in grid.points.values())
         raise UsageError(
             f"--grid: {len(outside)} of {len(grid.valid)} points lie outside of the training "
             f"range, as {first}",
             "keep the grid within the range, or take `--to table`, which marks such points",
         )
-    return {f"{identifier(model.name)}.csv": _csv(model, grid, {})}
+    return {f"{identifier(model.name)}.csv": _csv(model, grid)}
 
 
 def _on_grid(model: Model, text: str | None) -> Grid:
@@ -119,7 +117,8 @@ def _on_grid(model: Model, text: str | None) -> Grid:
         )
     mesh = np.meshgrid(*places.values(), indexing="ij")
     points = {name: axis.ravel() for name, axis in zip(places, mesh, strict=True)}
-    return Grid(places, points, predict(model, points), ~outside_range(model, points))
+    inside = (~outside_range(model, points)).astype(float)
+    return Grid(places, points, predict(model, points), inside)
 
 
 def _places_over_range(model: Model, name: str) -> Array:
@@ -131,20 +130,22 @@ def _places_over_range(model: Model, name: str) -> Array:
             f"--grid: nothing says how far {name} reaches",
             f"give its places, as --grid {name}=0:1:0.1",
         )
-    places = np.linspace(min(ends), max(ends), POINTS)
+    low, high = min(ends), max(ends)
+    places = np.linspace(low, high, POINTS)
     if model.level == name:
         levels = np.concatenate([one.levels for one in limits if one.at is not None] or [places])
-        places = np.append(places, levels[(levels >= min(ends)) & (levels <= max(ends))])
+        places = np.append(places, levels[(levels >= low) & (levels <= high)])
     return np.unique(places)
 
 
-def _csv(model: Model, grid: Grid, more: Mapping[str, Array | BoolArray]) -> str:
-    columns, text = [*grid.points.values(), grid.values, *more.values()], io.StringIO()
+def _csv(model: Model, grid: Grid, **more: Array) -> str:
+    columns = {**grid.points, f"{model.output.name}_predicted": grid.values, **more}
+    text = io.StringIO()
     table = csv.writer(text, lineterminator="\n")
-    table.writerow(map(csv_cell, (*grid.points, f"{model.output.name}_predicted", *more)))
+    table.writerow(map(csv_cell, columns))
     table.writerows(
         [f"{number:.12g}" if math.isfinite(number) else "" for number in row]
-        for row in np.column_stack(columns).tolist()
+        for row in np.column_stack(list(columns.values())).tolist()
     )
     return text.getvalue()
 
@@ -156,10 +157,8 @@ def _mat(model: Model, grid: Grid) -> bytes:
     output, stream = _output(model), io.BytesIO()
     names = names_of_inputs(model.inputs, [output, "valid"])
     arrays = {names[name]: column for name, column in grid.places.items()}
-    arrays |= {
-        output: grid.values.reshape(grid.shape),
-        "valid": grid.valid.reshape(grid.shape).astype(float),
-    }
+    shape = list(map(len, grid.places.values()))
+    arrays |= {output: grid.values.reshape(shape), "valid": grid.valid.reshape(shape)}
     savemat(stream, arrays, oned_as="column")  # type: ignore[arg-type]  # a stream will do
     return HEADER.ljust(116) + stream.getvalue()[116:]
 
@@ -175,25 +174,12 @@ def _combi_table(model: Model, grid: Grid) -> str:
     rows, columns = grid.places.values()
     quantities = (*model.inputs, model.output)
     lines = ["#1", *("# " + note(f"{one.name} [{one.unit}]") for one in quantities)]
-    for name, values in ((_output(model), grid.values), ("valid", grid.valid.astype(float))):
+    for name, values in ((_output(model), grid.values), ("valid", grid.valid)):
         lines += ["", code("double {}({},{})", name, len(rows) + 1, len(columns) + 1)]
-        table = np.block([[np.zeros((1, 1)), columns], [rows[:, None], values.reshape(grid.shape)]])
+        inner = values.reshape(len(rows), len(columns))
+        table = np.block([[np.zeros((1, 1)), columns], [rows[:, None], inner]])
         lines += [" ".join(map(repr, row)) for row in table.tolist()]
     return "\n".join([*lines, ""])
-
-
-def _modelica(model: Model, stem: Code) -> str:
-    """Return a block of Modelica that reads the text: both inputs, the output, and `valid`."""
-    names = names_of_inputs(model.inputs, [*MODELICA.split(), _output(model)])
-    about = f"{model.output.name} by a table, linear between its points"
-    return rendered_template(
-        "table.mo",
-        model=model,
-        name=stem,
-        about=about,
-        names=list(names.values()),
-        output=_output(model),
-    )
 
 
 MODELICA = (

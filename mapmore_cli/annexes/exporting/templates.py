@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 import re
 import shlex
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from importlib.resources import files
@@ -185,13 +185,6 @@ def rendered_template(template: str, **words: object) -> Code:
     return Code(
         templates(template.rpartition(".")[2]).get_template(f"{template}.jinja").render(words)
     )
-
-
-def lines_of_code(lines: Iterable[str]) -> list[Code]:
-    """Return what `Statements` wrote, as code: its constructor has seen every name of the
-    program.
-    """
-    return list(map(Code, lines))
 
 
 def source(name: str) -> str:

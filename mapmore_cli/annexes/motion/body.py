@@ -21,6 +21,13 @@ ALL, RISE, FALL = "all", "rise", "fall"
 """Directions of the input in which a section holds."""
 
 
+def poles(p1: float, p2: float) -> tuple[complex, complex]:
+    """Return the roots of `z^2 - P2 z - P1`, the larger modulus first."""
+    half, root = 0.5 * p2, cmath.sqrt(0.25 * p2 * p2 + p1)
+    first, second = half + root, half - root
+    return (first, second) if abs(first) >= abs(second) else (second, first)
+
+
 @dataclass(frozen=True)
 class MotionSection:
     """A linear section: `x1[k+1] = x2[k]`, `x2[k+1] = P1 x1[k] + P2 x2[k] + sum_m w_m d_m[k]`,
@@ -51,9 +58,7 @@ class MotionSection:
     @property
     def poles(self) -> tuple[complex, complex]:
         """Roots of `z^2 - P2 z - P1`, the larger modulus first."""
-        half, root = 0.5 * self.p2, cmath.sqrt(0.25 * self.p2**2 + self.p1)
-        first, second = half + root, half - root
-        return (first, second) if abs(first) >= abs(second) else (second, first)
+        return poles(self.p1, self.p2)
 
     @property
     def radius(self) -> float:

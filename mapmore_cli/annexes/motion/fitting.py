@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -41,6 +42,7 @@ from mapmore_cli.annexes.motion.simulation import (
 )
 from mapmore_cli.annexes.motion.solvers import NEAREST, SOLVERS
 from mapmore_cli.domain.arrays import Array, extremes
+from mapmore_cli.domain.declared import taken
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.modelling.memory.records import Record
 
@@ -128,18 +130,13 @@ def _outline(records: Sequence[Record], recipe: MotionRecipe) -> Motion:
         for place in range(1, len(boundaries) + 2)
         for way in ((RISE, FALL) if recipe.direction else (ALL,))
     )
-    return Motion(
-        input=recipe.input,
-        output=recipe.output,
-        step=recipe.step,
-        switching=recipe.switching,
+    return taken(
+        Motion,
+        recipe,
         boundaries=boundaries,
         directed=recipe.direction,
-        dead_band=recipe.dead_band,
-        drives=recipe.drives,
         sections=sections,
         limits=extremes(u),
-        start=recipe.start,
     )
 
 
@@ -175,9 +172,8 @@ def joined(motion: Motion, pieces: Sequence[Piece], reach: float) -> Motion:
     start = np.concatenate(
         [angles(section.p1, section.p2, reach, NEAREST) for section in motion.sections]
     )
-    best = least_squares(
-        residuals, start, ftol=TOLERANCE, xtol=TOLERANCE, gtol=TOLERANCE, max_nfev=REFINEMENTS
-    )
+    limits: Any = dict.fromkeys(("ftol", "xtol", "gtol"), TOLERANCE)
+    best = least_squares(residuals, start, max_nfev=REFINEMENTS, **limits)
     poles = _poles(best.x, reach)
     heights = np.linalg.lstsq(outputs(poles), y, rcond=None)[0]
     return _with_heights(motion, poles, heights)

@@ -113,10 +113,8 @@ def waveforms_table(inputs: ReportInputs, motion: Motion) -> Table:
         for model, predictions in inputs.validation.predictions.items():
             predicted = predictions[number][samples]
             if np.isfinite(predicted).all() and len(samples) > 1:
-                e = motion_errors(measured, predicted, u, motion.step)
-                rms = (e.displacement_rmse, e.velocity_rmse)
-                largest = (e.max_displacement, e.max_velocity, e.transient, e.samples)
-                rows.append((recording, model, *rms, *largest))
+                errors = motion_errors(measured, predicted, u, motion.step)
+                rows.append((recording, model, *errors))
     heads = (
         *("recording", MODEL, f"RMSE [{unit}] .4g", f"velocity RMSE [{unit}/s] .4g"),
         *(f"max error [{unit}] .4g", f"max velocity error [{unit}/s] .4g"),

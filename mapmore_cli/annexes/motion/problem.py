@@ -5,13 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Annotated, Literal
+from typing import Annotated, Literal, NamedTuple
 
 import numpy as np
 from annotated_types import Interval, Len
 
-from mapmore_cli.annexes.motion.body import REST
-from mapmore_cli.annexes.motion.simulation import radius, response, stable
+from mapmore_cli.annexes.motion.body import REST, poles
+from mapmore_cli.annexes.motion.simulation import response, stable
 from mapmore_cli.domain.arrays import Array, BoolArray, IntArray
 from mapmore_cli.domain.declared import Contradiction, Either, Pair, Seconds, Settings, of_sibling
 
@@ -133,8 +133,7 @@ class Piece:
     holds: IntArray = field(default_factory=lambda: np.empty(0, dtype=np.int64))
 
 
-@dataclass(frozen=True)
-class Found:
+class Found(NamedTuple):
     """Parameters of one section, their RMSE, how many simulations they took, and the lowest RMSE
     after each iteration.
     """
@@ -187,7 +186,7 @@ class Problem:
         sections, or those beyond the reach.
         """
         if not stable(p1, p2, self.reach if weights is None else 1.0):
-            return PENALTY * self.size * max(radius(p1, p2), 1.0)
+            return PENALTY * self.size * max(abs(poles(p1, p2)[0]), 1.0)
         return _root_mean_square(
             self.projected(p1, p2)[1]
             if weights is None
@@ -212,14 +211,8 @@ class Problem:
         errors in turn.
         """
         weights, residuals = self.projected(p1, p2)
-        return Found(
-            p1,
-            p2,
-            weights,
-            _root_mean_square(residuals),
-            self.evaluations,
-            np.minimum.accumulate(history),
-        )
+        rmse, lowest = _root_mean_square(residuals), np.minimum.accumulate(history)
+        return Found(p1, p2, weights, rmse, self.evaluations, lowest)
 
 
 def _weighted(moved: Array, weights: Array) -> Array:

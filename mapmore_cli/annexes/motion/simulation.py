@@ -7,10 +7,9 @@ triangle `|P1| < 1`, `|P2| < 1 - P1`. Sections are linear filters: no loop passe
 
 from __future__ import annotations
 
-import cmath
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -31,46 +30,29 @@ def stable(p1: float, p2: float, reach: float = 1.0) -> bool:
     return abs(p1) < 1.0 and abs(p2) < 1.0 - p1
 
 
-def radius(p1: float, p2: float) -> float:
-    """Largest modulus of a pole."""
-    root = cmath.sqrt(0.25 * p2 * p2 + p1)
-    return max(abs(0.5 * p2 + root), abs(0.5 * p2 - root))
-
-
 def of_poles(first: complex, second: complex) -> tuple[float, float]:
     """P1 and P2, `P1 = -z1 z2`, `P2 = z1 + z2`, of real or conjugate poles."""
     return -(first * second).real, (first + second).real
 
 
-def of_reflections(k1: float, k2: float, reach: float) -> tuple[float, float]:
-    """P1 and P2 of two reflection coefficients (Levinson's recursion): `P1 = -k2 r^2`, `P2 = -k1 (1
-    + k2) r`.
+def of_angles(angles: Array, reach: float) -> tuple[float, float]:
+    """P1 and P2 of two coordinates that may have any value, the angles of two reflection
+    coefficients `k = tanh(angle)` (Levinson's recursion): `P1 = -k2 r^2`, `P2 = -k1 (1 + k2) r`.
 
     The square `|k1|, |k2| < 1` is all sections with both poles within the circle of radius r, the
     `reach`.
     """
-    return -k2 * reach**2, -k1 * (1.0 + k2) * reach
-
-
-def reflections(p1: float, p2: float, reach: float) -> tuple[float, float]:
-    """Return the inverse of `of_reflections`; a section with a pole outside of the circle comes to
-    the nearest edge.
-    """
-    k2 = min(max(-p1 / reach**2, -EDGE), EDGE)
-    return min(max(-p2 / reach / (1.0 + k2), -EDGE), EDGE), k2
-
-
-def of_angles(angles: Array, reach: float) -> tuple[float, float]:
-    """P1 and P2 of two coordinates that may have any value: `k = tanh(angle)`."""
     k1, k2 = (min(max(math.tanh(angle), -EDGE), EDGE) for angle in angles.tolist())
-    return of_reflections(k1, k2, reach)
+    return -k2 * reach**2, -k1 * (1.0 + k2) * reach
 
 
 def angles(p1: float, p2: float, reach: float, inmost: float = EDGE) -> list[float]:
     """Return the inverse of `of_angles`, of a section whose reflection coefficients are brought to
-    `inmost` at most.
+    `inmost` at most; one with a pole outside of the circle comes to the nearest edge.
     """
-    return [math.atanh(min(max(k, -inmost), inmost)) for k in reflections(p1, p2, reach)]
+    k2 = min(max(-p1 / reach**2, -EDGE), EDGE)
+    k1 = -p2 / reach / (1.0 + k2)
+    return [math.atanh(min(max(k, -inmost), inmost)) for k in (k1, k2)]
 
 
 def spread(u: Array, count: int) -> tuple[float, ...]:
@@ -212,8 +194,7 @@ def shared(poles: Array, drive: Array, holds: IntArray, start: str = REST) -> Ar
 REPEATS = 1e-3
 
 
-@dataclass(frozen=True)
-class MotionErrors:
+class MotionErrors(NamedTuple):
     """Errors over the last wavelength, in the unit of the displacement and per second; `transient`
     is the largest before it.
     """
@@ -231,32 +212,26 @@ def last_wavelength(u: Array) -> int:
     before; n where it does not.
     """
     tolerance = REPEATS * float(np.ptp(u))
-    moving = np.ptp(u) > 0
     for length in range(4, len(u) // 2 + 1):
         tail = u[-length:]
-        if (
-            moving
-            and np.ptp(tail) > tolerance
-            and np.abs(tail - u[-2 * length : -length]).max() <= tolerance
-        ):
+        moving = np.ptp(u) > 0 and np.ptp(tail) > tolerance
+        if moving and np.abs(tail - u[-2 * length : -length]).max() <= tolerance:
             return length
     return len(u)
 
 
 def motion_errors(measured: Array, predicted: Array, u: Array, step: float) -> MotionErrors:
     """Errors of one recording, samples (n,) at every `step` (s)."""
-    tail = last_wavelength(u)
-    error = predicted - measured
-    predicted_rate, measured_rate = (
-        np.gradient(y, step) if len(y) > 1 else np.zeros(len(y)) for y in (predicted, measured)
-    )
-    faster = predicted_rate - measured_rate
-    before = np.abs(error[:-tail])
+    tail, before = last_wavelength(u), predicted - measured
+    error, before = before[-tail:], np.abs(before[:-tail])
+    faster = np.zeros(tail)
+    if len(measured) > 1:
+        faster = (np.gradient(predicted, step) - np.gradient(measured, step))[-tail:]
     return MotionErrors(
-        displacement_rmse=float(np.sqrt(np.mean(error[-tail:] ** 2))),
-        velocity_rmse=float(np.sqrt(np.mean(faster[-tail:] ** 2))),
-        max_displacement=float(np.abs(error[-tail:]).max()),
-        max_velocity=float(np.abs(faster[-tail:]).max()),
-        transient=float(before.max()) if len(before) else float("nan"),
-        samples=tail,
+        float(np.sqrt(np.mean(error**2))),
+        float(np.sqrt(np.mean(faster**2))),
+        float(np.abs(error).max()),
+        float(np.abs(faster).max()),
+        float(before.max()) if len(before) else float("nan"),
+        tail,
     )

@@ -5,19 +5,15 @@ Least squares search the poles alone; the weights of the drives follow by projec
 
 from __future__ import annotations
 
-import cmath
 from collections.abc import Callable, Mapping
+from typing import Any
 
 import numpy as np
 from scipy import optimize
 
+from mapmore_cli.annexes.motion.body import poles
 from mapmore_cli.annexes.motion.problem import Bounds, Found, MotionRecipe, Piece, Problem
-from mapmore_cli.annexes.motion.simulation import (
-    angles,
-    of_angles,
-    of_poles,
-    stable,
-)
+from mapmore_cli.annexes.motion.simulation import angles, of_angles, stable
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import FitError, SpecError
 
@@ -31,32 +27,23 @@ TOLERANCE = 1e-12
 
 def least_squares(problem: Problem, _recipe: MotionRecipe) -> Found:
     """Return what Gauss and Newton find over the poles, from the best of the linear starts."""
-    starts = [
-        start for stride in STRIDES if (start := linear_start(problem.pieces, stride)) is not None
-    ]
-    within = [
-        of_angles(np.array(angles(*start, problem.reach, NEAREST)), problem.reach)
-        for start in starts
-    ]
-    errors = [problem.rmse(*start) for start in within]
+    reach = problem.reach
+    starts = (linear_start(problem.pieces, stride) for stride in STRIDES)
+    places = [angles(*start, reach, NEAREST) for start in starts if start is not None]
+    within = [of_angles(np.array(place), reach) for place in places]
+    best = min(within, key=lambda poles: problem.rmse(*poles))
     history: list[float] = []
 
     def residuals(place: Array) -> Array:
-        left = problem.projected(*of_angles(place, problem.reach))[1]
+        left = problem.projected(*of_angles(place, reach))[1]
         history.append(float(np.sqrt(np.mean(left**2))))
         return left
 
-    best_start = within[int(np.argmin(errors))]
-    best = optimize.least_squares(
-        residuals,
-        angles(*best_start, problem.reach, NEAREST),
-        jac="3-point",
-        ftol=TOLERANCE,
-        xtol=TOLERANCE,
-        gtol=TOLERANCE,
-        max_nfev=200,
+    limits: Any = dict.fromkeys(("ftol", "xtol", "gtol"), TOLERANCE)
+    end = optimize.least_squares(
+        residuals, angles(*best, reach, NEAREST), jac="3-point", max_nfev=200, **limits
     )
-    return problem.found(*of_angles(best.x, problem.reach), history)
+    return problem.found(*of_angles(end.x, reach), history)
 
 
 def linear_start(pieces: tuple[Piece, ...], stride: int) -> tuple[float, float] | None:
@@ -79,9 +66,8 @@ def linear_start(pieces: tuple[Piece, ...], stride: int) -> tuple[float, float] 
     p2, p1 = np.linalg.lstsq(matrix, y, rcond=None)[0][:2].tolist() if len(y) else (0.0, 0.0)
     if stride == 1:
         return p1, p2
-    root = cmath.sqrt(0.25 * p2 * p2 + p1)
-    first, second = ((0.5 * p2 + part) ** (1.0 / stride) for part in (root, -root))
-    return of_poles(first, second)
+    first, second = (pole ** (1.0 / stride) for pole in poles(p1, p2))
+    return -(first * second).real, (first + second).real
 
 
 PARTICLES, ITERATIONS = 50, 20
@@ -142,12 +128,7 @@ def swarm(problem: Problem, recipe: MotionRecipe) -> Found:
         )
     walls = _walls(Bounds(), problem)
     begin = None if recipe.begin is None else _walls(recipe.begin, problem)
-    best, history = fly(
-        lambda x: problem.rmse(x[0], x[1], x[2:]),
-        walls,
-        problem.random,
-        begin,
-    )
+    best, history = fly(lambda x: problem.rmse(x[0], x[1], x[2:]), walls, problem.random, begin)
     p1, p2, p3 = best.tolist()
     if not stable(p1, p2):
         raise FitError("the swarm found no stable section", "use `solver: least_squares`")

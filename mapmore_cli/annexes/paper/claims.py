@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from fnmatch import fnmatchcase
 from pathlib import Path
 from statistics import fmean
@@ -18,14 +19,16 @@ CLOSE = 1.25
 TAKEN: Mapping[str, Callable[[list[float]], float]] = {"least": min, "greatest": max, "mean": fmean}
 
 
+@dataclass(frozen=True)
 class Judge:
     """Says of inequalities whether they hold: each number is that of a row of a source, which is
     read once.
     """
 
-    def __init__(self, runs: Runs, sources: Mapping[str, Source], root: Path) -> None:
-        self._runs, self._sources, self._root = runs, sources, root
-        self._rows: dict[str, dict[str, Row]] = {}
+    runs: Runs
+    sources: Mapping[str, Source]
+    root: Path
+    _rows: dict[str, dict[str, Row]] = field(default_factory=dict)
 
     def judged(self, shown: Shown) -> tuple[bool, str]:
         """Return whether all inequalities hold, and the numbers that they come to.
@@ -40,27 +43,23 @@ class Judge:
         value = self.number(first)
         holds, told = True, f"{value:.4g}"
         for relation, side in zip(others[::2], others[1::2], strict=True):
-            following = self.number(side)
-            holds &= related(value, relation, following)
-            told += f" {relation} {following:.4g}"
-            value = following
+            before, value = value, self.number(side)
+            holds &= related(before, relation, value)
+            told += f" {relation} {value:.4g}"
         return holds, told
 
     def number(self, text: str) -> float:
         """Return the value of one side: references and numbers with arithmetic between them."""
-        cells: dict[str, float] = {}
-
-        def named(found: Sequence[str]) -> str:
-            name = f"number_{len(cells)}"
-            cells[name] = self._referred(*found)
-            return name
-
-        written = REFERENCE.sub(lambda match: named(match.groups()), text)
-        return as_float(cell_value(written, cells))
+        found = [*REFERENCE.finditer(text)]
+        cells = {
+            f"number_{place}": self._referred(*match.groups()) for place, match in enumerate(found)
+        }
+        names = iter(cells)
+        return as_float(cell_value(REFERENCE.sub(lambda _: next(names), text), cells))
 
     def _referred(self, way: str | None, name: str, row: str, column: str) -> float:
         if name not in self._rows:
-            self._rows[name] = self._runs.source_rows(self._sources[name], self._root)
+            self._rows[name] = self.runs.source_rows(self.sources[name], self.root)
         rows = self._rows[name]
         asked = row.split("|")
         matching = [

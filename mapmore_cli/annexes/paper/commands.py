@@ -5,9 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
+from typer import Argument, Exit, Option
 
-from mapmore_cli.cli import console
+from mapmore_cli.cli.console import RUNS, AsJson, Quiet, Runs, View, picked, print_view
 from mapmore_cli.cli.progress import Reporter
 from mapmore_cli.storage.atomic import refusals_told, write_text
 
@@ -16,16 +16,16 @@ if TYPE_CHECKING:
 
 
 def paper(
-    configs: Annotated[list[Path], typer.Argument(metavar="CONFIG...", help="Papers (YAML).")],
-    runs: console.Runs = console.RUNS,
+    configs: Annotated[list[Path], Argument(metavar="CONFIG...", help="Papers (YAML).")],
+    runs: Runs = RUNS,
     out: Annotated[
         Path | None,
-        typer.Option(
+        Option(
             "--out", "-o", metavar="FILE", help="The page; DIR/paper.html of the runs by default."
         ),
     ] = None,
-    as_json: console.AsJson = False,
-    quiet: console.Quiet = False,
+    as_json: AsJson = False,
+    quiet: Quiet = False,
 ) -> None:
     """Put published tables and figures beside ours.
 
@@ -58,7 +58,7 @@ def paper(
             },
             "items": [
                 {
-                    **console.picked(result.item, "id", "status", "place"),
+                    **picked(result.item, "id", "status", "place"),
                     "verdicts": result.verdicts,
                     "because": [_told(reason) for reason in result.reasons],
                     "failed": result.failed or None,
@@ -66,19 +66,18 @@ def paper(
                 for result in one.results
             ],
             "claims": [
-                {**_told(claim), **console.picked(claim.shown, "of", "place")}
-                for claim in one.claims
+                {**_told(claim), **picked(claim.shown, "of", "place")} for claim in one.claims
             ],
         }
         for one in compared
     ]
     tables = (overview(compared), verdicts_table(compared))
-    console.print_view(
-        console.View({"papers": documents, "page": str(target)}, tables, (f"page: {target}",)),
+    print_view(
+        View({"papers": documents, "page": str(target)}, tables, (f"page: {target}",)),
         as_json,
     )
     if code := max(code for _, code in ended):
-        raise typer.Exit(code)
+        raise Exit(code)
 
 
 def _told(one: Told) -> dict[str, str]:

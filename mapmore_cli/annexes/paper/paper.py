@@ -10,9 +10,9 @@ from __future__ import annotations
 import math
 import os
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
-from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -24,7 +24,7 @@ from mapmore_cli.annexes.paper.runs import Row, Runs, as_float, cell_value, csv_
 from mapmore_cli.domain.errors import MapmoreError, SpecError, told
 from mapmore_cli.pipeline.report import drawn_figure
 from mapmore_cli.reporting.table import Cell, Column, Table, environment
-from mapmore_cli.spec.paper import Claim, Comparison, Drawn, Item, LoadedPaper, Ours, Shown, Verdict
+from mapmore_cli.spec.paper import Claim, Comparison, Item, LoadedPaper, Ours, Shown, Verdict
 
 PUBLISHED = Path(__file__).parent / "published"
 """Tables that the papers print, as printed; they ship with the program."""
@@ -81,11 +81,9 @@ def judged(rule: Verdict, what: str, printed: Cell, ours: Cell) -> Compared:
 
 def summary_lines(compared: Sequence[Compared]) -> tuple[str, ...]:
     """Say of each kind how many agree, what was compared, and how closely."""
-    groups: dict[tuple[str, str, float], list[Compared]] = {}
-    for one in compared:
-        groups.setdefault((one.kind, one.what, one.rule), []).append(one)
     lines = []
-    for (kind, what, rule), group in groups.items():
+    for kind, what, rule in dict.fromkeys((one.kind, one.what, one.rule) for one in compared):
+        group = [one for one in compared if (one.kind, one.what, one.rule) == (kind, what, rule)]
         count = f"{sum(one.holds for one in group)} of {len(group)}"
         close = [one.closeness for one in group if math.isfinite(one.closeness)] or [math.nan]
         span = " to ".join(dict.fromkeys(f"{end:.3g}" for end in (min(close), max(close))))
@@ -99,10 +97,8 @@ def summary_lines(compared: Sequence[Compared]) -> tuple[str, ...]:
 
 def counts(compared: Sequence[Compared]) -> dict[str, tuple[int, int]]:
     """How many agree, and how many were compared, by kind."""
-    groups: dict[str, list[bool]] = {}
-    for one in compared:
-        groups.setdefault(one.kind, []).append(one.holds)
-    return {kind: (sum(holds), len(holds)) for kind, holds in groups.items()}
+    agreeing = Counter(one.kind for one in compared if one.holds)
+    return {kind: (agreeing[kind], n) for kind, n in Counter(one.kind for one in compared).items()}
 
 
 def beside(one: Comparison, tables: Path, runs: Runs) -> tuple[list[Table], list[Compared]]:
@@ -151,16 +147,10 @@ def _rule_words(rule: Verdict) -> str:
 
 def _printed_rows(path: Path, where: Mapping[str, Sequence[str]]) -> list[dict[str, str]]:
     """Return the rows of a published table that are asked for, all texts."""
-    names, *cells = csv_rows(path)
-    rows = [dict(zip(names, row, strict=True)) for row in cells]
-    if unknown := sorted(set(where) - set(names)):
-        raise SpecError(
-            f"{path.name}: has no column {unknown[0]!r}", f"there are {', '.join(names)}"
-        )
-    kept = [row for row in rows if all(row[name] in texts for name, texts in where.items())]
+    kept = csv_rows(path).kept(where)
     if not kept:
         raise SpecError(f"{path.name}: no row is left", "mend `where`")
-    return kept
+    return [{name: str(cell) for name, cell in row.items()} for row in kept]
 
 
 def _rows_beside(ours: Ours, printed: Sequence[Mapping[str, str]], runs: Runs) -> list[Row]:
@@ -220,15 +210,7 @@ def _ordered(
 # --------------------------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True)
-class Figure:
-    """A figure of ours, and what it shows."""
-
-    svg: str
-    caption: str
-
-
-@dataclass(frozen=True)
+@dataclass
 class Told:
     """A claim or a reason beside its numbers; `failed` says why where its runs did not end."""
 
@@ -257,12 +239,14 @@ class Told:
 
 @dataclass
 class Result:
-    """An item with what was compared; `failed` says why where its runs did not end."""
+    """An item with what was compared, and its figures as SVG with their captions; `failed` says
+    why where its runs did not end.
+    """
 
     item: Item
     tables: list[Table] = field(default_factory=list)
     compared: list[Compared] = field(default_factory=list)
-    figures: list[Figure] = field(default_factory=list)
+    figures: list[tuple[str, str]] = field(default_factory=list)
     reasons: list[Told] = field(default_factory=list)
     failed: str = ""
 
@@ -309,22 +293,17 @@ class PaperResult:
         claims = self.claims_of(one.item.id)
         return bool(one.tables or one.figures or one.reasons or one.failed or claims)
 
-    def links(self, places: Sequence[str], page: Path) -> list[tuple[str, str]]:
-        """Return places with where each is, seen from the page: items on it, others as files."""
+    def links(self, places: Sequence[str], page: Path) -> Iterator[tuple[str, str]]:
+        """Yield places with where each is, seen from the page: items on it, others as files."""
         ids = {result.item.id for result in self.results}
-        root = self.loaded.folder / self.loaded.spec.root
-        return [
-            (place, f"#{self.anchor(place)}" if place in ids else _relative(root, place, page))
-            for place in places
-        ]
+        for place in places:
+            file = self.loaded.folder / self.loaded.spec.root / place.partition("#")[0]
+            away = Path(os.path.relpath(file, page.parent)).as_posix()
+            yield place, f"#{self.anchor(place)}" if place in ids else away
 
     def anchor(self, item: str) -> str:
         """Return an item's place on the page."""
         return f"{self.loaded.spec.paper}-{item}".replace(" ", "-").replace(",", "")
-
-
-def _relative(root: Path, place: str, page: Path) -> str:
-    return Path(os.path.relpath(root / place.partition("#")[0], page.parent)).as_posix()
 
 
 def compare_paper(
@@ -336,25 +315,26 @@ def compare_paper(
     spec, of, codes = loaded.spec, Runs(runs, loaded.folder), [0]
     judge = Judge(of, spec.sources, loaded.folder / spec.root)
 
-    def tried(what: str, made: Callable[[], None]) -> str:
+    @contextmanager
+    def noted(what: str, one: Told | Result) -> Iterator[None]:
         try:
-            made()
+            yield
         except (MapmoreError, OSError) as fault:
             codes.append(fault.exit_code if isinstance(fault, MapmoreError) else 4)
-            tell(f"{spec.paper}, {what}: {told(fault)}")
-            return told(fault)
-        return ""
+            one.failed = told(fault)
+            tell(f"{spec.paper}, {what}: {one.failed}")
 
     def spoken(shown: Shown) -> Told:
-        found: list[tuple[bool, str]] = []
-        failed = tried(shown.says, lambda: found.append(judge.judged(shown)))
-        return Told(shown, *found[0]) if found and shown.holds else Told(shown, failed=failed)
+        one = Told(shown)
+        if shown.holds:
+            with noted(shown.says, one):
+                one.holds, one.numbers = judge.judged(shown)
+        return one
 
-    results = []
-    for item in spec.items:
-        result = Result(item, reasons=[spoken(one) for one in item.why])
-        result.failed = tried(item.id, partial(_fill, result, loaded, of, tell))
-        results.append(result)
+    results = [Result(item, reasons=[*map(spoken, item.why)]) for item in spec.items]
+    for result in results:
+        with noted(result.item.id, result):
+            _fill(result, loaded, of, tell)
     return PaperResult(loaded, tuple(results), tuple(map(spoken, spec.claims))), max(codes)
 
 
@@ -365,17 +345,14 @@ def _fill(result: Result, loaded: LoadedPaper, runs: Runs, tell: Callable[[str],
         result.tables += tables
         result.compared += verdicts
     for figure in result.item.figures:
-        svg = _drawn(figure, loaded, runs, tell)
-        result.figures.append(Figure(svg[svg.index("<svg") :], figure.caption))
-
-
-def _drawn(figure: Drawn, loaded: LoadedPaper, runs: Runs, tell: Callable[[str], None]) -> str:
-    if figure.run is None:
-        path = loaded.folder / loaded.spec.root / str(figure.file)
-        return path.read_text(encoding="utf-8")
-    what = (figure.figure, figure.panel, "svg", tell)
-    data, _ = drawn_figure(runs.run_dir(figure.run), *what, alone=figure.models)
-    return data.decode()
+        if figure.run is None:
+            path = loaded.folder / loaded.spec.root / str(figure.file)
+            svg = path.read_text(encoding="utf-8")
+        else:
+            what = (figure.figure, figure.panel, "svg", tell)
+            data, _ = drawn_figure(runs.run_dir(figure.run), *what, alone=figure.models)
+            svg = data.decode()
+        result.figures.append((svg[svg.index("<svg") :], figure.caption))
 
 
 def overview(papers: Sequence[PaperResult]) -> Table:

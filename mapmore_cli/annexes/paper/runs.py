@@ -7,8 +7,8 @@ from __future__ import annotations
 import csv
 import math
 import re
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, fields
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 
 import numpy as np
@@ -30,7 +30,50 @@ from mapmore_cli.storage.run_record import score_row
 Row = Mapping[str, Cell]
 
 
-@dataclass
+@dataclass(frozen=True)
+class Rows:
+    """Rows by the names of their columns; `what` is how messages call the table."""
+
+    what: str
+    names: Sequence[str]
+    cells: Iterable[Sequence[Cell]]
+
+    def kept(
+        self, texts: Mapping[str, Collection[str]] | Mapping[str, str], also: Iterable[str] = ()
+    ) -> list[Row]:
+        """Return the rows with these texts, or with one of them, by column; SpecError for a column
+        that is not there, of those named `also` too.
+        """
+        if unknown := sorted({*texts, *also} - {*self.names}):
+            raise SpecError(
+                f"{self.what}: has no column {unknown[0]!r}", f"there are {', '.join(self.names)}"
+            )
+        allowed = {name: [own] if isinstance(own, str) else own for name, own in texts.items()}
+        rows = [dict(zip(self.names, row, strict=True)) for row in self.cells]
+        return [row for row in rows if all(str(row[name]) in allowed[name] for name in allowed)]
+
+
+def csv_rows(path: Path) -> Rows:
+    """Return the rows of a CSV file, all texts; SpecError where it is none."""
+    try:
+        with path.open(newline="", encoding="utf-8") as lines:
+            heads, *rows = csv.reader(lines)
+    except (OSError, ValueError) as fault:
+        raise SpecError(f"{path} is no table ({fault})", "give a CSV file with headings") from fault
+    if wrong := next((row for row in rows if len(row) != len(heads)), None):
+        raise SpecError(
+            f"{path}: a row is not as long as the headings: {wrong}",
+            "give a CSV file with headings",
+        )
+    return Rows(path.name, heads, rows)
+
+
+def _as_names(headings: Iterable[str]) -> list[str]:
+    """Return the headings of columns as expressions write them."""
+    return [re.sub(r"[^A-Za-z0-9]+", "_", heading).strip("_") for heading in headings]
+
+
+@dataclass(frozen=True)
 class Runs:
     """The runs that papers ask for, each brought up to date once; `folder` is where specs' paths
     start.
@@ -38,7 +81,7 @@ class Runs:
 
     runs: Path
     folder: Path
-    _tables: dict[Path, Mapping[str, Table]] = field(default_factory=dict)
+    _tables: dict[str, Mapping[str, Table]] = field(default_factory=dict)
 
     def run_dir(self, spec: str) -> Path:
         """Bring the run of a spec up to date and return its folder; raises as its stages do."""
@@ -50,67 +93,29 @@ class Runs:
         Raises SpecError for a table or a column that the run does not have, or a `{column}` that
         the printed row does not have.
         """
-        names, rows = self._table(_with_cells(ours.run, printed), ours.table)
-        wanted = {name: _with_cells(text, printed) for name, text in ours.rows.items()}
-        return _chosen(names, rows, wanted, f"table {ours.table!r}")
+        table = self._table(_with_cells(ours.run, printed), ours.table)
+        return table.kept({name: _with_cells(text, printed) for name, text in ours.rows.items()})
 
     def source_rows(self, source: Source, root: Path) -> dict[str, Row]:
         """Return the rows of a source by the texts that name them; raises SpecError as `rows`."""
         if source.run is not None:
-            names, rows = self._table(source.run, source.table)
+            table = self._table(source.run, source.table)
         else:
-            names, rows = _csv_table(root / str(source.file))
-        kept = _chosen(names, rows, source.kept, source.file or f"table {source.table!r}")
-        if unknown := sorted(set(source.key) - set(names)):
-            raise SpecError(f"`key`: no column {unknown[0]!r}", f"there are {', '.join(names)}")
+            table = csv_rows(root / str(source.file))
+            table = replace(table, names=_as_names(table.names))
+        kept = table.kept(source.kept, source.key)
         return {" ".join(str(row[name]) for name in source.key): row for row in kept}
 
-    def _table(self, spec: str, name: str) -> tuple[list[str], list[Row]]:
-        path = self.folder / spec
-        if path not in self._tables:
-            self._tables[path] = _tables(self.run_dir(spec))
-        tables = self._tables[path]
+    def _table(self, spec: str, name: str) -> Rows:
+        if spec not in self._tables:
+            self._tables[spec] = _tables(self.run_dir(spec))
+        tables = self._tables[spec]
         if name not in tables:
             raise SpecError(
-                f"{path.name}: its run has no table {name!r}", f"there are {', '.join(tables)}"
+                f"{spec}: its run has no table {name!r}", f"there are {', '.join(tables)}"
             )
-        names = [_as_name(column.name) for column in tables[name].columns]
-        return names, [dict(zip(names, row, strict=True)) for row in tables[name].rows]
-
-
-def _as_name(heading: str) -> str:
-    """Return the heading of a column as expressions write it."""
-    return re.sub(r"[^A-Za-z0-9]+", "_", heading).strip("_")
-
-
-def _chosen(
-    names: Sequence[str], rows: Sequence[Row], wanted: Mapping[str, str], what: str
-) -> list[Row]:
-    """Return the rows with these texts by column; SpecError for a column that is not there."""
-    if unknown := sorted(set(wanted) - set(names)):
-        raise SpecError(f"{what} has no column {unknown[0]!r}", f"there are {', '.join(names)}")
-    return [row for row in rows if all(str(row[name]) == text for name, text in wanted.items())]
-
-
-def _csv_table(path: Path) -> tuple[list[str], list[Row]]:
-    heads, *rows = csv_rows(path)
-    names = [_as_name(head) for head in heads]
-    return names, [dict(zip(names, row, strict=True)) for row in rows]
-
-
-def csv_rows(path: Path) -> list[list[str]]:
-    """Return headings and rows of a CSV file; SpecError where it is none."""
-    try:
-        with path.open(newline="", encoding="utf-8") as lines:
-            heads, *rows = csv.reader(lines)
-    except (OSError, ValueError) as fault:
-        raise SpecError(f"{path} is no table ({fault})", "give a CSV file with headings") from fault
-    if wrong := next((row for row in rows if len(row) != len(heads)), None):
-        raise SpecError(
-            f"{path}: a row is not as long as the headings: {wrong}",
-            "give a CSV file with headings",
-        )
-    return [heads, *rows]
+        names = _as_names(column.name for column in tables[name].columns)
+        return Rows(f"table {name!r}", names, tables[name].rows)
 
 
 def _with_cells(text: str, printed: Mapping[str, str]) -> str:
@@ -179,7 +184,7 @@ def _shapes(inputs: ReportInputs) -> Table:
     return Table.of("shapes", "Shapes", ("model", "curve", *SHAPE), rows)
 
 
-def cell_value(text: str, row: Mapping[str, Cell] | Mapping[str, str]) -> Cell:
+def cell_value(text: str, row: Row) -> Cell:
     """Return a column of a row, a number where it is one, or the value of an expression of its
     columns; SpecError where it is neither.
     """

@@ -8,34 +8,45 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
-import typer
+from typer import Option
 
-from mapmore_cli.cli import console
+from mapmore_cli.cli.console import (
+    NONE,
+    RUNS,
+    TABLE_FILES,
+    AsJson,
+    Config,
+    Outputs,
+    Overrides,
+    Quiet,
+    Runs,
+    print_view,
+    refuse_endings,
+    write_results,
+)
 from mapmore_cli.cli.progress import Reporter
 from mapmore_cli.domain.errors import SpecError, UsageError
 
 
 def tune(
-    config: console.Config,
+    config: Config,
     over: Annotated[
         list[str],
-        typer.Option(
+        Option(
             "--over",
             metavar="KEY=V1,V2,...",
             help="A setting with the values to try, as fit.max_terms=2,4,8. Repeatable.",
         ),
-    ] = console.NONE,
+    ] = NONE,
     budget: Annotated[
         str | None,
-        typer.Option(
-            "--budget", metavar="TIME", help="Time of a search, which is without --over; 60s."
-        ),
+        Option("--budget", metavar="TIME", help="Time of a search, which is without --over; 60s."),
     ] = None,
-    output: console.Outputs = console.NONE,
-    runs: console.Runs = console.RUNS,
-    overrides: console.Overrides = console.NONE,
-    as_json: console.AsJson = False,
-    quiet: console.Quiet = False,
+    output: Outputs = NONE,
+    runs: Runs = RUNS,
+    overrides: Overrides = NONE,
+    as_json: AsJson = False,
+    quiet: Quiet = False,
 ) -> None:
     """Try settings, or structures, on left-out training data.
 
@@ -48,13 +59,13 @@ def tune(
     from mapmore_cli.cli import compared
     from mapmore_cli.spec.loader import load
 
-    console.refuse_endings(output)
+    refuse_endings(output)
     if over and budget is not None:
         raise UsageError(
             "--budget is the time of a search, and --over tries what it names", "give one of both"
         )
     if not over:
-        console.refuse_endings(output, console.TABLE_FILES, "a search has no figure")
+        refuse_endings(output, TABLE_FILES, "a search has no figure")
     wanted = _values_of(over)
     with Reporter(quiet) as reporter:
         loaded = load(config, overrides)
@@ -64,15 +75,15 @@ def tune(
         else:
             result, spec = planning.searched(loaded, runs, budget, **reporter.listeners)
             view = compared.of_search(result, str(spec))
-    console.write_results(output, view.tables[0], result)
-    console.print_view(view, as_json)
+    write_results(output, view.tables[0], result)
+    print_view(view, as_json)
 
 
 def plan(
-    config: console.Config,
+    config: Config,
     points: Annotated[
         int | None,
-        typer.Option(
+        Option(
             "--points",
             metavar="N",
             min=1,
@@ -82,7 +93,7 @@ def plan(
     ] = None,
     until: Annotated[
         str | None,
-        typer.Option(
+        Option(
             "--until",
             metavar="SIZE",
             help="Also say how many more are likely needed for that half width, as 2%.",
@@ -90,15 +101,15 @@ def plan(
     ] = None,
     cost: Annotated[
         str | None,
-        typer.Option(
+        Option(
             "--cost", metavar="NAME=PRICE,...", help="What a change costs, as pressure=1,strain=20."
         ),
     ] = None,
-    output: console.Outputs = console.NONE,
-    runs: console.Runs = console.RUNS,
-    overrides: console.Overrides = console.NONE,
-    as_json: console.AsJson = False,
-    quiet: console.Quiet = False,
+    output: Outputs = NONE,
+    runs: Runs = RUNS,
+    overrides: Overrides = NONE,
+    as_json: AsJson = False,
+    quiet: Quiet = False,
 ) -> None:
     """Say what to measure next, where the model is least sure.
 
@@ -110,7 +121,7 @@ def plan(
     from mapmore_cli.cli.compared import of_plan
     from mapmore_cli.spec.loader import load
 
-    console.refuse_endings(output)
+    refuse_endings(output)
     prices = _prices_of(cost)
     with Reporter(quiet) as reporter:
         result = planning.plan(
@@ -122,8 +133,8 @@ def plan(
             **reporter.listeners,
         )
     view = of_plan(result)
-    console.write_results(output, view.tables[0], result)
-    console.print_view(view, as_json)
+    write_results(output, view.tables[0], result)
+    print_view(view, as_json)
 
 
 def _values_of(over: Sequence[str]) -> dict[str, list[Any]]:

@@ -16,6 +16,7 @@ from mapmore_cli.annexes.rig.muscle import (
     IN_KPA,
     SLACK_WIDTH,
     MovingMuscle,
+    PositiveKpa,
     softplus,
     zero_force_strain,
 )
@@ -57,17 +58,33 @@ def valve_flow(
     return flow if upstream >= downstream else -flow
 
 
-@dataclass(frozen=True)
-class Reservoir(Settings):
+@dataclass(frozen=True, kw_only=True)
+class ValvePair(Settings):
+    """A supply valve and an exhaust valve; flows are m3/s at p0 between gauge pressures, Pa."""
+
+    supply_conductance: Positive  # C, m3/(s Pa)
+    exhaust_conductance: Positive
+    critical_ratio: Annotated[float, Interval(ge=0, lt=0.99)]  # b of both valves
+
+    def supplied(self, pressure: float, supply: float) -> float:
+        """Air flow in from a `supply`; negative where `pressure` is higher."""
+        ends = supply + ATMOSPHERE, pressure + ATMOSPHERE
+        return valve_flow(self.supply_conductance, self.critical_ratio, *ends)
+
+    def exhausted(self, pressure: float) -> float:
+        """Air flow in from the room: negative while it empties."""
+        ends = ATMOSPHERE, pressure + ATMOSPHERE
+        return valve_flow(self.exhaust_conductance, self.critical_ratio, *ends)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Reservoir(ValvePair):
     """Bottle of water under air, filled through a supply valve and emptied through an exhaust
     valve.
     """
 
     air_volume: Positive  # V_a, m3; taken as constant
     polytropic: Annotated[float, Interval(ge=1, le=1.4)]  # n of its air
-    supply_conductance: Positive  # C, m3/(s Pa)
-    exhaust_conductance: Positive
-    critical_ratio: Annotated[float, Interval(ge=0, lt=0.99)]  # b of both valves
 
     def rate(self, pressure: float, outflow: float, inflow: float) -> float:
         """`dP_a/dt = n/V_a (q p0 - (P_a + p0) Q)`, Pa/s: gauge `pressure`, water `outflow` Q, air
@@ -79,33 +96,18 @@ class Reservoir(Settings):
             * (inflow * ATMOSPHERE - (pressure + ATMOSPHERE) * outflow)
         )
 
-    def supplied(self, pressure: float, supply: float) -> float:
-        """Air flow q, m3/s, from a supply at gauge pressure `supply`."""
-        return valve_flow(
-            self.supply_conductance, self.critical_ratio, supply + ATMOSPHERE, pressure + ATMOSPHERE
-        )
 
-    def exhausted(self, pressure: float) -> float:
-        """Air flow q, m3/s, into the reservoir from the room: negative while it empties."""
-        return valve_flow(
-            self.exhaust_conductance, self.critical_ratio, ATMOSPHERE, pressure + ATMOSPHERE
-        )
-
-
-@dataclass(frozen=True)
-class Regulator(Settings):
+@dataclass(frozen=True, kw_only=True)
+class Regulator(ValvePair):
     """Proportional pressure regulator: its wanted pressure lags the input, its ISO 6358 valve opens
     in proportion to what is missing.
     """
 
-    slope: Annotated[Positive, IN_KPA]  # of the wanted pressure, Pa/V
+    slope: PositiveKpa  # of the wanted pressure, Pa/V
     offset: Annotated[float, IN_KPA]  # at no input, Pa
     lag: Positive  # of the wanted pressure, s
-    band: Annotated[Positive, IN_KPA]  # missing pressure at which the valve is fully open, Pa
-    supply: Annotated[Positive, IN_KPA]  # gauge, Pa
-    supply_conductance: Positive  # m3/(s Pa)
-    exhaust_conductance: Positive
-    critical_ratio: Annotated[float, Interval(ge=0, lt=0.99)]
+    band: PositiveKpa  # missing pressure at which the valve is fully open, Pa
+    supply: PositiveKpa  # gauge, Pa
 
     def wanted(self, command: Array | float) -> Array:
         """Pressure that an input (V) asks for once it has settled, Pa: `max(slope u + offset,
@@ -115,21 +117,14 @@ class Regulator(Settings):
 
     def command(self, wanted: Array) -> Array:
         """Input (V) that asks for a pressure (Pa)."""
-        return np.asarray((wanted - self.offset) / self.slope)
+        return (wanted - self.offset) / self.slope
 
     def inflow(self, wanted: float, pressure: float) -> float:
         """Air flow into the muscle at p0, m3/s."""
         opening = min(max((wanted - pressure) / self.band, -1.0), 1.0)
         if opening > 0.0:
-            return opening * valve_flow(
-                self.supply_conductance,
-                self.critical_ratio,
-                self.supply + ATMOSPHERE,
-                pressure + ATMOSPHERE,
-            )
-        return opening * valve_flow(
-            self.exhaust_conductance, self.critical_ratio, pressure + ATMOSPHERE, ATMOSPHERE
-        )
+            return opening * self.supplied(pressure, self.supply)
+        return -opening * self.exhausted(pressure)
 
 
 @dataclass(frozen=True)

@@ -9,13 +9,13 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from annotated_types import Len
 
 from mapmore_cli.annexes.rig.air import TOLERANCE, Air, ClosedMuscle, Regulator
-from mapmore_cli.annexes.rig.muscle import IN_KPA, Hysteresis, Pressure, Rubber
+from mapmore_cli.annexes.rig.muscle import Hysteresis, PositiveKpa, Pressure, Rubber
 from mapmore_cli.annexes.rig.random_velocity import PressureCourse, RestLength
 from mapmore_cli.annexes.rig.sensors import clock, integrate, low_pass
 from mapmore_cli.annexes.rig.static_muscles import McKibben
@@ -25,7 +25,7 @@ from mapmore_cli.domain.declared import ListToo, NonNegative, Positive, Settings
 SIGNS = (1.0, -1.0)
 """Of the change of strain with the angle: flexor, extensor."""
 
-Asked = Callable[[float], float]
+Asked = Callable[[float], Any]
 """A wanted pressure over time, Pa."""
 
 
@@ -45,7 +45,7 @@ class Antagonists(Settings):
     frequency: Positive  # Hz
     amplitude: Positive  # of the closed swing, rad
     # at which the valves are closed, and at which both muscles are at angle zero, Pa
-    pressure: Annotated[Positive, IN_KPA]
+    pressure: PositiveKpa
     pressures: Annotated[tuple[Pressure, Pressure], ListToo()]  # between which they are driven, Pa
     taut: Positive  # force of both muscles at angle zero, N
     rest: RestLength
@@ -68,19 +68,17 @@ class Antagonists(Settings):
         """Sample times, s."""
         return clock(self.duration, self.sample_time)
 
-    def asked(self, name: str, rng: np.random.Generator) -> tuple[Asked, Asked]:
+    def asked(self, name: str, rng: np.random.Generator) -> list[Asked]:
         """Return two pressures over time: random, or sines in antiphase."""
         if name == "random" and self.course is not None:
-            first, second = (
-                self.course.drawn(self.pressure, self.duration, own) for own in rng.spawn(2)
-            )
-            return lambda time: float(first(time)), lambda time: float(second(time))
+            return [self.course.drawn(self.pressure, self.duration, own) for own in rng.spawn(2)]
         low, high = self.pressures
         middle, reach, turn = 0.5 * (low + high), 0.5 * (high - low), 2.0 * np.pi * self.frequency
-        return (
-            lambda time: middle + reach * np.sin(turn * time),
-            lambda time: middle - reach * np.sin(turn * time),
-        )
+
+        def sine(sign: float) -> Asked:
+            return lambda time: middle + sign * reach * np.sin(turn * time)
+
+        return [sine(sign) for sign in SIGNS]
 
 
 @dataclass(frozen=True)
@@ -92,31 +90,24 @@ class Joint:
     setup: Antagonists
 
     @cached_property
-    def muscles(self) -> tuple[ClosedMuscle, ClosedMuscle]:
+    def muscles(self) -> list[ClosedMuscle]:
         """Flexor and extensor, full of air."""
         air, rubber = self.setup.air, self.setup.rubber
-        first, second = (
+        return [
             ClosedMuscle(muscle, self.hysteresis, rubber, air)
             for muscle in (self.flexor, self.setup.extensor)
-        )
-        return first, second
+        ]
 
     @cached_property
-    def _upright(self) -> Array:
+    def _upright(self) -> list[float]:
         """Strains at the angle zero."""
-        return np.array(
-            [muscle.taut_strain(self.setup.pressure, self.setup.taut) for muscle in self.muscles]
-        )
+        return [one.taut_strain(self.setup.pressure, self.setup.taut) for one in self.muscles]
 
     @cached_property
-    def _at_rest(self) -> Array:
+    def _at_rest(self) -> list[float]:
         """Strains at the rest lengths."""
-        return np.array(
-            [
-                muscle.taut_strain(self.setup.rest.pressure, self.setup.rest.force)
-                for muscle in self.muscles
-            ]
-        )
+        rest = self.setup.rest
+        return [one.taut_strain(rest.pressure, rest.force) for one in self.muscles]
 
     def strain(self, which: int, angle: Array) -> Array:
         """Strain of a muscle at angles in rad."""
@@ -156,29 +147,26 @@ def swung(joint: Joint) -> Columns:
     return columns
 
 
-def driven(joint: Joint, asked: tuple[Asked, Asked]) -> Columns:
+def driven(joint: Joint, asked: Sequence[Asked]) -> Columns:
     """Truth while regulators are asked for two pressures (Pa) over time, and the joint moves as it
     will; their `input` in V.
 
     `J a'' = r (F_1 - F_2) - d a'`; the muscles as `ClosedMuscle.rates` has them.
     """
     setup, times = joint.setup, joint.setup.clock
-    starts = [
-        muscle.at_rest(float(wanted(0.0)))
-        for muscle, wanted in zip(joint.muscles, asked, strict=True)
-    ]
+    pairs = list(zip(joint.muscles, asked, strict=True))
+    starts = [muscle.at_rest(float(wanted(0.0))) for muscle, wanted in pairs]
 
     def rates(time: float, states: Array) -> Array:
         angle, rate = states[:2].tolist()
         pulls, changes = [], []
-        for which, (muscle, own) in enumerate(
-            zip(joint.muscles, np.split(states[2:], 2), strict=True)
-        ):
+        for which, (muscle, wanted) in enumerate(pairs):
+            own = states[2:].reshape(2, -1)[which]
             strain = float(joint.strain(which, np.asarray(angle)))
             strain_rate = SIGNS[which] * setup.radius * rate / muscle.muscle.length
             pulls.append(muscle.pull(own, strain))
             changes.append(
-                muscle.rates(own, strain, strain_rate, setup.regulator, float(asked[which](time)))
+                muscle.rates(own, strain, strain_rate, setup.regulator, float(wanted(time)))
             )
         turning = setup.radius * (pulls[0] - pulls[1]) - setup.damping * rate
         return np.concatenate([[rate, turning / setup.inertia], *changes])
@@ -186,21 +174,15 @@ def driven(joint: Joint, asked: tuple[Asked, Asked]) -> Columns:
     scales = np.concatenate([[0.1, 1.0], *(muscle.scales for muscle in joint.muscles)])
     states = integrate(rates, np.concatenate([[0.0, 0.0], *starts]), times, scales, TOLERANCE)
     columns = {"time": times}
-    for which, (muscle, own) in enumerate(
-        zip(joint.muscles, np.split(states[:, 2:], 2, axis=1), strict=True)
-    ):
+    for which, (muscle, wanted) in enumerate(pairs):
+        own, strains = np.split(states[:, 2:], 2, axis=1)[which], joint.strain(which, states[:, 0])
         force = np.array(
-            [
-                muscle.pull(row, float(e))
-                for row, e in zip(own, joint.strain(which, states[:, 0]), strict=True)
-            ]
+            [muscle.pull(row, at) for row, at in zip(own, strains.tolist(), strict=True)]
         )
         moved = {
-            "input": setup.regulator.command(
-                np.array([asked[which](time) for time in times.tolist()])
-            ),
+            "input": setup.regulator.command(np.array([wanted(time) for time in times.tolist()])),
             "pressure": own[:, 1],
+            "force": low_pass(force, setup.load_cell, setup.sample_time),
         }
-        moved["force"] = low_pass(force, setup.load_cell, setup.sample_time)
         columns |= joint.observed(which, states[:, 0], states[:, 1], moved)
     return columns

@@ -20,9 +20,9 @@ from scipy.signal import lfilter
 
 from mapmore_cli.annexes.rig.muscle import (
     GRAVITY,
-    IN_KPA,
     SLACK_WIDTH,
     Hysteresis,
+    NonNegativeKpa,
     StaticMuscle,
     softplus,
     zero_force_strain,
@@ -139,7 +139,7 @@ def regulated_pressure(
     memory = np.exp(-sample_time / regulation.correlation_time)
     driven = np.sqrt(1.0 - memory**2) * shocks
     driven[0] = shocks[0]
-    return np.asarray(pressure * (1.0 + regulation.ripple * lfilter([1.0], [1.0, -memory], driven)))
+    return pressure * (1.0 + regulation.ripple * lfilter([1.0], [1.0, -memory], driven))
 
 
 @dataclass(frozen=True)
@@ -153,7 +153,7 @@ class ContractionTable(Settings):
     masses: Annotated[Sequence[NonNegative], Len(1)]  # kg, in the order in which they are hung on
     repeats: Annotated[int, Ge(1)]
     # standard deviation of the pressure from one repeat to the next, Pa
-    regulator_error: Annotated[NonNegative, IN_KPA]
+    regulator_error: NonNegativeKpa
 
 
 def contraction_table(

@@ -28,6 +28,9 @@ IN_KPA = After(lambda pressure: pressure * 1e3)
 Pressure = Annotated[float, Interval(ge=0, le=2000), IN_KPA]
 """Gauge, Pa; above the bound, the geometry of the muscles means nothing."""
 
+PositiveKpa = Annotated[Positive, IN_KPA]
+NonNegativeKpa = Annotated[NonNegative, IN_KPA]
+
 GRAVITY = 9.81
 """m/s2."""
 
@@ -153,15 +156,13 @@ class Hysteresis(Settings):
 
     def half_width(self, pressure: Array | float) -> Array:
         """Largest |h|, N, at `pressure` (Pa)."""
-        return np.asarray(self.base + self.per_pressure * np.asarray(pressure))
+        return self.base + self.per_pressure * np.asarray(pressure)
 
     def force(self, pressure: Array | float, strain: Array) -> Array:
         """Force h, N, `(n,)`, along a path that starts relaxed: positive in contraction, where it
         takes from the muscle's pull.
         """
-        return np.asarray(
-            self.half_width(pressure) * (stop(strain, self.yield_strains) @ self.shares)
-        )
+        return self.half_width(pressure) * (stop(strain, self.yield_strains) @ self.shares)
 
 
 def stop(path: Array, yields: Array) -> Array:

@@ -12,7 +12,7 @@ from annotated_types import Ge, Interval
 from scipy.interpolate import CubicHermiteSpline
 
 from mapmore_cli.annexes.rig.air import ATMOSPHERE, TOLERANCE, Air, ClosedMuscle, Regulator
-from mapmore_cli.annexes.rig.muscle import IN_KPA, Pressure, Rubber
+from mapmore_cli.annexes.rig.muscle import PositiveKpa, Pressure, Rubber
 from mapmore_cli.annexes.rig.sensors import Pressures, clock, integrate, low_pass
 from mapmore_cli.annexes.rig.static_muscles import volume
 from mapmore_cli.domain.arrays import Array, Columns
@@ -31,7 +31,7 @@ class Tendon(Settings):
 class RestLength(Settings):
     """The muscle's state at the length that its elongation is measured from."""
 
-    pressure: Annotated[Positive, IN_KPA]  # Pa
+    pressure: PositiveKpa  # Pa
     force: Positive  # N
 
 
@@ -155,41 +155,20 @@ def _moved(
         if tendon is not None:
             pulled = tendon.stiffness * length * (strain - float(path(at)))
             rate += (muscle.pull(states[1:], strain) - pulled) / (tendon.damping * length)
-        return np.array(
-            [
-                rate,
-                *muscle.rates(
-                    states[1:],
-                    strain,
-                    rate,
-                    regulator,
-                    shut_in if asked is None else float(asked(at)),
-                ),
-            ]
-        )
+        told = shut_in if asked is None else float(asked(at))
+        return np.array([rate, *muscle.rates(states[1:], strain, rate, regulator, told)])
 
-    states = integrate(
-        rates,
-        np.array([start, *muscle.at_rest(pressure)]),
-        time,
-        np.array([0.1, *muscle.scales]),
-        TOLERANCE,
-    )
-    force = np.array(
-        [
-            muscle.pull(row[1:], strain_at(at, row))
-            for at, row in zip(time.tolist(), states, strict=True)
-        ]
-    )
+    begin, scales = np.array([start, *muscle.at_rest(pressure)]), np.array([0.1, *muscle.scales])
+    states = integrate(rates, begin, time, scales, TOLERANCE)
+    places = zip(time.tolist(), states, strict=True)
+    force = np.array([muscle.pull(row[1:], strain_at(at, row)) for at, row in places])
     moved = {
         "pressure": states[:, 2],
         "force": low_pass(force, motion.load_cell, motion.sample_time),
     }
-    return (
-        moved
-        if asked is None or regulator is None
-        else {"input": regulator.command(asked(time)), **moved}
-    )
+    if asked is None or regulator is None:
+        return moved
+    return {"input": regulator.command(asked(time)), **moved}
 
 
 def _random_path(

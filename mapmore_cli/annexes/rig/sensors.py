@@ -116,7 +116,7 @@ class Sensor(Settings):
         """Return readings `(n,)`: whole multiples of `resolution`."""
         noisy = truth + self.noise * rng.standard_normal(len(truth))
         # + 0.0 turns -0 into 0
-        return np.asarray(np.round(noisy / self.resolution) * self.resolution + 0.0)
+        return np.round(noisy / self.resolution) * self.resolution + 0.0
 
 
 def recording_generator(seed: int, recording: str) -> np.random.Generator:
@@ -126,11 +126,16 @@ def recording_generator(seed: int, recording: str) -> np.random.Generator:
     return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=tuple(recording.encode())))
 
 
+def quantity(name: str) -> str:
+    """Return the quantity of a column: `pressure` of `pressure_2`, which is the second muscle's."""
+    return name.removesuffix("_1").removesuffix("_2")
+
+
 def measure(truth: Columns, sensors: Mapping[str, Sensor], rng: np.random.Generator) -> Columns:
     """Return the columns as logged, in the units of `truth`; a column without a sensor (the clock)
     is passed on.
     """
     return {
-        name: sensors[name].read(values, rng) if name in sensors else values
+        name: sensors[quantity(name)].read(values, rng) if quantity(name) in sensors else values
         for name, values in truth.items()
     }

@@ -29,7 +29,13 @@ from mapmore_cli.annexes.rig.load_cycle import (
 )
 from mapmore_cli.annexes.rig.muscle import Hysteresis
 from mapmore_cli.annexes.rig.random_velocity import RandomVelocity, random_velocity
-from mapmore_cli.annexes.rig.sensors import Sensor, measure, pressure_label, recording_generator
+from mapmore_cli.annexes.rig.sensors import (
+    Sensor,
+    measure,
+    pressure_label,
+    quantity,
+    recording_generator,
+)
 from mapmore_cli.annexes.rig.static_muscles import McKibben, Peano
 from mapmore_cli.annexes.rig.step_response import (
     PressureStep,
@@ -187,39 +193,17 @@ def recording(spec: SimulationSpec, cause: Cause) -> Columns:
     experiment measures.
     """
     pressure = cause.pressure if isinstance(cause, PressureStep) else cause
-    rng = recording_generator(
-        spec.seed,
+    name = (
         f"pressure={pressure / KPA:g}"
         if isinstance(pressure, float)
-        else f"waveform={label(cause)}",
+        else f"waveform={label(cause)}"
     )
-    read: list[Columns] = []
+    rng, read = recording_generator(spec.seed, name), list[Columns]()
     for _ in range(spec.experiment.repeats if isinstance(spec.experiment, ContractionTable) else 1):
-        in_units = {
-            name: values / COLUMNS[quantity(name)][1]
-            for name, values in truth(spec, cause, rng).items()
-        }
-        read.append(
-            measure(
-                in_units,
-                {
-                    name: sensor
-                    for name in in_units
-                    if (sensor := spec.sensors.get(quantity(name))) is not None
-                },
-                rng,
-            )
-        )
-    return (
-        {name: np.mean([one[name] for one in read], axis=0) for name in read[0]}
-        if len(read) > 1
-        else read[0]
-    )
-
-
-def quantity(name: str) -> str:
-    """Return the quantity of a column: `pressure` of `pressure_2`, which is the second muscle's."""
-    return name.removesuffix("_1").removesuffix("_2")
+        happened = truth(spec, cause, rng).items()
+        in_units = {one: values / COLUMNS[quantity(one)][1] for one, values in happened}
+        read.append(measure(in_units, spec.sensors, rng))
+    return {one: np.mean([each[one] for each in read], axis=0) for one in read[0]}
 
 
 def truth(spec: SimulationSpec, cause: Cause, rng: np.random.Generator) -> Columns:
@@ -259,26 +243,24 @@ def decimals(spec: SimulationSpec) -> dict[str, int]:
         **{name: sensor.resolution for name, sensor in spec.sensors.items()},
     }
     exponents = {
-        name: int(Decimal(repr(step)).normalize().as_tuple().exponent)
-        for name, step in steps.items()
+        name: Decimal(repr(step)).normalize().as_tuple().exponent for name, step in steps.items()
     }
-    return {name: max(0, -exponent) for name, exponent in exponents.items()}
+    return {name: max(0, -int(exponent)) for name, exponent in exponents.items()}
 
 
 def csv_text(columns: Columns, digits: Mapping[str, int]) -> str:
     """Return the file: a header, and a line for each sample."""
-    names = [
-        f"{of}{number}"
-        for number in ("", "_1", "_2")
-        for of in COLUMNS
-        if f"{of}{number}" in columns
-    ]
+    names = [f"{of}{number}" for number in ("", "_1", "_2") for of in COLUMNS]
+    names = [name for name in names if name in columns]
     formatted = [
         [f"{value:.{digits[quantity(name)]}f}" for value in columns[name]] for name in names
     ]
-    header = [COLUMNS[quantity(name)][0] + name.removeprefix(quantity(name)) for name in names]
-    lines = [",".join(header), *map(",".join, zip(*formatted, strict=True))]
-    return "\n".join(lines) + "\n"
+    header = [name.replace(quantity(name), COLUMNS[quantity(name)][0], 1) for name in names]
+    lines = map(",".join, [header, *zip(*formatted, strict=True)])
+    return "\n".join([*lines, ""])
+
+
+EXAMPLE = files("mapmore_cli.annexes.rig") / "example_study"
 
 
 def write_example(folder: Path, progress: Progress) -> list[Path]:
@@ -292,12 +274,7 @@ def write_example(folder: Path, progress: Progress) -> list[Path]:
     with refusals_told(folder):
         folder.mkdir(parents=True, exist_ok=True)
         for name in ("rig.yaml", "study.yaml", "search.yaml", "paper.yaml"):
-            write_text(
-                folder / name,
-                files("mapmore_cli.annexes.rig")
-                .joinpath("example_study", name)
-                .read_text(encoding="utf-8"),
-            )
+            write_text(folder / name, EXAMPLE.joinpath(name).read_text(encoding="utf-8"))
     write_schema_beside(folder / "study.yaml")
     recordings = simulate(load_as(folder / "rig.yaml", SimulationSpec, ()).spec, folder, progress)
     return [folder / "study.yaml", folder / "rig.yaml", *recordings]
@@ -307,7 +284,6 @@ def example_recordings() -> list[Columns]:
     """Return the recordings of the example study, in the units of the files; without that of the
     vented muscle, which the study leaves out.
     """
-    study = files("mapmore_cli.annexes.rig").joinpath("example_study", "rig.yaml")
-    with as_file(study) as path:
+    with as_file(EXAMPLE / "rig.yaml") as path:
         spec = load_as(path, SimulationSpec).spec
     return [recording(spec, cause) for cause in causes_of(spec) if cause]

@@ -16,7 +16,8 @@ from annotated_types import Ge, Interval
 from scipy.optimize import brentq
 
 from mapmore_cli.annexes.rig.muscle import (
-    IN_KPA,
+    NonNegativeKpa,
+    PositiveKpa,
     Response,
     effective_pressure,
     effective_pressure_slope,
@@ -50,12 +51,12 @@ class McKibben(Settings):
         0.85  # length of each tapered end over the change of radius
     )
     wall: Positive = 0.002  # rubber thickness t, m
-    c10: Annotated[NonNegative, IN_KPA] = 280e3  # Mooney-Rivlin constants, Pa
-    c01: Annotated[NonNegative, IN_KPA] = 60e3
-    threshold: Annotated[NonNegative, IN_KPA] = 22e3  # P_th that unfolds the wall, Pa
-    threshold_width: Annotated[Positive, IN_KPA] = 8e3  # Pa
+    c10: NonNegativeKpa = 280e3  # Mooney-Rivlin constants, Pa
+    c01: NonNegativeKpa = 60e3
+    threshold: NonNegativeKpa = 22e3  # P_th that unfolds the wall, Pa
+    threshold_width: PositiveKpa = 8e3  # Pa
     crimp_force: NonNegative = 150.0  # N
-    crimp_pressure: Annotated[Positive, IN_KPA] = 150e3  # Pa
+    crimp_pressure: PositiveKpa = 150e3  # Pa
     crimp_strain: Positive = 0.012
     crimp_exponent: Positive = 1.5
     stretch_stiffness: NonNegative = 9000.0  # N
@@ -112,8 +113,8 @@ def volume(muscle: McKibben, strain: Array) -> Array:
     length, radius, _ = _braid(muscle, strain)
     growth = radius - muscle.radius
     end = muscle.taper * np.abs(growth)
-    return np.asarray(
-        np.pi * radius**2 * (length - 2.0 * end) + 2.0 * np.pi * end * _end_section(muscle, growth)
+    return np.pi * radius**2 * (length - 2.0 * end) + 2.0 * np.pi * end * _end_section(
+        muscle, growth
     )
 
 
@@ -130,14 +131,12 @@ def volume_slope(muscle: McKibben, strain: Array) -> Array:
         end_slope * _end_section(muscle, growth)
         + end * (4.0 / 3.0 * muscle.radius + 16.0 / 15.0 * growth) * radius_slope
     )
-    return np.asarray(np.pi * cylinder + 2.0 * np.pi * ends)
+    return np.pi * cylinder + 2.0 * np.pi * ends
 
 
 def _end_section(muscle: McKibben, growth: Array) -> Array:
     """Mean squared radius of a tapered end, m2."""
-    return np.asarray(
-        muscle.radius**2 + 4.0 / 3.0 * muscle.radius * growth + 8.0 / 15.0 * growth**2
-    )
+    return muscle.radius**2 + 4.0 / 3.0 * muscle.radius * growth + 8.0 / 15.0 * growth**2
 
 
 def energy_slope(muscle: McKibben, strain: Array) -> Array:
@@ -188,8 +187,8 @@ class Peano(Settings):
     stiffness: Positive = 26000.0  # K of the fabric, N per strain
     bending: NonNegative = 26.0  # k_b of the tube's edges, N per rad
     tubes: Annotated[int, Ge(1)] = 4  # n; the wet rig has to fill them all
-    threshold: Annotated[NonNegative, IN_KPA] = 6e3  # P_th, Pa
-    threshold_width: Annotated[Positive, IN_KPA] = 3e3  # Pa
+    threshold: NonNegativeKpa = 6e3  # P_th, Pa
+    threshold_width: PositiveKpa = 3e3  # Pa
 
     @property
     def length(self) -> float:
@@ -204,9 +203,7 @@ class Peano(Settings):
         driving, strain = np.broadcast_arrays(driving, np.asarray(strain, dtype=np.float64))
         # By the fabric's law and not by the arc's: exact at alpha = 0, where the latter divides by
         # zero.
-        return np.asarray(
-            self.stiffness * (geometric_strain(opening(self, driving, strain)) - strain)
-        )
+        return self.stiffness * (geometric_strain(opening(self, driving, strain)) - strain)
 
     def respond(self, pressure: float, strain: float) -> Response:
         """Fabric tension, `V'(alpha) dalpha/dP`, `V'(alpha) dalpha/de`."""
@@ -245,7 +242,7 @@ def geometric_strain(alpha: Array) -> Array:
     """`e_g = 1 - sin(alpha)/alpha`: contraction of a tube of inextensible fabric; zero at alpha =
     0.
     """
-    return np.asarray(1.0 - np.sinc(alpha / np.pi))
+    return 1.0 - np.sinc(alpha / np.pi)
 
 
 def geometric_slope_ratio(alpha: float) -> float:
@@ -295,7 +292,7 @@ def _excess(
         * (muscle.tube_length - 2.0 * muscle.end_loss * width * np.sin(alpha))
         * np.cos(alpha)
     )
-    return np.asarray(
+    return (
         alpha * (1.0 - strain)
         - np.sin(alpha)
         - (bulge - muscle.bending * alpha**2) / muscle.stiffness

@@ -7,8 +7,8 @@ from dataclasses import replace
 
 from mapmore_cli.annexes.sums import Part
 from mapmore_cli.annexes.sums.joint import (
-    Summand,
     fit_jointly,
+    own_inputs,
     predict,
     refuse_shared_names,
     split,
@@ -25,7 +25,7 @@ from mapmore_cli.fitting.kinds.choices import ModelChoices
 from mapmore_cli.modelling.expressions import Name, parse
 from mapmore_cli.modelling.literature.backbone import pooled_training
 from mapmore_cli.modelling.tendon import Tendon
-from mapmore_cli.spec.sections import model as sections
+from mapmore_cli.spec.sections.model import Summand, TendonSettings
 from mapmore_cli.spec.units import convert
 
 
@@ -34,11 +34,10 @@ def fit(part: ModelChoices, given: Given) -> FitResult:
 
     Raises FitError where the formulas did not converge to anything usable.
     """
-    formulas = summands_of(part.model.sum or [])
-    if not formulas:
+    formulas = part.model.sum or []
+    if not formulas or formulas[0].formula is None:
         return FitResult(None)
-    training = pooled_training(given.dataset.curves)
-    found = fit_jointly(formulas, training, training[given.dataset.target])
+    found, _ = fit_and_predict(formulas, given.dataset, None)
     if found.failed:
         raise FitError(
             f"the fit of {found.name} failed: {'; '.join(found.notes)}", "take other formulas"
@@ -52,28 +51,27 @@ def build(part: ModelChoices, given: Given, result: FitResult) -> Model:
     """
     dataset, model_of = given.dataset, given.model_of
     output, quantities = dataset.quantities[dataset.target], dataset.quantities
-    if part.model.sum is None:
-        return sum_of(
-            part.name, [Part(model_of(path)) for path in part.summands], output, quantities
+    summands = part.model.sum
+    if summands is None:
+        parts = [Part(model_of(path)) for path in part.summands]
+    elif result.formula is not None:
+        parts = formula_parts(summands, result.formula, dataset)
+    else:
+        parts = [
+            Part(
+                behind_tendon(model_of(str(one.model)), one.tendon),
+                float(one.sign),
+                dict(one.inputs),
+            )
+            for one in summands
+        ]
+        refuse_shared_names(
+            [(one.model.name, [q.name for q in one.model.inputs], one.inputs) for one in parts]
         )
-    if result.formula is not None:
-        return sum_of(
-            part.name,
-            formula_parts(summands_of(part.model.sum), result.formula, dataset),
-            output,
-            quantities,
-        )
-    parts = [
-        Part(behind_tendon(model_of(str(one.model)), one.tendon), float(one.sign), dict(one.inputs))
-        for one in part.model.sum
-    ]
-    refuse_shared_names(
-        [(one.model.name, [q.name for q in one.model.inputs], one.inputs) for one in parts]
-    )
     return sum_of(part.name, parts, output, quantities)
 
 
-def behind_tendon(muscle: Model, tendon: sections.TendonSettings | None) -> Model:
+def behind_tendon(muscle: Model, tendon: TendonSettings | None) -> Model:
     """Return the model of a muscle behind a tendon, where there is one.
 
     Raises SpecError where the muscle is no function of its length, or not in units of m and N.
@@ -92,39 +90,28 @@ def behind_tendon(muscle: Model, tendon: sections.TendonSettings | None) -> Mode
 
 
 def fit_and_predict(
-    parts: Sequence[sections.Summand], dataset: Dataset, method: str | None
+    parts: Sequence[Summand], dataset: Dataset, method: str | None
 ) -> tuple[FormulaFit, list[Array]]:
     """Fit formulas together to the training data; return the fit, and the sum along every curve."""
-    summands = summands_of(parts)
     training = pooled_training(dataset.curves)
-    fitted = fit_jointly(summands, training, training[dataset.target], method)
-    return fitted, [predict(fitted, summands, curve.columns) for curve in dataset.curves]
-
-
-def summands_of(parts: Sequence[sections.Summand]) -> list[Summand]:
-    """Return the parts that are formulas."""
-    return [
-        Summand(part.formula, float(part.sign), dict(part.inputs))
-        for part in parts
-        if part.formula is not None
-    ]
+    fitted = fit_jointly(parts, training, training[dataset.target], method)
+    return fitted, [predict(fitted, parts, curve.columns) for curve in dataset.curves]
 
 
 def formula_parts(summands: Sequence[Summand], joint: FormulaFit, dataset: Dataset) -> list[Part]:
     """Each formula of a joint fit as a model of its own inputs, with the range that they trained
     on.
     """
-    training = pooled_training(dataset.curves)
-    parts = []
+    training, parts = pooled_training(dataset.curves), []
     for number, (one, fit) in enumerate(zip(summands, split(joint, summands), strict=True), 1):
-        inputs = one.own_inputs(training)
+        inputs = own_inputs(one, training)
         limits = {name: extremes(x) for name, x in inputs.items()}
         quantities = tuple(
             Quantity(name, _unit(one.inputs.get(name, name), dataset)) for name in sorted(inputs)
         )
         body = Formula(fit, None, (CurveRange("all", None, limits),))
         model = Model(f"{fit.name}_{number}", dataset.quantities[dataset.target], quantities, body)
-        parts.append(Part(model, one.sign, dict(one.inputs)))
+        parts.append(Part(model, float(one.sign), dict(one.inputs)))
     return parts
 
 

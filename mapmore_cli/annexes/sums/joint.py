@@ -4,8 +4,8 @@ and only their difference is measured.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
@@ -18,7 +18,6 @@ from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.recording import Quantity
 from mapmore_cli.modelling import kinds, literature
 from mapmore_cli.modelling.expressions import (
-    Expression,
     Name,
     Number,
     add,
@@ -29,6 +28,7 @@ from mapmore_cli.modelling.expressions import (
     to_text,
 )
 from mapmore_cli.modelling.literature.formula import Formula, LinearForm
+from mapmore_cli.spec.sections.model import Summand
 
 
 def sum_of(
@@ -44,37 +44,33 @@ def sum_of(
     for part in parts:
         model = part.model
         if model.output.unit != output.unit:
-            what = (
-                f"needs: the model of {model.name} is in {model.output.unit}, the "
-                f"{output.name} of this study in {output.unit}"
+            raise SpecError(
+                f"needs: the model of {model.name} is in {model.output.unit}, the {output.name} of "
+                f"this study in {output.unit}",
+                "add up models of one unit",
             )
-            raise SpecError(what, "add up models of one unit")
         for quantity in model.inputs:
             source = parse(part.inputs.get(quantity.name, quantity.name))
             used |= source.names
             other = quantities.get(source.name) if isinstance(source, Name) else None
-            if quantity.name not in part.inputs:
-                if other != quantity:
-                    what = (
-                        f"the model of {model.name} is a function of {quantity.name} in "
-                        f"{quantity.unit}, which this study lacks"
-                    )
-                    raise SpecError(
-                        f"needs: {what}",
-                        "declare its column, derive it, or set its unit under `units`",
-                    )
-            elif missing := sorted(source.names - {*quantities}):
+            if quantity.name not in part.inputs and other != quantity:
+                raise SpecError(
+                    f"needs: the model of {model.name} is a function of {quantity.name} in "
+                    f"{quantity.unit}, which this study lacks",
+                    "declare its column, derive it, or set its unit under `units`",
+                )
+            if missing := sorted(source.names - {*quantities}):
                 raise SpecError(
                     f"the sum: there is no quantity {missing[0]} for {quantity.name} of "
                     f"{model.name}",
                     "declare its column",
                 )
-            elif other is not None and other.unit != quantity.unit:
-                what = (
-                    f"{quantity.name} of {model.name} is in {quantity.unit}, {other.name} in "
-                    f"{other.unit}"
+            if other is not None and other.unit != quantity.unit:
+                raise SpecError(
+                    f"the sum: {quantity.name} of {model.name} is in {quantity.unit}, "
+                    f"{other.name} in {other.unit}",
+                    f"set the unit of {other.name} under `units`",
                 )
-                raise SpecError(f"the sum: {what}", f"set the unit of {other.name} under `units`")
     notes = tuple(f"{part.model.name}: {note}" for part in parts for note in part.model.notes)
     return Model(
         name, output, tuple(quantities[key] for key in sorted(used)), Sum(tuple(parts)), notes=notes
@@ -143,21 +139,10 @@ def refuse_shared_names(inputs_of: Sequence[tuple[str, Sequence[str], Mapping[st
             raise SpecError(f"{first} and {second} both have an input `{name}`", f"{remedy}; {one}")
 
 
-@dataclass(frozen=True)
-class Summand:
-    """A formula in a sum: its `sign`, and expressions of the sum's inputs for inputs that have
-    other names there.
-    """
-
-    formula: str
-    sign: float = 1.0
-    inputs: Mapping[str, str] = field(default_factory=dict)
-
-    def own_inputs(self, columns: Columns) -> Columns:
-        """Return the formula's inputs by its own names, `(n,)` each."""
-        n = len(next(iter(columns.values())))
-        names = literature.get(self.formula).inputs
-        return {name: evaluate(parse(self.inputs.get(name, name)), columns, n) for name in names}
+def own_inputs(part: Summand, columns: Columns) -> Columns:
+    """Return the inputs of a formula in a sum by its own names, `(n,)` each."""
+    n, names = len(next(iter(columns.values()))), literature.get(str(part.formula)).inputs
+    return {name: evaluate(parse(part.inputs.get(name, name)), columns, n) for name in names}
 
 
 def fit_jointly(
@@ -171,57 +156,79 @@ def fit_jointly(
     Raises SpecError for a formula that is fitted in a way of its own, or needs a dimension of the
     muscle; DataError as `Formula.fit`.
     """
-    formula = joint_formula(summands)
     inputs = {
-        _numbered(name, i): x
+        f"{name}_{i}": x
         for i, one in enumerate(summands, 1)
-        for name, x in one.own_inputs(columns).items()
+        for name, x in own_inputs(one, columns).items()
     }
-    return formula.fit(inputs, y, method)
+    return joint_formula(summands).fit(inputs, y, method)
 
 
 def joint_formula(summands: Sequence[Summand]) -> Formula:
     """Return the sum as one formula, of the summands' inputs and parameters with their numbers
     behind their names.
     """
-    parts = [_part(one) for one in summands]
-    signs = [one.sign for one in summands]
-    numbered = list(enumerate(parts, 1))
-    forms = [
-        part.form or LinearForm(part.text, (), {name: name for name in part.parameters})
-        for part in parts
+    parts = [_numbered(literature.get(str(one.formula)), i) for i, one in enumerate(summands, 1)]
+    forms = [part.form or LinearForm(part.text, part.linear, {}) for part in parts]
+    signs = [float(one.sign) for one in summands]
+    form = LinearForm(
+        _sum(signs, [one.text for one in forms]),
+        tuple(name for one in forms for name in one.linear),
+        {name: text for one in forms for name, text in one.printed.items()},
+    )
+    names = [
+        f"{'-' if sign < 0 else '+'} {part.name}" for sign, part in zip(signs, parts, strict=True)
     ]
-    form = None
-    if any(part.form is not None for part in parts):
-        linear = tuple(_numbered(name, i) for i, part in numbered for name in part.linear)
-        texts = [
-            (i, name, parse(text))
-            for i, one in enumerate(forms, 1)
-            for name, text in one.printed.items()
-        ]
-        printed = {_numbered(name, i): to_text(_renamed(text, i)) for i, name, text in texts}
-        form = LinearForm(_sum((one.expression for one in forms), signs), linear, printed)
     return Formula(
-        name=" ".join(
-            f"{'-' if sign < 0 else '+'} {part.name}"
-            for sign, part in zip(signs, parts, strict=True)
-        ).removeprefix("+ "),
+        name=" ".join(names).removeprefix("+ "),
         reference="; ".join(dict.fromkeys(part.reference for part in parts)),
-        inputs=tuple(_numbered(name, i) for i, part in numbered for name in part.inputs),
-        parameters=tuple(_numbered(name, i) for i, part in numbered for name in part.parameters),
-        text=_sum([part.expression for part in parts], signs),
+        inputs=tuple(name for part in parts for name in part.inputs),
+        parameters=tuple(name for part in parts for name in part.parameters),
+        text=_sum(signs, [part.text for part in parts]),
+        nonlinear=tuple(one for part in parts for one in part.nonlinear),
+        form=form if any(part.form for part in parts) else None,
+    )
+
+
+def _numbered(formula: Formula, number: int) -> Formula:
+    """Return a formula with a number behind its names."""
+    if type(formula) is not Formula or formula.dimensions:
+        raise SpecError(
+            f"{formula.name} cannot be fitted within a sum",
+            "take another formula, or add up models of other runs",
+        )
+
+    def own(name: str | None) -> str:
+        return f"{name}_{number}"
+
+    def renamed(text: str) -> str:
+        expression = parse(text)
+        return to_text(substitute(expression, {one: Name(own(one)) for one in expression.names}))
+
+    form = formula.form
+    return replace(
+        formula,
+        inputs=tuple(map(own, formula.inputs)),
+        parameters=tuple(map(own, formula.parameters)),
+        text=renamed(formula.text),
         nonlinear=tuple(
             replace(
-                one,
-                name=_numbered(one.name, i),
-                per=one.per and _numbered(one.per, i),
-                of=one.of and _numbered(one.of, i),
+                one, name=own(one.name), per=one.per and own(one.per), of=one.of and own(one.of)
             )
-            for i, part in numbered
-            for one in part.nonlinear
+            for one in formula.nonlinear
         ),
-        form=form,
+        form=form
+        and LinearForm(
+            renamed(form.text),
+            tuple(map(own, form.linear)),
+            {own(name): renamed(text) for name, text in form.printed.items()},
+        ),
     )
+
+
+def _sum(signs: Sequence[float], texts: Sequence[str]) -> str:
+    terms = zip(map(Number, signs), map(parse, texts), strict=True)
+    return to_text(add(*(multiply(sign, term) for sign, term in terms)))
 
 
 def split(fit: FormulaFit, summands: Sequence[Summand]) -> list[FormulaFit]:
@@ -230,20 +237,13 @@ def split(fit: FormulaFit, summands: Sequence[Summand]) -> list[FormulaFit]:
     """
     parts = []
     for i, one in enumerate(summands, 1):
-        formula = literature.get(one.formula)
-        values, errors = (
-            {name: found[_numbered(name, i)] for name in formula.parameters}
+        formula = literature.get(str(one.formula))
+        parameters, errors = (
+            {name: found[f"{name}_{i}"] for name in formula.parameters}
             for found in (fit.parameters, fit.errors)
         )
-        parts.append(
-            replace(
-                fit,
-                name=formula.name,
-                definition=formula.definition,
-                parameters=values,
-                errors=errors,
-            )
-        )
+        named = replace(fit, name=formula.name, definition=formula.definition)
+        parts.append(replace(named, parameters=parameters, errors=errors))
     return parts
 
 
@@ -251,35 +251,6 @@ def predict(fit: FormulaFit, summands: Sequence[Summand], columns: Columns) -> A
     """Return the sum at every row, `(n,)`; NaN with the parameters of a failed fit."""
     values = np.zeros(len(next(iter(columns.values()))))
     for one, part in zip(summands, split(fit, summands), strict=True):
-        values += one.sign * literature.get(one.formula).predict(
-            part.parameters, one.own_inputs(columns)
-        )
+        formula = literature.of(part)
+        values += one.sign * formula.predict(part.parameters, own_inputs(one, columns))
     return values
-
-
-def _part(summand: Summand) -> Formula:
-    found = literature.get(summand.formula)
-    if type(found) is not Formula or found.dimensions:
-        raise SpecError(
-            f"{found.name} cannot be fitted within a sum",
-            "take another formula, or add up models of other runs",
-        )
-    return found
-
-
-def _sum(expressions: Iterable[Expression], signs: Sequence[float]) -> str:
-    terms = [
-        multiply(Number(sign), _renamed(one, i))
-        for i, (sign, one) in enumerate(zip(signs, expressions, strict=True), 1)
-    ]
-    return to_text(add(*terms))
-
-
-def _renamed(expression: Expression, number: int) -> Expression:
-    return substitute(
-        expression, {name: Name(_numbered(name, number)) for name in expression.names}
-    )
-
-
-def _numbered(name: str, number: int) -> str:
-    return f"{name}_{number}"

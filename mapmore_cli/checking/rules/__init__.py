@@ -18,9 +18,10 @@ from mapmore_cli.domain.recording import Dataset, Recording
 from mapmore_cli.spec.experiment import ExperimentSpec
 from mapmore_cli.spec.units import convert
 
-__all__ = ["Issue", "Rule", "Subject"]
+__all__ = ["Issue", "Issues", "Rule", "Subject"]
 
-Rule = Callable[["Subject"], Iterator[Issue]]
+Issues = Iterator[Issue]
+Rule = Callable[["Subject"], Issues]
 """Looks for one kind of mistake."""
 
 

@@ -5,13 +5,12 @@ memory can count, and shapes to follow.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
 
 import numpy as np
 
 from mapmore_cli.checking.evidence import LITTLE, SOME
 from mapmore_cli.checking.names import POSITIONS
-from mapmore_cli.checking.rules import Issue, Subject
+from mapmore_cli.checking.rules import Issue, Issues, Subject
 from mapmore_cli.domain.arrays import Array, extremes, picked
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.recording import Dataset
@@ -28,7 +27,7 @@ from mapmore_cli.spec.sections.dictionary import entries_of, texts_in
 FEWEST = 5  # samples that show the shape of a curve
 
 
-def few_samples(subject: Subject) -> Iterator[Issue]:
+def few_samples(subject: Subject) -> Issues:
     """Find curves of a few samples, which have no shape."""
     for curve in subject.dataset.curves:
         if curve.size < FEWEST:
@@ -39,7 +38,7 @@ def few_samples(subject: Subject) -> Iterator[Issue]:
             )
 
 
-def short_segments(subject: Subject) -> Iterator[Issue]:
+def short_segments(subject: Subject) -> Issues:
     """Every segment needs more training samples than terms."""
     spec, dataset = subject.spec, subject.dataset
     fits_decide = any(
@@ -73,7 +72,7 @@ def short_segments(subject: Subject) -> Iterator[Issue]:
             yield Issue("error", "short-segment", subject.where("segment"), message, remedy, "data")
 
 
-def beyond_training(subject: Subject) -> Iterator[Issue]:
+def beyond_training(subject: Subject) -> Issues:
     """Held-out samples outside of the training range test extrapolation, which is rarely meant."""
     hold_out, dataset = subject.spec.data.split.hold_out, subject.dataset
     if hold_out is None:
@@ -143,7 +142,7 @@ def _split_values(dataset: Dataset, name: str, held_out: bool) -> Array:
     return np.concatenate(parts)
 
 
-def even_steps(subject: Subject) -> Iterator[Issue]:
+def even_steps(subject: Subject) -> Issues:
     """All recordings at the same even steps, and none with holes that nobody declared."""
     if not subject.spec.runs_over_time:
         return
@@ -176,7 +175,7 @@ def even_steps(subject: Subject) -> Iterator[Issue]:
         yield Issue("warning", "memory-breaks", subject.where("data"), message, remedy)
 
 
-def single_valued(subject: Subject) -> Iterator[Issue]:
+def single_valued(subject: Subject) -> Issues:
     """Find loops: they have two values at one place, of which a model without memory has one, so
     that its error has a floor.
     """

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from functools import partial
 
 import numpy as np
 
 from mapmore_cli.checking.evidence import spikes
-from mapmore_cli.checking.rules import Issue, Subject
+from mapmore_cli.checking.rules import Issue, Issues, Subject
 from mapmore_cli.domain.arrays import IntArray, by_blocks, in_blocks, row_blocks
 from mapmore_cli.domain.errors import SpecError
 from mapmore_cli.domain.recording import Recording
@@ -18,7 +17,7 @@ VACUUM = -101.4  # kPa, of a gauge that reads zero in air
 WITH_ROWS = ("csv", "xlsx")  # readers of files with rows
 
 
-def spikes_in(subject: Subject) -> Iterator[Issue]:
+def spikes_in(subject: Subject) -> Issues:
     """Find single samples far from their neighbours: a dropout, or a digit too many."""
     for name in (name for name in subject.spec.data.columns if name != "time"):
         for recording in (one for one in subject.recordings if name in one.columns):
@@ -43,7 +42,7 @@ def spikes_in(subject: Subject) -> Iterator[Issue]:
             yield Issue("warning", "spike", subject.source(name), message, remedy, "data")
 
 
-def below_vacuum(subject: Subject) -> Iterator[Issue]:
+def below_vacuum(subject: Subject) -> Issues:
     """Find pressures below absolute zero: a current loop that reads 0 mA, or an offset too many."""
     for name in subject.spec.data.columns:
         if (limit := _vacuum(subject, name)) is None:

@@ -4,18 +4,16 @@ leave a difference untold.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import numpy as np
 
 from mapmore_cli.checking.evidence import FEWEST, ROUNDING, same_signals, unequal
 from mapmore_cli.checking.findings import Severity
-from mapmore_cli.checking.rules import Issue, Subject
+from mapmore_cli.checking.rules import Issue, Issues, Subject
 from mapmore_cli.domain.arrays import Array, extremes
 from mapmore_cli.modelling.signals.sampling import even_share
 
 
-def computed_from(subject: Subject) -> Iterator[Issue]:
+def computed_from(subject: Subject) -> Issues:
     """Find a target that is a straight line of another column, in each recording with an offset of
     its own.
     """
@@ -53,7 +51,7 @@ def _slope_of_line(x: Array, y: Array) -> float | None:
     return slope if left <= ROUNDING * float(np.ptp(y)) else None
 
 
-def untold_difference(subject: Subject) -> Iterator[Issue]:
+def untold_difference(subject: Subject) -> Issues:
     """Find recordings with equal inputs and another output: what made the difference was not
     recorded, or a file has another's name.
     """

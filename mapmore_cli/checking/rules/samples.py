@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import numpy as np
 
 from mapmore_cli.checking import evidence
 from mapmore_cli.checking.evidence import LITTLE, MUCH
 from mapmore_cli.checking.findings import Severity
-from mapmore_cli.checking.rules import Issue, Subject
+from mapmore_cli.checking.rules import Issue, Issues, Subject
 from mapmore_cli.domain.arrays import extremes, in_blocks
 from mapmore_cli.domain.recording import Recording
 from mapmore_cli.domain.scores import FAR_FROM_ZERO
@@ -21,7 +19,7 @@ FROM_SENSORS = ("force", "pressure", "load")
 PARTS_OF_FORCE = ("hysteresis", "damping")  # targets that lie around zero, wherever the force does
 
 
-def constant(subject: Subject) -> Iterator[Issue]:
+def constant(subject: Subject) -> Issues:
     """Find quantities that never change: they explain nothing, and such a target needs no
     explanation.
     """
@@ -41,7 +39,7 @@ def constant(subject: Subject) -> Iterator[Issue]:
             )
 
 
-def offset(subject: Subject) -> Iterator[Issue]:
+def offset(subject: Subject) -> Issues:
     """Find a target that lies far from zero: any model errs by little of its largest value."""
     spec = subject.spec
     name = spec.validation.as_ or spec.target_quantity
@@ -61,7 +59,7 @@ def offset(subject: Subject) -> Iterator[Issue]:
         yield Issue("hint", "offset", subject.source(name), message, remedy)
 
 
-def same_signal(subject: Subject) -> Iterator[Issue]:
+def same_signal(subject: Subject) -> Issues:
     """Find a signal that is there twice, as a sensor's volts and what is computed of them: neither
     explains the other.
     """
@@ -86,7 +84,7 @@ def same_signal(subject: Subject) -> Iterator[Issue]:
         )
 
 
-def clipped(subject: Subject) -> Iterator[Issue]:
+def clipped(subject: Subject) -> Issues:
     """Find sensors at their end: they read one number for long, where they otherwise hardly read
     any twice.
     """
@@ -125,7 +123,7 @@ def _clipped(
     return Issue(severity, "clipped", subject.source(name), message, remedy, "data")
 
 
-def force_never_pulls(subject: Subject) -> Iterator[Issue]:
+def force_never_pulls(subject: Subject) -> Issues:
     """Find a force that never pulls: a muscle pulls, and the models take pull as positive."""
     if subject.has("force"):
         low, high = subject.span("force")
@@ -143,7 +141,7 @@ def force_never_pulls(subject: Subject) -> Iterator[Issue]:
             )
 
 
-def recorded_twice(subject: Subject) -> Iterator[Issue]:
+def recorded_twice(subject: Subject) -> Issues:
     """Find copied files: they count twice, and a copy among the validation data makes these
     worthless.
     """
@@ -166,7 +164,7 @@ def recorded_twice(subject: Subject) -> Iterator[Issue]:
         yield Issue(severity, "recorded-twice", recording.name, message, remedy, "data")
 
 
-def unsettled(subject: Subject) -> Iterator[Issue]:
+def unsettled(subject: Subject) -> Issues:
     """While the pressure changes, the force lags: the sensor sits at the valve."""
     data = subject.spec.data
     asked = any(keep.quantity.endswith("_rate") for keep in data.keep) or data.cycles is not None

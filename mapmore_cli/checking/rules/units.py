@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 from mapmore_cli.checking.names import read_label
-from mapmore_cli.checking.rules import Issue, Subject
+from mapmore_cli.checking.rules import Issue, Issues, Subject
 from mapmore_cli.spec.units import can_convert, convert, default_unit, is_same, unit_of
 from mapmore_cli.storage.readers import READERS
 from mapmore_cli.storage.tables.cells import shortened
 
 
-def strain_in_per_cent(subject: Subject) -> Iterator[Issue]:
+def strain_in_per_cent(subject: Subject) -> Issues:
     """Find contractions by more than the whole length, which were meant in per cent."""
     if not subject.has("strain"):
         return
@@ -25,7 +23,7 @@ def strain_in_per_cent(subject: Subject) -> Iterator[Issue]:
         yield Issue("error", "strain-in-per-cent", subject.source("strain"), message, remedy)
 
 
-def unit_in_the_name(subject: Subject) -> Iterator[Issue]:
+def unit_in_the_name(subject: Subject) -> Issues:
     """Find columns whose name tells another unit: one called `P_psi` is hardly in kPa."""
     for name, column in subject.spec.data.columns.items():
         label = read_label(column.column) if isinstance(column.column, str) else None
@@ -46,7 +44,7 @@ def unit_in_the_name(subject: Subject) -> Iterator[Issue]:
             )
 
 
-def unit_line(subject: Subject) -> Iterator[Issue]:
+def unit_line(subject: Subject) -> Issues:
     """Find lines of units that say otherwise: kN under the name, and the column is read in N."""
     data = subject.spec.data
     peek = READERS[data.reader].peek
@@ -64,7 +62,7 @@ def unit_line(subject: Subject) -> Iterator[Issue]:
             return
 
 
-def _units_below(subject: Subject, names: list[str], below: list[list[str]]) -> Iterator[Issue]:
+def _units_below(subject: Subject, names: list[str], below: list[list[str]]) -> Issues:
     for name, column in subject.spec.data.columns.items():
         place = (
             column.column
@@ -103,7 +101,7 @@ def _contradicted(subject: Subject, name: str, told: str | None) -> str:
     return "" if agrees or not can_convert(told, declared) else declared
 
 
-def formulas_in_labels(subject: Subject) -> Iterator[Issue]:
+def formulas_in_labels(subject: Subject) -> Issues:
     """Find labels with a formula that cannot be set."""
     for quantity, label in subject.spec.report.style.labels.items():
         if "$" not in label:

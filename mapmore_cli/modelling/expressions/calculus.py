@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import partial
 
 from mapmore_cli.modelling.expressions.operator import FUNCTIONS
 from mapmore_cli.modelling.expressions.parsing import parse
@@ -18,9 +19,9 @@ from mapmore_cli.modelling.expressions.syntax import (
     Product,
     Sum,
     add,
-    call,
     multiply,
     power,
+    with_parts,
 )
 
 
@@ -34,12 +35,11 @@ def derivative(expression: Expression, name: str) -> Expression:
         case Sum(terms):
             return add(*(derivative(term, name) for term in terms))
         case Product(factors):
-            slopes = [derivative(factor, name) for factor in factors]
+            slopes = (derivative(factor, name) for factor in factors)
             return add(
                 *(
                     multiply(*factors[:i], slope, *factors[i + 1 :])
                     for i, slope in enumerate(slopes)
-                    if slope != ZERO
                 )
             )
         case Power(base, exponent):
@@ -56,18 +56,9 @@ def derivative(expression: Expression, name: str) -> Expression:
 
 def substitute(expression: Expression, values: Mapping[str, Expression]) -> Expression:
     """`expression` with every name of `values` replaced, all at once."""
-    match expression:
-        case Name(name):
-            return values.get(name, expression)
-        case Sum(terms):
-            return add(*(substitute(term, values) for term in terms))
-        case Product(factors):
-            return multiply(*(substitute(factor, values) for factor in factors))
-        case Power(base, exponent):
-            return power(substitute(base, values), exponent)
-        case Call(function, argument):
-            return call(function, substitute(argument, values))
-    return expression
+    if isinstance(expression, Name):
+        return values.get(expression.name, expression)
+    return with_parts(expression, partial(substitute, values=values))
 
 
 def exponents(expression: Expression) -> dict[str, float] | None:

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
+import operator
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 
@@ -20,10 +22,7 @@ from mapmore_cli.modelling.expressions.syntax import (
     Power,
     Product,
     Sum,
-    add,
-    call,
-    multiply,
-    power,
+    with_parts,
 )
 
 
@@ -80,15 +79,7 @@ def folded(expression: Expression) -> Expression:
         case _ if not expression.names:
             value = float(evaluate(expression, {}, 1)[0])
             return Number(value) if math.isfinite(value) else expression
-        case Sum(terms):
-            return add(*map(folded, terms))
-        case Product(factors):
-            return multiply(*map(folded, factors))
-        case Power(base, exponent):
-            return power(folded(base), exponent)
-        case Call(function, argument):
-            return call(function, folded(argument))
-    return expression
+    return with_parts(expression, folded)
 
 
 def dictionary_matrix(terms: Sequence[Expression], columns: Columns, n: int) -> Array:
@@ -186,49 +177,35 @@ def part_of(expression: Expression, known: Known) -> Part:
             return lambda _columns, _shared: constant
         case Name(name):
             return lambda columns, _shared: columns[name]
-        case Sum(terms):
-            return _added([part_of(term, known) for term in terms])
-        case Product(factors):
-            return _product(factors, known)
+        case Sum((first, *terms)):
+            return _in_turn(
+                part_of(first, known), [(operator.add, part_of(term, known)) for term in terms]
+            )
+        case Product((first, *factors)):
+            return _in_turn(part_of(first, known), [_factor(one, known) for one in factors])
         case Power() | Call():
             return _computed_once(expression, known)
     raise TypeError(f"not an expression: {expression!r}")
 
 
-def _added(terms: Sequence[Part]) -> Part:
-    first, *others = terms
-    if len(others) == 1:
-        second = others[0]
-        return lambda columns, shared: first(columns, shared) + second(columns, shared)
+def _in_turn(first: Part, others: Sequence[tuple[Callable[[Any, Any], Any], Part]]) -> Part:
+    """Return a value to which others are added, or by which it is multiplied or divided, from left
+    to right.
+    """
 
     def total(columns: Mapping[str, Value], shared: Shared) -> Value:
         value = first(columns, shared)
-        for term in others:
-            value = value + term(columns, shared)
+        for combined, other in others:
+            value = combined(value, other(columns, shared))
         return value
 
     return total
 
 
-def _product(factors: Sequence[Expression], known: Known) -> Part:
-    first = part_of(factors[0], known)
-    others: list[tuple[bool, Part]] = []
-    for factor in factors[1:]:
-        if isinstance(factor, Power) and factor.exponent < 0:
-            others.append((True, _power(factor.base, -factor.exponent, known)))
-        else:
-            others.append((False, part_of(factor, known)))
-    if len(others) == 1 and not others[0][0]:
-        second = others[0][1]
-        return lambda columns, shared: first(columns, shared) * second(columns, shared)
-
-    def total(columns: Mapping[str, Value], shared: Shared) -> Value:
-        value = first(columns, shared)
-        for divides, factor in others:
-            value = value / factor(columns, shared) if divides else value * factor(columns, shared)
-        return value
-
-    return total
+def _factor(factor: Expression, known: Known) -> tuple[Callable[[Any, Any], Any], Part]:
+    if isinstance(factor, Power) and factor.exponent < 0:
+        return operator.truediv, _power(factor.base, -factor.exponent, known)
+    return operator.mul, part_of(factor, known)
 
 
 def _computed_once(expression: Power | Call, known: Known) -> Part:
@@ -255,11 +232,9 @@ def _computed(expression: Power | Call, known: Known) -> Part:
             divisor = _power(base, -exponent, known)
             return lambda columns, shared: np.float64(1.0) / divisor(columns, shared)
         case Power(base, exponent) if exponent.is_integer():
-            half = (
-                exponent // 2
-                # x^5 = x^2 x^3: a few multiplications, shared between terms, where a general power
-                # costs fifty
-            )
+            # x^5 = x^2 x^3: a few multiplications, shared between terms, where a general power
+            # costs fifty
+            half = exponent // 2
             left, right = _power(base, half, known), _power(base, exponent - half, known)
             return lambda columns, shared: left(columns, shared) * right(columns, shared)
         case Power(base, exponent):

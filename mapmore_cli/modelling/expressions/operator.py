@@ -278,7 +278,7 @@ def run_recursion(rule: Recursion, x: Array, own: list[float], past: list[float]
         from scipy.signal import lfilter, lfiltic
 
         a, b = [1.0, *(-weight for weight in rule.weights[: rule.own])], rule.weights[rule.own :]
-        return np.asarray(lfilter(b, a, x, zi=lfiltic(b, a, own, past))[0])
+        return lfilter(b, a, x, zi=lfiltic(b, a, own, past))[0]
     values = []
     for now in x.tolist():
         value = rule.next(FLOATS, *own, now, *past)

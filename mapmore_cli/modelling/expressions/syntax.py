@@ -250,6 +250,22 @@ def negate(expression: Expression) -> Expression:
     return multiply(Number(-1.0), expression)
 
 
+def with_parts(expression: Expression, change: Callable[[Expression], Expression]) -> Expression:
+    """Return the expression, in canonical form, with every part of it changed; a name or a number
+    as it is.
+    """
+    match expression:
+        case Sum(terms):
+            return add(*map(change, terms))
+        case Product(factors):
+            return multiply(*map(change, factors))
+        case Power(base, exponent):
+            return power(change(base), exponent)
+        case Call(function, argument):
+            return call(function, change(argument))
+    return expression
+
+
 def _folded(numbers: list[float]) -> list[float]:
     """Return the product of the numbers, as none where it is one; as their magnitudes where it
     would overflow or lose digits.

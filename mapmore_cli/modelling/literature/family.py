@@ -16,6 +16,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 from scipy.optimize import least_squares, minimize_scalar
@@ -137,27 +138,23 @@ class Family(Formula):
 
     def _law(self, lengths: Array, largest: Array) -> tuple[float, float]:
         """Return a and b by least squares of ln S, with the prior of ln b."""
+        centre = math.log(CENTRE[self.settings.scale])
 
-        def shape(log_b: float) -> Array:
+        def rest(log_b: float) -> Array:
+            """Return what b leaves of ln S, which is ln a."""
             b = math.exp(log_b)
             if self.settings.scale == "power":
-                return np.asarray(b * np.log(lengths))
-            return np.asarray(np.log(np.arctan(b * np.maximum(lengths - DEAD, 1e-6))))
+                return np.log(largest) - b * np.log(lengths)
+            return np.log(largest) - np.log(np.arctan(b * np.maximum(lengths - DEAD, 1e-6)))
 
         def cost(log_b: float) -> float:
-            rest = np.log(largest) - shape(log_b)
-            return (
-                float(np.sum((rest - rest.mean()) ** 2)) / SCATTER**2
-                + ((log_b - centre) / SPREAD) ** 2
-            )
+            own = rest(log_b)
+            squares = float(np.sum((own - own.mean()) ** 2))
+            return squares / SCATTER**2 + ((log_b - centre) / SPREAD) ** 2
 
-        centre = math.log(CENTRE[self.settings.scale])
-        best = float(
-            minimize_scalar(
-                cost, bounds=(centre - 2, centre + 2), method="bounded", options={"xatol": 1e-10}
-            ).x
-        )
-        return math.exp(float(np.mean(np.log(largest) - shape(best)))), math.exp(best)
+        ends: Any = {"bounds": (centre - 2, centre + 2), "options": {"xatol": 1e-10}}
+        best = float(minimize_scalar(cost, method="bounded", **ends).x)
+        return math.exp(float(np.mean(rest(best)))), math.exp(best)
 
     def equation(self, fit: FormulaFit) -> Expression:
         """Return the formula with its numbers, the hinge as a person would write it."""
@@ -183,63 +180,45 @@ def adapted(
     and count as one, of 5 % of the force.
     """
     family = family_of(fit.definition)
-    known = {name: value for name, value in fit.parameters.items() if name != "zero"}
-    numbers: dict[str, Expression] = {
-        name: Number(float(value))
-        for name, value in {**known, family.settings.of: dimension}.items()
-    }
-    body = substitute(
-        parse(family.text.removeprefix("zero + ")), {**numbers, "strain": parse("q_strain*strain")}
-    )
-    text = f"zero + q_force*({to_text(body)})"
+    known = {**fit.parameters, family.settings.of: dimension}
+    numbers = {name: Number(float(value)) for name, value in known.items() if name != "zero"}
+    body = parse(family.text.removeprefix("zero + "))
+    body = substitute(body, {**numbers, "strain": parse("q_strain*strain")})
+    text, bounds = f"zero + q_force*({to_text(body)})", {"q_strain": WITHIN}
     made = definition(
-        f"{NAME}, adapted",
-        family.reference,
-        text,
-        {"zero": None, "q_force": None, "q_strain": WITHIN},
-        {},
+        f"{NAME}, adapted", family.reference, text, {"zero": None, "q_force": None, **bounds}, {}
     )
-    start = np.array([1.0, 1.0])
+    formula, n = formula_of(made), len(target)
+    columns = columns or dict.fromkeys(("pressure", "strain"), target)  # no rows
+    # samples of one strain err together
+    span = float(np.ptp(columns["strain"])) or 1.0 if n else 1.0
+    strains = np.round(columns["strain"] / span, 2)
+    _, number, counts = np.unique(strains, return_inverse=True, return_counts=True)
+    weight = 1 / np.sqrt(counts[number])
+    scatter = SCATTER * float(np.abs(target).max(initial=0.0) or 1.0)
 
     def parameters(q: Array) -> dict[str, float]:
         return {"zero": fit.parameters["zero"], "q_force": float(q[0]), "q_strain": float(q[1])}
 
-    formula = formula_of(made)
-    scales, errors = start, np.full(2, PRIOR)
-    residual = np.zeros(0)
-    if len(target):
-        weight, scatter = (
-            _root_weights(columns["strain"]),
-            SCATTER * float(np.abs(target).max() or 1.0),
-        )
+    def missed(q: Array) -> Array:
+        return formula.predict(parameters(q), columns) - target
 
-        def cost(q: Array) -> Array:
-            missed = weight * (formula.predict(parameters(q), columns) - target) / scatter
-            return np.concatenate([missed, (q - 1.0) / PRIOR])
+    def cost(q: Array) -> Array:
+        return np.concatenate([weight * missed(q) / scatter, (q - 1.0) / PRIOR])
 
-        solved = least_squares(cost, start, xtol=1e-12, ftol=1e-12)
-        scales, residual = solved.x, formula.predict(parameters(solved.x), columns) - target
-        jacobian = np.asarray(solved.jac)
-        errors = np.sqrt(np.diag(np.linalg.inv(jacobian.T @ jacobian)))
+    solved = least_squares(cost, np.ones(2), xtol=1e-12, ftol=1e-12)
+    jacobian, residual = np.asarray(solved.jac), missed(solved.x)
+    errors = np.sqrt(np.diag(np.linalg.inv(jacobian.T @ jacobian)))
     return replace(
         fit,
-        name=f"{NAME}, adapted",
-        parameters=parameters(scales),
+        name=formula.name,
+        parameters=parameters(solved.x),
         errors={"zero": math.nan, "q_force": float(errors[0]), "q_strain": float(errors[1])},
         method="least squares with priors",
         rank=2,
         condition=1.0,
         sse=float(residual @ residual),
-        samples=len(target),
-        notes=(*fit.notes[:1], f"adapted by {len(target)} samples"),
+        samples=n,
+        notes=(*fit.notes[:1], f"adapted by {n} samples"),
         definition=made,
     )
-
-
-def _root_weights(strain: Array) -> Array:
-    """Roots of the weights of samples, (n,): those of one strain err together, and count as one."""
-    span = float(np.ptp(strain)) or 1.0
-    _, number, counts = np.unique(
-        np.round(strain / span, 2), return_inverse=True, return_counts=True
-    )
-    return np.asarray(1 / np.sqrt(counts[number]))

@@ -29,7 +29,6 @@ from mapmore_cli.modelling.literature.problem import (
     Nonlinear,
     dependence,
     finite,
-    needed,
 )
 
 TARGET = "target"
@@ -48,11 +47,6 @@ class LinearForm:
     text: str
     linear: tuple[str, ...]
     printed: Mapping[str, str]
-
-    @cached_property
-    def expression(self) -> Expression:
-        """The text, parsed."""
-        return parse(self.text)
 
 
 @dataclass(frozen=True)
@@ -108,14 +102,14 @@ class Formula:
 
         Raises `SpecError` where one of them is not known.
         """
-        given = {name: value for name in self.dimensions if (value := lengths.get(name))}
         for name in self.dimensions:
-            if name not in given:
+            if not lengths.get(name):
                 raise SpecError(
                     f"{self.name} needs the {name} of the muscle",
                     f"add `{name}: 10 mm` (with your own number) to `muscle`",
                 )
-        return replace(self, given=given) if given else self
+        given = {name: value for name in self.dimensions if (value := lengths.get(name))}
+        return replace(self, given=given)
 
     def checked(self) -> Self:
         """Return the formula; raises ValueError where its text is not what it declares."""
@@ -145,7 +139,7 @@ class Formula:
             )
         return replace(self, start=start)
 
-    @cached_property
+    @property
     def expression(self) -> Expression:
         """The formula with its parameters as names."""
         return parse(self.text)
@@ -160,16 +154,14 @@ class Formula:
         """Names of the parameters in which the formula is linear, those of its linear form where it
         has one.
         """
+        if self.form is not None:
+            return self.form.linear
         nonlinear = {parameter.name for parameter in self.nonlinear}
-        return (
-            self.form.linear
-            if self.form is not None
-            else tuple(name for name in self.fitted if name not in nonlinear)
-        )
+        return tuple(name for name in self.fitted if name not in nonlinear)
 
-    @cached_property
+    @property
     def _fitted_expression(self) -> Expression:
-        return self.expression if self.form is None else self.form.expression
+        return parse((self.form or self).text)
 
     def fit(self, columns: Columns, y: Array, method: str | None = None) -> FormulaFit:
         """Least-squares fit to the target `y`, `(n,)`, with the inputs among `columns`.
@@ -214,8 +206,8 @@ class Formula:
         """Return the rows in canonical order, so that the order of the samples cannot change a
         digit of the fit; raises as `fit`.
         """
-        inputs = {name: finite(name, needed(name, columns)) for name in self.inputs}
-        target = finite("the target", y)
+        inputs = {name: finite(name, columns) for name in self.inputs}
+        target = finite("the target", {"the target": y})
         if len(target) < len(self.fitted):
             raise DataError(
                 f"{self.name} has {len(self.fitted)} parameters, but there are only "
@@ -238,50 +230,48 @@ class Formula:
     def _result(self, problem: LeastSquares, solution: solvers.Solution) -> FormulaFit:
         values, notes = self._printed(problem, solution.beta, solution.c), solution.notes
         count, samples = len(self.fitted), len(problem.y)
-        unknown = dict.fromkeys(self.parameters, float("nan"))
+        unknown, status = dict.fromkeys(self.parameters, float("nan")), solution.status
         failed = not np.isfinite(list(values.values())).all()
-        if failed and solution.status != "failed":
+        if failed and status != "failed":
             notes = (*notes, "the printed parameters have no finite value")
+        fit = FormulaFit(
+            *(self.name, unknown, unknown, "failed", solution.method, 0, np.nan, np.nan, samples),
+            notes=notes,
+            definition=self.definition,
+        )
         if failed:
-            result = FormulaFit(
-                self.name, unknown, unknown, "failed", solution.method, 0, *2 * (np.nan,), samples
-            )
-            return replace(result, notes=notes, definition=self.definition)
-        sse = problem.sse(solution.beta, solution.c)
+            return fit
+        sse, freedom = problem.sse(solution.beta, solution.c), samples - count
         deviations, rank, condition = linear.parameter_errors(
             self._jacobian(values, problem.at_levels.columns, samples),
-            sse / (samples - count) if samples > count else np.nan,
+            sse / freedom if freedom else np.nan,
         )
         errors = dict(zip(self.fitted, map(float, deviations), strict=True))
         if rank < count:
-            choice = (
-                "the solution of least norm was taken"
+            one = (
+                "the solution of least norm"
                 if len(self.nonlinear) <= 1
-                else "one of many equally good solutions was taken"
+                else ("one of many equally good solutions")
             )
-            notes = (*notes, dependence(rank, count, problem.columns, choice))
+            notes = (*notes, dependence(rank, count, problem.columns, f"{one} was taken"))
         weak = [
             name
             for name, error in errors.items()
-            if not linear.half_width(error, samples - count) <= abs(values[name])
+            if not linear.half_width(error, freedom) <= abs(values[name])
         ]
-        if weak and samples > count:
+        if weak and freedom:
             notes = (*notes, f"not identified (95 % interval beyond zero): {', '.join(weak)}")
-        return FormulaFit(
-            name=self.name,
+        rivals = [Optimum(self._printed(problem, *at), problem.sse(*at)) for at in solution.rivals]
+        return replace(
+            fit,
             parameters=values,
             errors={**unknown, **errors},
-            status=solution.status if rank == count else "rank_deficient",
-            method=solution.method,
+            status=status if rank == count else "rank_deficient",
             rank=rank,
             condition=condition,
             sse=sse,
-            samples=samples,
             notes=notes,
-            rivals=tuple(
-                Optimum(self._printed(problem, *at), problem.sse(*at)) for at in solution.rivals
-            ),
-            definition=self.definition,
+            rivals=tuple(rivals),
         )
 
     def _printed(self, problem: LeastSquares, beta: Array, c: Array) -> dict[str, float]:

@@ -44,9 +44,8 @@ class Nonlinear:
 
     def written(self, c: float) -> str:
         """Return a coordinate as a person would write the value."""
-        return f"{c:g}" + (
-            f"/max|{self.per}|" if self.per else f" max|{self.of}|" if self.of else ""
-        )
+        per, of = self.per and f"/max|{self.per}|", self.of and f" max|{self.of}|"
+        return f"{c:g}{per or of or ''}"
 
 
 @dataclass(frozen=True)
@@ -131,9 +130,8 @@ class LeastSquares:
         """
         if self.nonlinear:
             return self
-        held = replace(
-            self, columns={name: nominal(column) for name, column in self.columns.items()}
-        )
+        columns = {name: nominal(column) for name, column in self.columns.items()}
+        held = replace(self, columns=columns)
         _, rank, _ = parameter_errors(held.linear_at(np.empty(0))[0], 0.0)
         return held if rank < len(self.linear) else self
 
@@ -217,7 +215,7 @@ def nominal(column: Array) -> Array:
             (highest - lowest).max()
         ) <= SCATTER * float(parting):
             group = np.searchsorted(starts, np.arange(len(values)), side="right") - 1
-            return np.asarray(((lowest + highest) / 2)[group[place]])
+            return ((lowest + highest) / 2)[group[place]]
     return column
 
 
@@ -231,21 +229,17 @@ def dependence(rank: int, count: int, inputs: Columns, choice: str) -> str:
     )
 
 
-def needed(name: str, columns: Columns) -> Array:
-    """Return the column `name`; raises `DataError` where it is absent."""
+def finite(name: str, columns: Columns) -> Array:
+    """Return the column `name`; raises `DataError` where it is absent, and with the first row in
+    which it is not finite.
+    """
     if name not in columns:
         raise DataError(
             f"there is no column `{name}` among the inputs",
             "declare it under `columns` or `derive`",
         )
-    return np.asarray(columns[name], dtype=float)
-
-
-def finite(name: str, column: Array) -> Array:
-    """Return the column; raises `DataError` with the first row in which it is not finite."""
-    values = np.asarray(column, dtype=float)
-    if not np.isfinite(values).all():
-        row = int(np.argmin(np.isfinite(values)))
+    values = np.asarray(columns[name], dtype=float)
+    for row in np.flatnonzero(~np.isfinite(values))[:1]:
         raise DataError(
             f"{name} is not finite in row {row}: {values[row]}",
             "drop the sample (`missing: drop`) or mend the recording",

@@ -11,9 +11,8 @@ the papers.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from functools import partial
-from typing import Any, Literal
+from functools import lru_cache, partial
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
@@ -29,8 +28,7 @@ raise `NotFinite`.
 """
 
 
-@dataclass(frozen=True)
-class End:
+class End(NamedTuple):
     """Where a descent ended, `(k,)`; half the sum of squares there; whether it had converged."""
 
     x: Array
@@ -43,8 +41,7 @@ class End:
         return "converged" if self.converged else "stopped_by_limit"
 
 
-@dataclass(frozen=True)
-class Solution:
+class Solution(NamedTuple):
     """Linear parameters `beta`, `(m,)`, and coordinates `c`, `(k,)`; `status` and `method` as in
     `FormulaFit`.
 
@@ -85,21 +82,21 @@ def descend(
     """
     from scipy.optimize import least_squares
 
-    known: dict[bytes, tuple[Array, Array] | None] = {}
-
-    def at(x: Array) -> tuple[Array, Array] | None:
-        """Both at once: SciPy asks for the derivatives where it has asked for the residuals."""
-        if x.tobytes() not in known:
-            known.clear()
-            known[x.tobytes()] = _finite(system, x)
-        return known[x.tobytes()]
+    @lru_cache(maxsize=1)  # SciPy asks for the derivatives where it has asked for the residuals
+    def at(place: bytes) -> tuple[Array, Array] | None:
+        try:
+            with np.errstate(all="ignore"):
+                both = system(np.frombuffer(place))
+        except NotFinite:
+            return None
+        return both if all(np.isfinite(part).all() for part in both) else None
 
     def residual(x: Array) -> Array:
-        both = at(x)
+        both = at(x.tobytes())
         return refused if both is None else both[0]
 
     def slopes(x: Array) -> Array:
-        both = at(x)
+        both = at(x.tobytes())
         assert both is not None
         return both[1]
 
@@ -108,21 +105,12 @@ def descend(
     ends = []
     for start in starts:
         x = np.clip(start, *bounds)
-        first = at(x)
+        first = at(x.tobytes())
         if first is not None:
             refused = np.full(len(first[0]), REFUSED)
             end = least_squares(residual, x, slopes, bounds, method, x_scale="jac", **limits)
             ends.append(End(end.x, float(end.cost), end.status > 0))
     return ends
-
-
-def _finite(system: System, x: Array) -> tuple[Array, Array] | None:
-    try:
-        with np.errstate(all="ignore"):
-            both = system(x)
-    except NotFinite:
-        return None
-    return both if all(np.isfinite(part).all() for part in both) else None
 
 
 TOUCHING = 1e-6  # of the range of a coordinate (or absolute, where it has no end)
@@ -156,8 +144,8 @@ def rivals(ends: Sequence[End], best: End) -> list[End]:
     deepest first.
     """
     told = [best]
-    for end in sorted((end for end in ends if end.converged), key=_cost):
-        if (1 + DISTINCT) * told[-1].cost < end.cost <= RIVAL * best.cost:
+    for end in sorted(ends, key=_cost):
+        if end.converged and (1 + DISTINCT) * told[-1].cost < end.cost <= RIVAL * best.cost:
             told.append(end)
     return told[1:]
 
@@ -198,29 +186,26 @@ def variable_projection(problem: LeastSquares) -> Solution:
     if not problem.nonlinear:
         straight = _projected(problem.at_levels, np.empty(0))
         return Solution(straight.beta, np.empty(0), "converged", "linear least squares")
-    few = problem.condensed()
-    if len(problem.nonlinear) == 1:
-        searches = _valleys(few)
-        if not searches:
-            places = np.concatenate(_grids(problem))
-            c = places[[np.argmin(np.abs(np.log(np.abs(places))))]]
-            name = problem.nonlinear[0].name
-            note = f"{name} is arbitrary: every value fits these data equally well"
-            return Solution(_projected(problem, c).beta, c, "converged", METHOD, (note,))
-    else:
-        searches = [(problem.bounds, list(drawn_starts(problem.nonlinear)))]
+    few, several = problem.condensed(), len(problem.nonlinear) > 1
+    bounds = problem.bounds
+    searches = [(bounds, list(drawn_starts(problem.nonlinear)))] if several else _valleys(few)
+    if not searches:
+        places = np.concatenate(_grids(problem))
+        c = places[[np.argmin(np.abs(np.log(np.abs(places))))]]
+        note = f"{problem.nonlinear[0].name} is arbitrary: every value fits these data equally well"
+        return Solution(_projected(problem, c).beta, c, "converged", METHOD, (note,))
     ends = [
-        (end, bounds)
-        for bounds, starts in searches
-        for end in descend(partial(_projection, few), starts, bounds)
+        (end, within)
+        for within, starts in searches
+        for end in descend(partial(_projection, few), starts, within)
     ]
-    best, bounds = min(ends, key=lambda pair: pair[0].cost, default=(None, problem.bounds))
+    best, bounds = min(ends, key=lambda pair: pair[0].cost, default=(None, bounds))
     finished = [] if best is None else descend(partial(_projection, problem), [best.x], bounds)
     if best is None or not finished:
         return failure(problem, METHOD)
     c, touched = onto_bounds(finished[0].x, bounds)
     reached = [end for end, _ in ends]
-    notes = [] if len(problem.nonlinear) == 1 else [agreement(reached, best, STARTS)]
+    notes = [agreement(reached, best, STARTS)] * several
     for i in touched:
         parameter = problem.nonlinear[i]
         limit = parameter.written(c[i])
@@ -253,13 +238,9 @@ def _grids(problem: LeastSquares) -> list[Array]:
 
 
 def _projected_sse(problem: LeastSquares, c: float) -> float:
-    """Return the sum of squares at a place of the scan: with `[Phi y] = Q R`, only R is left to
-    solve.
-    """
+    """Return the sum of squares at a place of the scan."""
     try:
-        phi, target = problem.linear_at(np.array([c]))
-        triangle = np.asarray(np.linalg.qr(np.column_stack([phi, target]), mode="r"))
-        residual = linear.solve_linear(triangle[:, :-1], triangle[:, -1]).residual
+        residual = _projected(problem, np.array([c])).residual
     except (NotFinite, np.linalg.LinAlgError):
         return np.inf
     return float(residual @ residual)

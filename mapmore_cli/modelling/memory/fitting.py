@@ -14,7 +14,7 @@ from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.fits import MemoryFit
 from mapmore_cli.modelling.expressions import NotFinite
 from mapmore_cli.modelling.memory.records import Record
-from mapmore_cli.modelling.memory.refinement import Coefficients, refine
+from mapmore_cli.modelling.memory.refinement import refine
 from mapmore_cli.modelling.memory.selectors import TermChoice
 from mapmore_cli.modelling.memory.training import DIGITS, TrainingData, Unknown, left_open
 from mapmore_cli.modelling.selection import MemoryRecipe
@@ -62,26 +62,28 @@ def fit_with_memory(
     own = numbers.those_of(training.open_in(chosen))
     if recipe.criterion == "one_step" and not own.any():
         return replace(training.fit(choice), held_out=held_out)
-    point = refine(training.problem(chosen, search=True), _ahead(choice, start[own]))
+    problem = training.problem(chosen, search=True)
+    point = refine(problem, _ahead(choice, start[own]))
     if not np.isfinite(point.error):
         raise DataError(
             "the free run of the chosen terms diverges on the training samples", DIVERGES
         )
+    vector = point.vector
     if own.any():
-        start[own] = point.numbers
+        theta, constant, start[own] = problem.split(vector)
         training = TrainingData(records, recipe, numbers.numbers(start, DIGITS))
         again = training.selector.among(chosen, choice.selection.stop)
         order = [chosen.tolist().index(term) for term in again.selection.chosen]
-        vector = [*point.theta[order], point.constant, *point.numbers]
-        point = Coefficients(np.array(vector), len(order))
+        vector = np.array([*theta[order], constant, *start[own]])
         choice = replace(again, forward=choice.forward)
-    return replace(training.fit(choice, point), held_out=held_out)
+    return replace(training.fit(choice, vector), held_out=held_out)
 
 
-def _ahead(choice: TermChoice, numbers: Sequence[float] | Array = ()) -> Coefficients:
-    """Coefficients of one step ahead, and the operators' numbers that go with them."""
-    theta = choice.selection.theta
-    return Coefficients(np.concatenate([theta, [choice.constant], numbers]), len(theta))
+def _ahead(choice: TermChoice, numbers: Sequence[float] | Array = ()) -> Array:
+    """Return coefficients and constant of one step ahead, and the operators' numbers that go with
+    them.
+    """
+    return np.array([*choice.selection.theta, choice.constant, *numbers])
 
 
 def _start(records: Sequence[Record], recipe: MemoryRecipe, numbers: Unknown) -> Array:
@@ -110,10 +112,11 @@ def _start(records: Sequence[Record], recipe: MemoryRecipe, numbers: Unknown) ->
         if not len(best):
             best = searched  # what is left where no set's free run stays finite, or none is chosen
         part = numbers.those_of(training.open_in(chosen))
-        point = refine(training.problem(chosen, short, search=True), _ahead(choice, searched[part]))
+        problem = training.problem(chosen, short, search=True)
+        point = refine(problem, _ahead(choice, searched[part]))
         if point.error < least:
             best, least = searched, point.error
-            best[part] = point.numbers
+            *_, best[part] = problem.split(point.vector)
     return best
 
 
@@ -134,12 +137,11 @@ def _sized_in_free_run(
     for terms, chosen in enumerate(early.selector.sizes, 1):
         choice = early.selector.among(chosen, "free_run")
         sizes.append(choice.selection.chosen)
-        point = _ahead(choice)
+        vector = _ahead(choice)
         if recipe.criterion == "free_run":
-            point = refine(early.problem(sizes[-1]), point)
-        held = early.problem(sizes[-1], late)
-        at = held.at(point)
-        errors.append(np.sqrt(np.mean(held.errors(at) ** 2)) if at.runs else np.inf)
+            vector = refine(early.problem(sizes[-1]), vector).vector
+        held = early.problem(sizes[-1], late).at(vector)
+        errors.append(np.sqrt(np.mean(held.residuals**2)) if held.runs else np.inf)
         progress(terms, len(early.selector.sizes))
     if not np.isfinite(errors).any():
         raise DataError(

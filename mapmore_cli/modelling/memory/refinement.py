@@ -12,8 +12,9 @@ system of narrow band, which LAPACK solves for all coefficients at once: no loop
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg.lapack import dtbtrs
@@ -26,6 +27,8 @@ FIRST, GROWTH = 16, 8  # samples of the shortest horizon, and how many times lon
 LEAST_GROWTH = 1.2
 # Levenberg-Marquardt's factor at the start, and where a step is given up
 DAMPING, MOST_DAMPING = 1e-3, 1e8
+# iterations, and the relative gain of the error at which to stop: of free runs, and at a horizon
+THOROUGH, QUICK = (40, 1e-7), (6, 1e-2)
 # way, in the search, over which a number of an operator is moved for its difference quotient
 NUDGE = 1e-5
 
@@ -72,48 +75,19 @@ def _band(piece: ReadyPiece, run: Trajectory, slopes: Array) -> Array:
     return matrix
 
 
-@dataclass(frozen=True)
-class Effort:
-    """How long to search: iterations at each horizon, and the relative gain of the error at which
-    to stop.
-    """
+class Point(NamedTuple):
+    """A place of the search with its runs.
 
-    iterations: int
-    gain: float
-
-
-THOROUGH = Effort(40, 1e-7)
-QUICK = Effort(6, 1e-2)
-
-
-@dataclass(frozen=True)
-class Coefficients:
-    """A point of the search.
-
-    - `vector`: (k + 1 + m,) theta, the constant, and the operators' numbers that are searched.
-    - `terms`: how many theta there are, k.
+    - `vector`: (k + 1 + m,) theta, the constant, and the operators' numbers as `Unknown.searched`
+      says.
     - `error`, `runs`: what is minimised, infinite where a run diverges; the runs of all pieces.
+    - `residuals`: measured less simulated output of all samples that count, (n,).
     """
 
     vector: Array
-    terms: int
     error: float = np.inf
-    runs: tuple[Trajectory, ...] = ()
-
-    @property
-    def theta(self) -> Array:
-        """(k,) coefficients of the terms."""
-        return self.vector[: self.terms]
-
-    @property
-    def constant(self) -> float:
-        """The constant."""
-        return float(self.vector[self.terms])
-
-    @property
-    def numbers(self) -> Array:
-        """(m,) numbers of operators, as `Unknown.searched` says."""
-        return self.vector[self.terms + 1 :]
+    runs: Sequence[Trajectory] = ()
+    residuals: Array = np.empty(0)
 
 
 @dataclass(frozen=True)
@@ -128,140 +102,115 @@ class FreeRunProblem:
     - `between`: (2, k + 1 + m) least and greatest place of a point.
     """
 
-    pieces: Callable[[Array], tuple[ReadyPiece, ...]]
-    counted: tuple[BoolArray, ...]
+    pieces: Callable[[Array], Sequence[ReadyPiece]]
+    counted: Sequence[BoolArray]
     bounds: tuple[float, float]
     ridge: Array
     free_constant: bool
     between: Array
 
-    @property
-    def longest(self) -> int:
-        """Samples of the longest run."""
-        return max(map(len, self.counted))
+    def split(self, vector: Array) -> tuple[Array, float, Array]:
+        """Return the parts of theta (k,), of the constant, and of the operators' numbers (m,)."""
+        terms = len(self.ridge)
+        return vector[:terms], float(vector[terms]), vector[terms + 1 :]
 
-    def at(self, point: Coefficients, horizon: int | None = None) -> Coefficients:
-        """Return the point with its runs and its error."""
-        runs: list[Trajectory] = []
-        for piece in self.pieces(point.numbers):
-            runs.append(piece.run(point.theta, point.constant, self.bounds, horizon))
-            if len(runs[-1].begins) < piece.size:
-                return replace(point, error=np.inf, runs=())
-        point = replace(point, runs=tuple(runs))
-        error = np.sum(self.errors(point) ** 2) + self.ridge @ point.theta**2
-        return replace(point, error=float(error))
+    def at(self, vector: Array, horizon: int | None = None) -> Point:
+        """Return the place that a vector leads to, within its bounds, with its runs and error."""
+        vector = np.clip(vector, *self.between)
+        theta, constant, numbers = self.split(vector)
+        runs, residuals = list[Trajectory](), list[Array]()
+        for piece, rows in zip(self.pieces(numbers), self.counted, strict=True):
+            run = piece.run(theta, constant, self.bounds, horizon)
+            if len(run.begins) < piece.size:
+                return Point(vector)
+            runs.append(run)
+            residuals.append((piece.measured[piece.start :] - run.output)[rows])
+        pooled = np.concatenate(residuals)
+        error = np.sum(pooled**2) + self.ridge @ theta**2
+        return Point(vector, float(error), runs, pooled)
 
-    def errors(self, point: Coefficients) -> Array:
-        """Return measured less simulated output of all samples that count, (n,)."""
-        return np.concatenate(
-            [
-                (piece.measured[piece.start :] - run.output)[rows]
-                for piece, run, rows in zip(
-                    self.pieces(point.numbers), point.runs, self.counted, strict=True
-                )
-            ]
-        )
-
-    def normal(self, point: Coefficients, horizon: int | None = None) -> tuple[Array, Array]:
+    def normal(self, point: Point, horizon: int | None = None) -> tuple[Array, Array]:
         """Half the curvature `J'J + ridge` and half the downhill gradient of the error along a
         point's runs, by all of its vector.
+
+        By the number of an operator, the derivative is a central difference; one-sided at a bound,
+        and where a run to the other side diverges.
         """
-        by_theta = [
-            sensitivities(piece, run, point.theta)[rows]
-            for piece, run, rows in zip(
-                self.pieces(point.numbers), point.runs, self.counted, strict=True
-            )
-        ]
-        by_numbers = [
-            self._by_number(point, place, horizon)
-            for place in range(point.terms + 1, len(point.vector))
-        ]
-        slopes = np.column_stack([np.vstack(by_theta), *by_numbers])
-        curvature, downhill = slopes.T @ slopes, slopes.T @ self.errors(point)
-        terms = np.arange(point.terms)
+        theta, _, numbers = self.split(point.vector)
+        runs = zip(self.pieces(numbers), point.runs, self.counted, strict=True)
+        columns = [np.vstack([sensitivities(piece, run, theta)[rows] for piece, run, rows in runs])]
+        for place in range(len(theta) + 1, len(point.vector)):
+            nudge = NUDGE * (np.arange(len(point.vector)) == place)
+            ends = [self.at(point.vector + move, horizon) for move in (nudge, -nudge)]
+            above, below = (end if np.isfinite(end.error) else point for end in ends)
+            apart = above.vector[place] - below.vector[place] or np.inf
+            columns.append((below.residuals - above.residuals) / apart)
+        slopes = np.column_stack(columns)
+        curvature, downhill = slopes.T @ slopes, slopes.T @ point.residuals
+        terms = np.arange(len(theta))
         curvature[terms, terms] += self.ridge
-        downhill[terms] -= self.ridge * point.theta
+        downhill[terms] -= self.ridge * theta
         return curvature, downhill
 
-    def _by_number(self, point: Coefficients, place: int, horizon: int | None) -> Array:
-        """Return the derivative of the runs by one number of an operator: a central difference,
-        one-sided at a bound, and where a run to the other side diverges.
-        """
-        ends = []
-        for way in (NUDGE, -NUDGE):
-            moved = self.at(
-                self.moved(point, way * (np.arange(len(point.vector)) == place)), horizon
-            )
-            ends.append(moved if np.isfinite(moved.error) else point)
-        apart = ends[0].vector[place] - ends[1].vector[place] or np.inf
-        return (self.errors(ends[1]) - self.errors(ends[0])) / apart
-
-    def moved(self, point: Coefficients, move: Array) -> Coefficients:
-        """Return the point moved, within its bounds."""
-        return Coefficients(np.clip(point.vector + move, *self.between), point.terms)
-
-    def free(self, point: Coefficients, downhill: Array) -> BoolArray:
+    def free(self, vector: Array, downhill: Array) -> BoolArray:
         """(k + 1 + m,) what may move: not a number at a bound that the search wants to leave."""
         low, high = self.between
-        at_low, at_high = point.vector <= low, point.vector >= high
+        at_low, at_high = vector <= low, vector >= high
         free: BoolArray = ~((at_low & (downhill < 0)) | (at_high & (downhill > 0)))
-        free[point.terms] = self.free_constant
+        free[len(self.ridge)] = self.free_constant
         return free
 
 
-def refine(problem: FreeRunProblem, start: Coefficients) -> Coefficients:
-    """Return coefficients of least error in free run, searched from `start`; of infinite error
-    where no run on the way stays finite.
+def refine(problem: FreeRunProblem, start: Array) -> Point:
+    """Return the point of least error in free run, searched from a vector; of infinite error where
+    no run on the way stays finite.
     """
-    fed_back = any(piece.feedback.weights for piece in problem.pieces(start.numbers))
-    point, last, horizon = start, 0, FIRST if fed_back else problem.longest
+    *_, numbers = problem.split(start)
+    fed_back = any(piece.feedback.weights for piece in problem.pieces(numbers))
+    longest = max(map(len, problem.counted))
+    vector, last, horizon = start, 0, FIRST if fed_back else longest
     while True:
-        whole = horizon >= problem.longest
-        reached = (
-            minimise(problem, point, None, THOROUGH)
-            if whole
-            else minimise(problem, point, horizon, QUICK)
-        )
+        whole = horizon >= longest
+        reached = minimise(problem, vector, None if whole else horizon)
         if np.isfinite(reached.error):
             if whole:
                 return reached
-            point, last, horizon = reached, horizon, horizon * GROWTH
+            vector, last, horizon = reached.vector, horizon, horizon * GROWTH
             continue
-        nearer = int(np.sqrt(min(horizon, problem.longest) * last))
+        nearer = int(np.sqrt(min(horizon, longest) * last))
         if nearer < LEAST_GROWTH * last or not last:
             return reached
         horizon = nearer
 
 
-def minimise(
-    problem: FreeRunProblem, start: Coefficients, horizon: int | None, effort: Effort
-) -> Coefficients:
+def minimise(problem: FreeRunProblem, start: Array, horizon: int | None) -> Point:
     """Search by Levenberg-Marquardt at one horizon (None: free run); steps whose run diverges are
     refused as those are that raise the error.
 
     SciPy's trust region ends in other valleys of the error, and no lower ones on the whole.
     """
     point, damping = problem.at(start, horizon), DAMPING
-    for _ in range(effort.iterations):
+    iterations, least_gain = THOROUGH if horizon is None else QUICK
+    for _ in range(iterations):
         if not np.isfinite(point.error):
             return point
         curvature, downhill = problem.normal(point, horizon)
         if not (np.isfinite(curvature).all() and np.isfinite(downhill).all()):
             return point
-        free = problem.free(point, downhill)
+        free = problem.free(point.vector, downhill)
         alike, size = _of_unit_diagonal(curvature[np.ix_(free, free)])
         better = point
         while better is point and damping <= MOST_DAMPING:
             damped = alike + damping * np.eye(len(size))
             move = np.zeros(len(free))
             move[free] = np.linalg.lstsq(damped, downhill[free] / size, rcond=None)[0] / size
-            tried = problem.at(problem.moved(point, move), horizon)
+            tried = problem.at(point.vector + move, horizon)
             if tried.error < point.error:
                 better, damping = tried, damping / 10
             else:
                 damping *= 10
         gained, point = point.error - better.error, better
-        if gained <= effort.gain * (point.error + gained):
+        if gained <= least_gain * (point.error + gained):
             return point
     return point
 
@@ -274,19 +223,18 @@ def _of_unit_diagonal(curvature: Array) -> tuple[Array, Array]:
     return curvature / size / size[:, None], size
 
 
-def errors_of_coefficients(problem: FreeRunProblem, point: Coefficients) -> tuple[Array, Array]:
-    """Return standard errors of theta (k,) and of the operators' numbers (m,), from the curvature
-    of the simulation error.
+def standard_errors(problem: FreeRunProblem, vector: Array) -> Array:
+    """Return standard errors of a point, (k + 1 + m,), from the curvature of the simulation error.
 
     NaN without a degree of freedom or a finite curvature, and for a number at its bound.
     """
-    point = problem.at(point)
+    point = problem.at(vector)
     curvature, downhill = problem.normal(point)
-    free, residuals = problem.free(point, downhill), problem.errors(point)
-    errors = np.full(len(free), np.nan)
-    freedom = len(residuals) - int(free.sum())
+    free, errors = problem.free(vector, downhill), np.full(len(vector), np.nan)
+    freedom = len(point.residuals) - int(free.sum())
     if freedom > 0 and np.isfinite(curvature).all():
         alike, size = _of_unit_diagonal(curvature[np.ix_(free, free)])
         spread = np.diag(np.linalg.pinv(alike, hermitian=True)) / size**2
-        errors[free] = np.sqrt(np.maximum(spread, 0.0) * (residuals @ residuals) / freedom)
-    return errors[: point.terms], errors[point.terms + 1 :]
+        squares = point.residuals @ point.residuals
+        errors[free] = np.sqrt(np.maximum(spread, 0.0) * squares / freedom)
+    return errors

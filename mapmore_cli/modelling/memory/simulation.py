@@ -5,7 +5,6 @@ coefficients.
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
@@ -107,18 +106,31 @@ class ReadyPiece:
 
         It ends at the first sample that leaves the `bounds`, which is left out.
         """
-        groups = self.feedback.parts.groups
-        weighted = self.inputs * theta
-        driven = [
-            (name, weighted[:, groups == group].sum(axis=1).tolist())
-            for group, name in enumerate(self.feedback.weights)
-        ]
-        driven.append(("base", (constant + weighted[:, groups < 0].sum(axis=1)).tolist()))
-        begins = self.begins(horizon)
-        parts, done = [np.empty((len(self.history), 0))], 0
+        feedback, (low, high), weighted = self.feedback, bounds, self.inputs * theta
+        groups = feedback.parts.groups
+        sums = {
+            name: weighted[:, groups == group].sum(axis=1)
+            for group, name in enumerate(feedback.weights)
+        }
+        sums["base"] = constant + weighted[:, groups < 0].sum(axis=1)
+        driven = [(name, column.tolist()) for name, column in sums.items()]
+        begins, done = self.begins(horizon), 0
+        parts = [np.empty((len(self.history), 0))]
         for begin, end in pairwise([*np.unique(begins).tolist(), self.size]):
-            recalled = self.recalled_at(begin) if before is None else before
-            parts.append(self._stretch(range(begin, end), driven, bounds, recalled))
+            queues = (self.recalled_at(begin) if before is None else before).tolist()
+            recalls = [
+                (name, queues[place], -steps) for name, (place, steps) in feedback.recalls.items()
+            ]
+            with np.errstate(all="ignore"):
+                for k in range(begin, end):
+                    known: dict[str, Any] = {name: queue[back] for name, queue, back in recalls}
+                    known.update([(name, column[k]) for name, column in driven])
+                    values = feedback.step(known, 1)
+                    if not low <= values[0] <= high:
+                        break
+                    for queue, value in zip(queues, values, strict=True):
+                        queue.append(value)
+            parts.append(np.array(queues)[:, feedback.depth :])
             done += parts[-1].shape[1]
             if done < end:
                 break
@@ -128,32 +140,6 @@ class ReadyPiece:
         """Return what the model recalls at a sample along the measured output, (q, depth)."""
         back = np.arange(-self.feedback.depth, 0) + self.start + sample
         return np.asarray(self.history[:, np.maximum(back, 0)])
-
-    def _stretch(
-        self,
-        samples: range,
-        driven: Sequence[tuple[str, list[float]]],
-        bounds: tuple[float, float],
-        before: Array,
-    ) -> Array:
-        """Return the q values of the samples, or of those before the first that leaves the
-        bounds.
-        """
-        depth, step, (low, high) = self.feedback.depth, self.feedback.step, bounds
-        queues: list[list[Any]] = before.tolist()
-        recalls = [
-            (name, queues[place], -steps) for name, (place, steps) in self.feedback.recalls.items()
-        ]
-        with np.errstate(all="ignore"):
-            for k in samples:
-                known: dict[str, Any] = {name: queue[back] for name, queue, back in recalls}
-                known.update([(name, column[k]) for name, column in driven])
-                values = step(known, 1)
-                if not low <= values[0] <= high:
-                    break
-                for queue, value in zip(queues, values, strict=True):
-                    queue.append(value)
-        return np.array(queues)[:, depth:]
 
     def recalled(self, trajectory: Trajectory) -> dict[str, Value]:
         """Return every past value that a run needs, (n,) each by name: measured where it is from

@@ -26,11 +26,7 @@ from mapmore_cli.modelling.expressions.operators import OPERATORS
 from mapmore_cli.modelling.expressions.states import Measured, Operated, State, state
 from mapmore_cli.modelling.memory.feedback import Feedback, fed_back_states, parted
 from mapmore_cli.modelling.memory.records import Record
-from mapmore_cli.modelling.memory.refinement import (
-    Coefficients,
-    FreeRunProblem,
-    errors_of_coefficients,
-)
+from mapmore_cli.modelling.memory.refinement import FreeRunProblem, standard_errors
 from mapmore_cli.modelling.memory.selectors import TermChoice, regressors, selector
 from mapmore_cli.modelling.memory.simulation import (
     ReadyPiece,
@@ -212,18 +208,19 @@ class TrainingData:
         self.limits = extremes(self.data.y)
         self.selector = selector(self.data, recipe)
 
-    def fit(self, choice: TermChoice, point: Coefficients | None = None) -> MemoryFit:
+    def fit(self, choice: TermChoice, vector: Array | None = None) -> MemoryFit:
         """Return the model of a choice, with its coefficients of one step ahead; or with those of
-        a `point` found in free run, in the order of the choice, and their standard errors.
+        a point found in free run, in the order of the choice, and their standard errors.
         """
         selection, constant, identified = choice.selection, choice.constant, None
         chosen = selection.chosen
-        if point is not None:
-            errors, of_numbers = errors_of_coefficients(self.problem(chosen, search=True), point)
-            selection = replace(selection, theta=point.theta, theta_error=errors)
-            constant, numbers = point.constant, self.open_in(chosen)
+        if vector is not None:
+            problem, numbers = self.problem(chosen, search=True), self.open_in(chosen)
+            errors, _, of_numbers = problem.split(standard_errors(problem, vector))
+            theta, constant, at = problem.split(vector)
+            selection = replace(selection, theta=theta, theta_error=errors)
             if numbers.states:
-                identified = numbers.identified(point.numbers, of_numbers)
+                identified = numbers.identified(at, of_numbers)
         model = MemoryModel(
             self.recipe.target,
             self._states_of(chosen),
@@ -264,12 +261,21 @@ class TrainingData:
             end = int(np.max(np.flatnonzero(mask), initial=-1)) + 1
             if end:
                 parts.append(({name: x[:end] for name, x in record.columns.items()}, mask[:end]))
+        given = [self.recipe.dictionary[i] for i in chosen] if search else []
+        numbers = left_open(self.records, given, self.recipe.step)
 
-        def made_ready(terms: Sequence[str], states: StateSet) -> list[ReadyPiece]:
+        @lru_cache(maxsize=4)
+        def made_ready(*at: float) -> list[ReadyPiece]:
+            """Return all pieces; where numbers are searched, those of a place of the search."""
+            terms, states = tuple(self.dictionary[i] for i in chosen), self._states_of(chosen)
+            if at:
+                terms = numbers.filled(given, numbers.numbers(np.array(at)))
+                found = self.states.resonances
+                states = resolve_states(_names_in(terms), self.records, self.recipe, found)
             feedback = Feedback(terms, states, self.recipe.target)
             return [ReadyPiece(feedback, columns) for columns, _ in parts]
 
-        pieces = made_ready([self.dictionary[i] for i in chosen], self._states_of(chosen))
+        pieces = made_ready()
         rows = [
             mask[one.start :] & np.isfinite(one.measured[one.start :])
             for one, (_, mask) in zip(pieces, parts, strict=True)
@@ -282,26 +288,14 @@ class TrainingData:
             )
         for place in places:
             refuse_unknown_beginning(pieces[place])
-        ready = tuple(pieces[place] for place in places)
-        open_terms = [self.recipe.dictionary[i] for i in chosen] if search else []
-        numbers = left_open(self.records, open_terms, self.recipe.step)
-
-        @lru_cache(maxsize=4)
-        def moved(at: bytes) -> tuple[ReadyPiece, ...]:
-            terms = numbers.filled(open_terms, numbers.numbers(np.frombuffer(at)))
-            states = resolve_states(
-                _names_in(terms), self.records, self.recipe, self.states.resonances
-            )
-            others = made_ready(terms, states)
-            return tuple(others[place] for place in places)
-
+        free = [[-np.inf], [np.inf]] * np.ones(len(chosen) + 1)
         return FreeRunProblem(
-            lambda at: moved(at.tobytes()) if numbers.places else ready,
-            tuple(rows[place] for place in places),
+            lambda at: [made_ready(*at.tolist())[place] for place in places],
+            [rows[place] for place in places],
             bounds_of(self.limits),
             self.selector.penalty(chosen),
             self.recipe.ridge != 0.0,
-            np.hstack([[[-np.inf], [np.inf]] * np.ones(len(chosen) + 1), numbers.bounds]),
+            np.hstack([free, numbers.bounds]),
         )
 
     def _states_of(self, chosen: IntArray) -> StateSet:

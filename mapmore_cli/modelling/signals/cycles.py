@@ -113,9 +113,7 @@ def bin_means(over: Array, columns: Columns, edges: Array) -> tuple[Array, dict[
     filled = counts > 0
 
     def means(values: Array) -> Array:
-        return np.asarray(
-            np.bincount(place, values[inside], minlength=len(counts))[filled] / counts[filled]
-        )
+        return np.bincount(place, values[inside], minlength=len(counts))[filled] / counts[filled]
 
     return means(over), {name: means(values) for name, values in columns.items()}
 

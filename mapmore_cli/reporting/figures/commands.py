@@ -138,25 +138,17 @@ def drift_drawing(
     names: Sequence[str], points: Sequence[ReferencePoint], output: Quantity
 ) -> Drawing:
     """Return a line for each reference point, a dot for each campaign, in per cent of the first."""
-    outputs: dict[str, Sequence[float]] = {
-        ", ".join(f"{name} {value:.3g}" for name, value in point.inputs.items()): point.outputs
-        for point in points
-    }
-    looks = {
-        label: {"color": colour, "marker": "o", "markersize": 3}
-        for label, colour in zip(outputs, style.level_colours(len(outputs)), strict=True)
-    }
 
     def on(ax: Axes) -> None:
-        for label, values in outputs.items():
-            ax.plot([100 * value / values[0] for value in values], **looks[label])
+        for point, colour in zip(points, style.level_colours(len(points)), strict=True):
+            label = ", ".join(f"{name} {value:.3g}" for name, value in point.inputs.items())
+            per_cent = [100 * value / point.outputs[0] for value in point.outputs]
+            ax.plot(per_cent, color=colour, marker="o", markersize=3, label=label)
         ax.set_xticks(range(len(names)), panels.told_apart(names, 22))
 
     what = FigureStyle().axis_label(Quantity(output.name, "% of the first"))
     caption = f"{output.name} at reference points over campaigns, in per cent of the first."
-    panel = Panel("", on, "Campaign", (what,))
-    legend = [key(label, **look) for label, look in looks.items()]
-    return Drawing("drift", caption, (panel,), Layout(2.6), legend)
+    return Drawing("drift", caption, (Panel("", on, "Campaign", (what,)),), Layout(2.6))
 
 
 def draw_model(
@@ -209,7 +201,6 @@ the others.
 """
 BEST_OTHER = "best of the others"
 FLOOR: dict[str, Any] = {
-    "linestyle": "none",
     "marker": "|",
     "markersize": 9,
     "markeredgewidth": 1.2,
@@ -222,46 +213,37 @@ def campaign_figures(scores: CampaignScores) -> list[Drawing]:
     ratios are taken to, the best of a run's others, and repeated measurements; none for a single
     run.
     """
-    errors: dict[str, list[float]] = {scores.own: []}
-    if scores.relative_to not in (None, scores.own):
-        errors[str(scores.relative_to)] = []
-    errors |= {BEST_OTHER: [], REPEATABILITY: []}
-    for run in scores.pooled.values():
-        found = {model: row.nrmse for model, row in run.items() if row.nrmse > ROUNDING}
-        others = [x for model, x in found.items() if model not in (scores.own, REPEATABILITY)]
-        found[BEST_OTHER] = min(filter(np.isfinite, others), default=np.nan)
-        for model, values in errors.items():
-            values.append(100 * found.get(model, np.nan))
-    drawn = {model: np.array(x) for model, x in errors.items() if np.isfinite(x).any()}
-    runs = list(scores.pooled)
-    if len(runs) < 2 or not drawn.keys() - {REPEATABILITY}:
+    runs, own, exact = list(scores.pooled), scores.own, list[str]()
+    names = dict.fromkeys([own, scores.relative_to, BEST_OTHER, REPEATABILITY])
+    errors = {name: np.full(len(runs), np.nan) for name in names if name}
+    for place, (run, by_model) in enumerate(scores.pooled.items()):
+        known = {model: row.nrmse for model, row in by_model.items() if row.nrmse > ROUNDING}
+        others = [known[model] for model in known.keys() - {own, REPEATABILITY}]
+        known[BEST_OTHER] = min(filter(np.isfinite, others), default=np.nan)
+        for model, dots in errors.items():
+            dots[place] = 100 * known.get(model, np.nan)
+        exact += [run] if own in by_model and by_model[own].nrmse <= ROUNDING else []
+    drawn = [model for model, dots in errors.items() if np.isfinite(dots).any()]
+    if len(runs) < 2 or not {*drawn} - {REPEATABILITY}:
         return []
-    looks: dict[str, dict[str, Any]] = {}
-    for model, look in style.model_styles([*drawn]).items():
-        dots = {"marker": look.marker, "color": look.colour, "markersize": 4.0 + look.width}
-        looks[model] = {"linestyle": "none", "markeredgewidth": 0, **dots}
-    if REPEATABILITY in looks:
-        looks[REPEATABILITY] = FLOOR
+    looks = style.model_styles(drawn)
 
     def on(ax: Axes) -> None:
         rows, across = np.arange(len(runs)), ax.get_yaxis_transform()
         ax.hlines(rows, 0.0, 1.0, transform=across, colors=style.LIGHT, linewidth=0.4, zorder=0)
-        for model in reversed(drawn):  # the own dots over the others
-            known = np.isfinite(drawn[model])
-            ax.plot(drawn[model][known], rows[known], **looks[model])
+        for place, model in enumerate(drawn):
+            size = {"markersize": 4.0 + looks[model].width, "markeredgewidth": 0}
+            dots = {"marker": looks[model].marker, "color": looks[model].colour, **size}
+            dots = FLOOR if model == REPEATABILITY else dots
+            # the own dots over the others
+            on_top = {"zorder": 3 - 0.1 * place, "linestyle": "none", "label": model}
+            known = np.isfinite(errors[model])
+            ax.plot(errors[model][known], rows[known], **dots, **on_top)
         panels.label_rows(ax, panels.told_apart(runs, 40))
         panels.plain_logarithm(ax.xaxis, (1.0, 2.0, 5.0))
 
-    exact = [
-        name
-        for name, run in scores.pooled.items()
-        if scores.own in run and run[scores.own].nrmse <= ROUNDING
-    ]
     caption = f"NRMSE of every run, further left is better. The {BEST_OTHER}: known afterwards."
     if exact:
-        caption += f" Without a dot, since its error is but rounding: {scores.own} in "
-        caption += f"{', '.join(exact)}."
-    panel = Panel("", on, "NRMSE (%)", ("",))
-    handles = [key(model, **look) for model, look in looks.items()]
+        caption += f" Without a dot, since its error is but rounding: {own} in {', '.join(exact)}."
     grid = Layout(0.45 + 0.21 * len(runs), width=DOUBLE)
-    return [Drawing("nrmse", caption, (panel,), grid, handles)]
+    return [Drawing("nrmse", caption, (Panel("", on, "NRMSE (%)", ("",)),), grid)]

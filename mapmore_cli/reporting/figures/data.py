@@ -28,22 +28,23 @@ def draw(inputs: ReportInputs) -> list[Drawing]:
     height = max((len(one.columns.keys() - {"time"}) for one in shown), default=0)
     if height == 0:
         return []
+    unitless = {"time": Quantity("time", "s")}
     panels = []
     for recording in shown:
         columns = {
-            inputs.axis_label(inputs.dataset.quantities.get(name, Quantity(name, ""))): values
-            for name, values in recording.columns.items()
-            if name != "time"
+            inputs.axis_label(
+                inputs.dataset.quantities.get(name, unitless.get(name, Quantity(name, "")))
+            ): values
+            for name, values in sorted(recording.columns.items(), key=lambda one: one[0] != "time")
         }
-        x, x_label = np.arange(recording.rows_kept, dtype=float), "Sample (–)"
-        if "time" in recording.columns:
-            time = inputs.dataset.quantities.get("time", Quantity("time", "s"))
-            x, x_label = recording.columns["time"], inputs.axis_label(time)
+        if "time" not in recording.columns:
+            columns = {"Sample (–)": np.arange(recording.rows_kept, dtype=float), **columns}
+        x_label, *others = columns
         # the axes are low: the unit goes below
-        labels = ["\n".join(label.rsplit(" ", 1)) for label in columns]
-        labels += [""] * (height - len(columns))
-        on, data = partial(draw_columns, x=x, columns=columns), {x_label: x, **columns}
-        panels.append(Panel(recording.id, on, x_label, tuple(labels), data, recording.id))
+        labels = ["\n".join(label.rsplit(" ", 1)) for label in others]
+        labels += [""] * (height - len(others))
+        on = partial(draw_columns, columns=columns)
+        panels.append(Panel(recording.id, on, x_label, tuple(labels), columns, recording.id))
     caption = (
         "The kept samples of every quantity."
         f"{some_of(len(shown), len(recordings), 'recordings')}"
@@ -53,9 +54,10 @@ def draw(inputs: ReportInputs) -> list[Drawing]:
     return [Drawing("data", caption, tuple(panels), grid)]
 
 
-def draw_columns(*axes: Axes, x: Array, columns: Mapping[str, Array]) -> None:
-    """Draw each column as one line in axes of its own, its peaks kept."""
-    for ax, values in zip(axes, columns.values(), strict=False):
+def draw_columns(*axes: Axes, columns: Mapping[str, Array]) -> None:
+    """Draw each column but the first over that one, in axes of its own, its peaks kept."""
+    x, *others = columns.values()
+    for ax, values in zip(axes, others, strict=False):
         draw_trace(ax, x, values, color=BLUE, linewidth=0.7)
         ax.xaxis.set_major_locator(MaxNLocator(4))
         ax.yaxis.set_major_locator(MaxNLocator(4))

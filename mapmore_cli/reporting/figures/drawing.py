@@ -98,7 +98,8 @@ class Drawing:
 
     - `name`: stem of its file, as `fit`.
     - `caption`: what it shows, and what was left out of it.
-    - `legend`: handles of the legend above the panels.
+    - `legend`: handles of the legend above the panels, where these are not what is drawn with a
+      label.
     """
 
     name: str
@@ -205,12 +206,10 @@ def compose(
     elif width is not None:
         columns = min(columns, max(1, int(columns * width / DOUBLE)))
     width = width or grid.width or (SINGLE if len(panels) == 1 else DOUBLE)
-    rows = math.ceil(len(panels) / columns)
+    rows, letter = math.ceil(len(panels) / columns), 0.55 * (style.size - 1) / POINTS
     names = [title_of(one.title) for one in drawing.panels]
-    letters = int((width / columns - BESIDE) / _letter(style.size))
-    headings = dict(zip(drawing.panels, titles(names, letters), strict=True))
-    room = 0.45 if drawing.legend else 0.2  # above the panels
-    figure = Figure(figsize=(width, room + rows * grid.height), dpi=POINTS)
+    headings = titles(names, int((width / columns - BESIDE) / letter))
+    figure = Figure(figsize=(width, rows * grid.height), dpi=POINTS)
     every = figure.subplots(
         stack * rows,
         columns,
@@ -220,21 +219,19 @@ def compose(
         squeeze=False,
         subplot_kw={"projection": grid.projection},
     )
-    for number in range(rows * columns):
-        row, column = divmod(number, columns)
-        axes = every[row * stack : (row + 1) * stack, column]
-        if number >= len(panels):
-            for ax in axes:
-                ax.remove()
-            continue
-        _fill(axes, panels[number], headings[panels[number]], grid, style, columns)
-        if column == 0 or grid.common_y == "none":
-            for ax, label in zip(axes, panels[number].y_labels, strict=True):
-                ax.set_ylabel(label, parse_math=style.is_own_label(label))
-    if drawing.legend:
-        labels = [title_of(str(handle.get_label())) for handle in drawing.legend]
-        ncols = _legend_columns(labels, width, style.size)
-        figure.legend(list(drawing.legend), labels, loc="outside upper left", ncols=ncols)
+    of_panels = every.reshape(rows, stack, columns).swapaxes(1, 2).reshape(-1, stack)
+    for one, axes in zip(panels, of_panels, strict=False):
+        _fill(axes, one, headings[drawing.panels.index(one)], grid, style, columns)
+    for ax in of_panels[len(panels) :].flat:
+        ax.remove()
+    handles = list(drawing.legend) or _labelled(figure)
+    figure.set_figheight(rows * grid.height + (0.45 if handles else 0.2))
+    if handles:
+        labels = [title_of(str(handle.get_label())) for handle in handles]
+        # as many entries side by side as fit, by the longest, and rows of nearly one length
+        most = max(1, int(width / (letter * (max(map(len, labels)) + 7.6))))
+        ncols = math.ceil(len(labels) / math.ceil(len(labels) / most))
+        figure.legend(handles, labels, loc="outside upper left", ncols=ncols, markerscale=1.4)
     figure.align_ylabels()
     # once, so that the places are the same in every format
     ConstrainedLayoutEngine().execute(figure)
@@ -252,24 +249,22 @@ def _fill(
         ax.tick_params(labelbottom=ax is bottom)
     bottom.locator_params(axis="x", nbins=5 if columns < 2 else 4)
     panel.draw(*axes)
-    for ax, label in zip(axes, panel.y_labels, strict=False):  # what `_hovered` says of a place
+    for ax, label in zip(axes, panel.y_labels, strict=False):
+        # what `_hovered` says of a place
         ax.set_label("" if grid.projection else f"{panel.x_label}\n{label}")
+        if ax.get_subplotspec().is_first_col() or grid.common_y == "none":
+            ax.set_ylabel(label, parse_math=style.is_own_label(label))
     top.set_title(title)
     bottom.set_xlabel(panel.x_label, parse_math=style.is_own_label(panel.x_label))
 
 
-def _legend_columns(labels: Sequence[str], width: float, size: float) -> int:
-    """As many entries side by side as fit, by the length of the longest, and rows of nearly one
-    length.
-    """
-    longest = (max(map(len, labels)) + 7.6) * _letter(size)
-    rows = math.ceil(len(labels) / max(1, int(width / longest)))
-    return math.ceil(len(labels) / rows)
-
-
-def _letter(size: float) -> float:
-    """Return inches of a letter of titles and legends: about half as wide as high."""
-    return 0.55 * (size - 1) / POINTS
+def _labelled(figure: Figure) -> list[Any]:
+    """Return what stands in the legend: everything that is drawn with a label, each label once."""
+    found: dict[str, Any] = {}
+    for ax in figure.axes:
+        for handle, label in zip(*ax.get_legend_handles_labels(), strict=True):
+            found.setdefault(label, handle)
+    return [*found.values()]
 
 
 SVG_PROLOGUE = '<?xml version="1.0" encoding="utf-8"?>\n'

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import re
 import textwrap
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -14,14 +14,13 @@ from matplotlib import rcParams
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.lines import Line2D
-from matplotlib.patches import Patch
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from mapmore_cli.domain.arrays import Array, IntArray
 from mapmore_cli.domain.recording import Quantity
 from mapmore_cli.modelling.signals.sampling import envelope
 from mapmore_cli.modelling.validation.intervals import INTERVAL
-from mapmore_cli.reporting.figures.style import GREY
+from mapmore_cli.reporting.figures.style import GREY, ModelStyle, model_styles
 from mapmore_cli.reporting.inputs import ReportInputs
 from mapmore_cli.reporting.table import title_of
 
@@ -74,9 +73,16 @@ def draw_band(ax: Axes, x: Array, y: Array, sets_scale: bool = True, **look: Any
     draw_line(ax, x, y, sets_scale, **look)
 
 
-def shade_between(ax: Axes, x: Array, ends: tuple[Array, Array], colour: Any) -> None:
+def shade_between(ax: Axes, x: Array, ends: Iterable[Array], colour: Any, label: str = "") -> None:
     """Shade what lies between two ends, (n,) each."""
-    ax.fill_between(x, *ends, color=colour, alpha=PALE, linewidth=0, zorder=1)
+    ax.fill_between(x, *ends, color=colour, alpha=PALE, linewidth=0, zorder=1, label=label)
+
+
+def looks_of(inputs: ReportInputs) -> dict[str, ModelStyle]:
+    """Return how models look in figures that show all of them, those first that lines are drawn
+    of.
+    """
+    return model_styles([*inputs.lines, *inputs.models], inputs.style.palette)
 
 
 def zero_line(ax: Axes) -> None:
@@ -149,11 +155,6 @@ def write_at(
 def key(label: str, **look: Any) -> Line2D:
     """Return the entry of a legend."""
     return Line2D([], [], label=label, **look)
-
-
-def interval_key(colour: str) -> Patch:
-    """Return what the legend shows for an interval."""
-    return Patch(color=colour, alpha=PALE, linewidth=0, label=f"{INTERVAL:.0%} interval")
 
 
 def heading(quantity: Quantity) -> str:

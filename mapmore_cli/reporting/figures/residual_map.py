@@ -9,9 +9,9 @@ from matplotlib.axes import Axes
 from matplotlib.colors import BoundaryNorm
 from matplotlib.ticker import MaxNLocator
 
-from mapmore_cli.reporting.figures.drawing import Drawing, Layout, Panel, Values
+from mapmore_cli.reporting.figures.drawing import Drawing, Layout, Panel
 from mapmore_cli.reporting.figures.panels import DOTS, evenly
-from mapmore_cli.reporting.figures.surface import pooled_columns, two_inputs
+from mapmore_cli.reporting.figures.surface import plane_of
 from mapmore_cli.reporting.inputs import ReportInputs
 
 
@@ -19,36 +19,29 @@ def draw(inputs: ReportInputs) -> list[Drawing]:
     """Return one panel where the model has two inputs; samples that were held out are larger and
     rimmed.
     """
-    pair = two_inputs(inputs)
-    if pair is None:
+    plane = plane_of(inputs)
+    if plane is None:
         return []
-    first, second = pair
-    x, y, z = pooled_columns(inputs, [first.name, second.name, inputs.dataset.target])
-    error = np.concatenate(inputs.validation.predictions[inputs.own]) - z
-    held = np.concatenate([curve.held_out for curve in inputs.dataset.curves])
+    error = inputs.errors_of(inputs.own)
     rows = np.flatnonzero(np.isfinite(error))
     if not len(rows):
         return []
     rows = rows[evenly(len(rows), 2 * DOTS)]
-    x, y, error, held = x[rows], y[rows], error[rows], held[rows]
+    every = (plane.x, plane.y, error, inputs.pooled_held_out)
+    x, y, error, held = (values[rows] for values in every)
     largest = float(np.quantile(np.abs(error), 0.98)) or 1.0
     label = f"Predicted less measured ({inputs.target.unit or '–'})"
 
     def on(ax: Axes) -> None:
         steps = MaxNLocator(11, symmetric=True).tick_values(-largest, largest)
         norm = BoundaryNorm(steps, 256, extend="both")
+        look: dict[str, Any] = {"norm": norm, "cmap": "RdBu_r", "linewidths": 0.3}
         for some, size, rim in ((~held, 8, "none"), (held, 16, "0.3")):
-            look: dict[str, Any] = {
-                "norm": norm,
-                "cmap": "RdBu_r",
-                "edgecolors": rim,
-                "linewidths": 0.3,
-            }
-            dots = ax.scatter(x[some], y[some], size, error[some], **look)
+            dots = ax.scatter(x[some], y[some], size, error[some], edgecolors=rim, **look)
         ax.figure.colorbar(dots, ax=ax, label=label, use_gridspec=False)
 
-    x_label, y_label = inputs.axis_label(first), inputs.axis_label(second)
-    data: dict[str, Values] = {x_label: x, y_label: y, label: error, "held out": held.astype(int)}
+    x_label, y_label = plane.labels
+    data = {x_label: x, y_label: y, label: error, "held out": held.astype(int)}
     rimmed = "; those with a rim were held out" if held.any() else ""
     caption = (
         f"Errors of {inputs.own} over its inputs{rimmed}. Patches of one colour are a shape "

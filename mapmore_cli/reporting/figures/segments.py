@@ -15,7 +15,7 @@ from mapmore_cli.modelling.kinds import predict
 from mapmore_cli.modelling.pieces.definition import cell_weights, zones
 from mapmore_cli.modelling.pieces.segmentation import training_curves
 from mapmore_cli.reporting.figures import panels, style
-from mapmore_cli.reporting.figures.drawing import Drawing, Layout, Panel, Values
+from mapmore_cli.reporting.figures.drawing import Drawing, Layout, Panel
 from mapmore_cli.reporting.inputs import ReportInputs
 
 LOOKS = (
@@ -65,28 +65,28 @@ def segment_curves(inputs: ReportInputs, variable: int) -> list[SegmentCurve]:
     curves = {curve.id: curve for curve in training}
     made = []
     for segmented in inputs.segmentation:
-        curve, boundaries = curves[segmented.curve], segmented.boundaries[variable]
+        curve, ends = curves[segmented.curve], segmented.boundaries[variable]
         names = (segmented.variables[variable], inputs.fitted)
         x, y = (curve.columns[name][curve.training] for name in names)
-        cell = np.clip(np.searchsorted(boundaries, x, side="right"), 1, len(boundaries) - 1)
-        made.append(SegmentCurve(curve.id, inputs.curve_label(curve), x, y, cell, boundaries))
+        cell = np.clip(np.searchsorted(ends, x, side="right"), 1, len(ends) - 1)
+        made.append(SegmentCurve(curve.id, inputs.curve_label(curve), x, y, cell, ends))
     return made
 
 
 def _variable_figure(inputs: ReportInputs, fusion: Fusion, variable: int, name: str) -> Drawing:
     every = segment_curves(inputs, variable)
     shown = [every[i] for i in panels.places(inputs, [curve.id for curve in every])]
-    along, target = inputs.dataset.quantities[name], inputs.dataset.quantities[inputs.fitted]
-    labels = (inputs.axis_label(along), (inputs.axis_label(target), "Weight (–)"))
+    along, target = (inputs.dataset.quantities[one] for one in (name, inputs.fitted))
     drawn = []
     for curve in shown:
         weights = cell_weights(curve.x, curve.boundaries, fusion.transition, fusion.z_s).T
-        data: dict[str, Values] = {
+        data = {
             panels.heading(along): curve.x,
             panels.heading(target): curve.y,
             "segment": curve.cell,
             **{f"weight of segment {place}": one for place, one in enumerate(weights, start=1)},
         }
+        labels = (inputs.axis_label(along), (inputs.axis_label(target), "Weight (–)"))
         on = partial(draw_segments, curve=curve, fusion=fusion)
         drawn.append(Panel(curve.id, on, *labels, data, curve.title))
     caption = (
@@ -96,8 +96,7 @@ def _variable_figure(inputs: ReportInputs, fusion: Fusion, variable: int, name: 
         f"{panels.some_of(len(shown), len(every), 'curves')}"
     )
     stem = "segments" if variable == 0 else f"segments_{name}"
-    grid = Layout(2.2, (2.0, 0.8), common_y="row")
-    return Drawing(stem, caption, tuple(drawn), grid)
+    return Drawing(stem, caption, tuple(drawn), Layout(2.2, (2.0, 0.8), common_y="row"))
 
 
 def draw_segments(top: Axes, bottom: Axes, curve: SegmentCurve, fusion: Fusion) -> None:
@@ -106,15 +105,14 @@ def draw_segments(top: Axes, bottom: Axes, curve: SegmentCurve, fusion: Fusion) 
     Boundaries are vertical lines, transition zones are shaded (M2 eq 10 and 11).
     """
     starts, ends = zones(curve.boundaries, fusion.z_s)
-    grid = np.linspace(curve.boundaries[0], curve.boundaries[-1], GRID)
-    x = np.union1d(grid, np.concatenate([starts, ends]))
+    x = np.linspace(curve.boundaries[0], curve.boundaries[-1], GRID)
+    x = np.unique([*x, *starts, *ends])
     weights = cell_weights(x, curve.boundaries, fusion.transition, fusion.z_s).T
-    for place, weight in enumerate(weights, start=1):
-        colour, marker, line = LOOKS[(place - 1) % len(LOOKS)]
-        rows = curve.cell == place
+    for place, weight in enumerate(weights):
+        colour, marker, line = LOOKS[place % len(LOOKS)]
+        rows = curve.cell == place + 1
         dots = {"color": colour, "marker": marker, "markersize": 2.8}
-        most = panels.DOTS // len(weights)
-        panels.draw_dots(top, curve.x[rows], curve.y[rows], most, **dots)
+        panels.draw_dots(top, curve.x[rows], curve.y[rows], panels.DOTS // len(weights), **dots)
         positive = np.where(weight > 0, weight, np.nan)
         bottom.plot(x, positive, color=colour, linestyle=line, linewidth=1.2)
     bottom.set_yticks([0, 0.5, 1])
@@ -126,30 +124,37 @@ def draw_segments(top: Axes, bottom: Axes, curve: SegmentCurve, fusion: Fusion) 
 
 
 def level_figures(inputs: ReportInputs, pieces: Pieces) -> list[Drawing]:
-    """One figure where there are levels to interpolate between."""
-    if pieces.level is None or len(pieces.curves) < 2:
-        return []
-    if pieces.fusion.levels != "linear":  # the weights depend on the curves' values
+    """One figure of what the model says over the levels, at three places in the range that all
+    curves have in common, other inputs in the middle of their ranges; none where there are no
+    levels to interpolate between, or weights depend on the curves' values.
+    """
+    if pieces.level is None or len(pieces.curves) < 2 or pieces.fusion.levels != "linear":
         return []
     levels = np.array([curve.level for curve in pieces.curves], dtype=np.float64)
-    level, along, output = (
-        inputs.dataset.quantities[pieces.level],
-        inputs.along,
-        inputs.model.output,
-    )
-    x = _level_grid(pieces, levels)
-    courses = level_courses(inputs, pieces, x)
-    at = f"{along.name} {', '.join(f'{place:.3g}' for place in courses)}"
-    at += "" if along.unit == "1" else f" {along.unit}"
-    data: dict[str, Values] = {panels.heading(level): x}
-    for place, y in courses.items():
-        data[f"{inputs.own} at {along.name} {place:.6g} [{output.unit}]"] = y
+    level, along = inputs.dataset.quantities[pieces.level], inputs.along
+    output, x = inputs.model.output, _level_grid(pieces, levels)
+    limits = {
+        quantity.name: np.array([curve.limits[quantity.name] for curve in pieces.curves])
+        for quantity in inputs.model.inputs
+    }
+    columns = {name: np.full(len(x), ends.mean()) for name, ends in limits.items()}
+    columns[pieces.level] = x
+    low, high = limits[along.name][:, 0].max(), limits[along.name][:, 1].min()
+    places = [float(low + share * (high - low)) for share in (0.1, 0.5, 0.9)]
+    courses = [
+        predict(inputs.model, columns | {along.name: np.full(len(x), place)}) for place in places
+    ]
 
     def on(ax: Axes) -> None:
-        for colour, y in zip(style.level_colours(len(courses)), courses.values(), strict=True):
+        for colour, y in zip(style.level_colours(len(courses)), courses, strict=True):
             ax.plot(x, y, color=colour, linewidth=1.2)
             ax.plot(levels, y[np.isin(x, levels)], color=colour, **panels.DOT)
 
+    data = {panels.heading(level): x}
+    for place, y in zip(places, courses, strict=True):
+        data[f"{inputs.own} at {along.name} {place:.6g} [{output.unit}]"] = y
+    at = f"{along.name} {', '.join(f'{place:.3g}' for place in places)}"
+    at += "" if along.unit == "1" else f" {along.unit}"
     what = f"{inputs.own} over {level.name} at {at}"
     caption = f"{output.name} of {what}; dots mark the training levels."
     if pieces.fusion.shrink < 1.0:
@@ -161,30 +166,10 @@ def level_figures(inputs: ReportInputs, pieces: Pieces) -> list[Drawing]:
     return [Drawing("segments_levels", caption, (panel,), Layout(2.0))]
 
 
-def level_courses(inputs: ReportInputs, pieces: Pieces, x: Array) -> dict[float, Array]:
-    """Return what the model says at the levels `x`, by place along the curves: at three places in
-    the range that all curves have in common, other inputs in the middle of their ranges.
-    """
-    model, along = inputs.model, inputs.along.name
-    limits = {
-        quantity.name: np.array([curve.limits[quantity.name] for curve in pieces.curves])
-        for quantity in model.inputs
-    }
-    columns = {name: np.full(len(x), ends.mean()) for name, ends in limits.items()}
-    columns[str(pieces.level)] = x
-    low, high = limits[along][:, 0].max(), limits[along][:, 1].min()
-    courses = {}
-    for share in (0.1, 0.5, 0.9):
-        place = float(low + share * (high - low))
-        courses[place] = predict(model, {**columns, along: np.full(len(x), place)})
-    return courses
-
-
 def _level_grid(pieces: Pieces, levels: Array) -> Array:
     """Values of the level quantity, a little beyond the outer levels where the model is
     extrapolated, the levels among them.
     """
     sides = pieces.fusion.extrapolation[str(pieces.level)]
-    margin = 0.08 * (levels[-1] - levels[0])
-    below, above = (margin if isinstance(side, str) else 0.0 for side in sides)
+    below, above = (0.08 * np.ptp(levels) * isinstance(side, str) for side in sides)
     return np.union1d(np.linspace(levels[0] - below, levels[-1] + above, GRID), levels)

@@ -356,22 +356,16 @@ def texts_in(loc: Loc, family: Family) -> Iterator[tuple[Loc, str, bool]]:
     if isinstance(family, list):
         yield from (((*loc, place), text, True) for place, text in enumerate(family))
         return
+    is_along = isinstance(family, AlongRange)
     if isinstance(family, AlongRange):
         yield (*loc, "of"), family.of, False
-        told = "change" if getattr(family, "window", None) else ""
-        yield from (
-            ((*loc, "with", place), text, True)
-            for place, text in enumerate(family.partners)
-            if text != told
-        )
-        return
-    yield from (
-        ((*loc, "of", place), text, False)
-        for place, text in enumerate(family.of)
-        if isinstance(text, str)
-    )
-    partners = family.partners if isinstance(family, Products) else None
-    yield from (((*loc, "with", place), text, False) for place, text in enumerate(partners or ()))
+    for place, text in enumerate(() if isinstance(family, AlongRange) else family.of):
+        if isinstance(text, str):
+            yield (*loc, "of", place), text, False
+    told = "change" if getattr(family, "window", None) else ""
+    for place, text in enumerate(getattr(family, "partners", None) or ()):
+        if not (is_along and text == told):
+            yield (*loc, "with", place), text, is_along
 
 
 def remembers(dictionary: Sequence[DictionaryEntry]) -> bool:

@@ -10,7 +10,6 @@ from literature_cases import MUSCLE_LIKE, TABLE_I, muscle_like, uniform
 
 from mapmore_cli.annexes.sums import Part, joint
 from mapmore_cli.annexes.sums.joint import (
-    Summand,
     fit_jointly,
     joint_formula,
     split,
@@ -22,11 +21,18 @@ from mapmore_cli.domain.models import CurveRange, Formula, Model
 from mapmore_cli.domain.recording import Quantity
 from mapmore_cli.modelling.kinds import equations, outside_range, predict
 from mapmore_cli.modelling.literature import get
+from mapmore_cli.spec.sections.model import Summand
 
 FORCE = Quantity("force", "N")
+
+
+def summand(formula, sign=1, **inputs):
+    return Summand(formula=formula, sign=sign, inputs=inputs)
+
+
 PAIR = (
-    Summand("muscle_like", 1.0, {"pressure": "p1", "length": "0.02 - x", "velocity": "v"}),
-    Summand("muscle_like", -1.0, {"pressure": "p2", "length": "0.02 + x", "velocity": "-v"}),
+    summand("muscle_like", 1, pressure="p1", length="0.02 - x", velocity="v"),
+    summand("muscle_like", -1, pressure="p2", length="0.02 + x", velocity="-v"),
 )
 
 
@@ -68,12 +74,12 @@ def test_both_muscles_are_recovered_but_for_what_their_difference_does_not_show(
 @given(
     st.sampled_from(["sarosi", "polynomial_2", "chou_hannaford"]),
     st.integers(0, 999),
-    st.sampled_from([1.0, -1.0]),
+    st.sampled_from([1, -1]),
 )
 def test_a_joint_formula_is_the_signed_sum_of_its_parts(name, seed, sign):
     pair = (
-        Summand(name, 1.0, {"pressure": "p1", "strain": "x"}),
-        Summand(name, sign, {"pressure": "p2", "strain": "0.1 - x"}),
+        summand(name, 1, pressure="p1", strain="x"),
+        summand(name, sign, pressure="p2", strain="0.1 - x"),
     )
     columns, rng = motion(seed, 20), np.random.default_rng(seed)
     formula = joint_formula(pair)
@@ -88,12 +94,12 @@ def test_a_joint_formula_is_the_signed_sum_of_its_parts(name, seed, sign):
         {
             f"{q}_{i}": x
             for i, one in enumerate(pair, 1)
-            for q, x in one.own_inputs(columns).items()
+            for q, x in joint.own_inputs(one, columns).items()
         },
     )
     parts = [
         get(name).predict(
-            {p: values[f"{p}_{i}"] for p in get(name).parameters}, one.own_inputs(columns)
+            {p: values[f"{p}_{i}"] for p in get(name).parameters}, joint.own_inputs(one, columns)
         )
         for i, one in enumerate(pair, 1)
     ]
@@ -105,7 +111,7 @@ def test_a_joint_formula_is_the_signed_sum_of_its_parts(name, seed, sign):
 @pytest.mark.parametrize("name", ["sarosi_hinged", "tondu_lopez_fixed_area"])
 def test_a_formula_with_a_fit_of_its_own_is_refused(name):
     with pytest.raises(SpecError, match=f"{name} cannot be fitted within a sum"):
-        joint_formula((Summand(name), Summand("sarosi")))
+        joint_formula((summand(name), summand("sarosi")))
 
 
 def braid(name, c1):

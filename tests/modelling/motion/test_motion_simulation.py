@@ -12,15 +12,14 @@ from hypothesis import strategies as st
 from motion_samples import BOUNDARIES, ROWS, STEP, coefficients, looped, published, sine, stepped
 from motion_tables import continued
 
-from mapmore_cli.annexes.motion.body import BUMPLESS, CARRIED, REST, ZERO
+from mapmore_cli.annexes.motion.body import BUMPLESS, CARRIED, REST, ZERO, poles
 from mapmore_cli.annexes.motion.simulation import (
     EDGE,
     active,
+    angles,
     last_wavelength,
     motion_errors,
-    of_reflections,
-    radius,
-    reflections,
+    of_angles,
     response,
     rising,
     shared,
@@ -101,10 +100,10 @@ def test_a_slow_ramp_over_a_boundary_jumps_hard_and_never_with_a_shared_state(mo
 
 
 @given(st.lists(st.tuples(reflected, reflected), min_size=2, max_size=4), st.integers(0, 2**32 - 1))
-def test_a_shared_state_is_handed_on(poles, seed):
+def test_a_shared_state_is_handed_on(reflections, seed):
     rng = np.random.default_rng(seed)
-    pairs = np.array([of_reflections(k1, k2, 0.98) for k1, k2 in poles])
-    drive, holds = rng.standard_normal(60), np.repeat(rng.integers(0, len(poles), 12), 5)
+    pairs = np.array([of_angles(np.arctanh(one), 0.98) for one in reflections])
+    drive, holds = rng.standard_normal(60), np.repeat(rng.integers(0, len(reflections), 12), 5)
     expected = stepped(pairs[holds], drive)
     scale = max(1.0, np.abs(expected).max())
     np.testing.assert_allclose(shared(pairs, drive, holds), expected, atol=1e-9 * scale)
@@ -114,9 +113,9 @@ def test_a_shared_state_is_handed_on(poles, seed):
 
 @given(reflected, reflected, st.floats(0.3, 1.0))
 def test_reflections_are_all_sections_within_reach(k1, k2, reach):
-    p1, p2 = of_reflections(k1, k2, reach)
-    assert radius(p1, p2) <= reach * (1 + 1e-6)
-    again = of_reflections(*reflections(p1, p2, reach), reach)
+    p1, p2 = of_angles(np.arctanh([k1, k2]), reach)
+    assert abs(poles(p1, p2)[0]) <= reach * (1 + 1e-6)
+    again = of_angles(np.array(angles(p1, p2, reach)), reach)
     assert again == pytest.approx((p1, p2), abs=1e-6)
 
 
@@ -125,7 +124,7 @@ def test_the_triangle_is_where_both_poles_are_within_the_circle(p1, p2):
     largest = np.abs(np.linalg.eigvals([[0.0, 1.0], [p1, p2]])).max()
     if abs(largest - 1) > 1e-9:
         assert stable(p1, p2) == (largest < 1)
-    assert radius(p1, p2) == pytest.approx(largest, abs=1e-7)
+    assert abs(poles(p1, p2)[0]) == pytest.approx(largest, abs=1e-7)
 
 
 def test_direction_is_literal_or_latched():

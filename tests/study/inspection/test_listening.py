@@ -96,7 +96,7 @@ def save(folder, truth):
 
 
 @settings(
-    deadline=None, max_examples=500, suppress_health_check=[HealthCheck.function_scoped_fixture]
+    deadline=None, max_examples=120, suppress_health_check=[HealthCheck.function_scoped_fixture]
 )
 @given(truth=truths())
 def test_no_role_that_no_title_unit_or_person_gave(tmp_path_factory, truth):
@@ -132,7 +132,7 @@ def unit_stands_in(unit, title):
 
 
 @settings(
-    deadline=None, max_examples=125, suppress_health_check=[HealthCheck.function_scoped_fixture]
+    deadline=None, max_examples=30, suppress_health_check=[HealthCheck.function_scoped_fixture]
 )
 @given(truth=truths(), data=st.data())
 def test_a_person_is_obeyed(tmp_path_factory, truth, data):

@@ -13,7 +13,6 @@ from recorded import drafted, write
 from mapmore_cli.annexes.drafting.answers import (
     Hold,
     answers_of,
-    read_columns,
     read_hold,
     read_names,
 )
@@ -87,7 +86,7 @@ def table_of(titles):
 )
 def test_columns_are_called_by_their_titles_in_their_units(titles, names):
     table = table_of(titles)
-    told = known_by_titles(table).columns
+    told, _ = known_by_titles(table)
     shown = [f"{name}:{one.unit}{'' if one.sure else '?'}" for name, one in told.items()]
     assert " ".join(shown) == names
 
@@ -102,12 +101,12 @@ def test_copies_constants_counters_and_computed_columns_are_left_out():
         "T": 21 + 0 * T,
     }
     raw = {name: [values] for name, values in columns.items()}
-    known = known_by_titles(read_titles({name: name for name in raw}, raw))
-    assert {name: one.column for name, one in known.columns.items()} == {
+    known, left_out = known_by_titles(read_titles({name: name for name in raw}, raw))
+    assert {name: one.column for name, one in known.items()} == {
         "force": "F [N]",
         "x": "x",
     }
-    assert known.left_out == {
+    assert left_out == {
         "F raw (V)": "is a copy of F [N]",
         "n": "counts its rows",
         "simulated force": "was computed, as its title says",
@@ -137,10 +136,10 @@ def test_copies_constants_counters_and_computed_columns_are_left_out():
 )
 def test_the_target_is_what_plain_titles_leave_no_choice_of(titles, target):
     table = table_of(titles)
-    known = known_by_titles(table)
+    known, _ = known_by_titles(table)
     kinds = {
         name: kind_to_predict(name, table[one.column])
-        for name, one in known.columns.items()
+        for name, one in known.items()
         if name != "time"
     }
     assert target_of(kinds, is_driven=False) == target
@@ -203,7 +202,7 @@ def test_of_a_target_neither_copies_nor_what_computes_it_are_inputs(tmp_path):
 
 
 def test_columns_are_said_by_place_or_by_title():
-    assert read_columns("time:ms,_,force=Load Cell:N*1.744-18.6,pressure:mbar-1013") == {
+    assert read_names("--columns", "time:ms,_,force=Load Cell:N*1.744-18.6,pressure:mbar-1013") == {
         "time": NamedColumn(0, "ms"),
         "force": NamedColumn("Load Cell", "N", scale=1.744, offset=-18.6),
         "pressure": NamedColumn(3, "mbar", offset=-1013.0),

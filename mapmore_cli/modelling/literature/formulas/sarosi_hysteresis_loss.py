@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
@@ -27,14 +27,13 @@ from mapmore_cli.modelling.expressions import (
 )
 from mapmore_cli.modelling.literature.formula import LOAD_CYCLES, Formula, with_numbers
 from mapmore_cli.modelling.literature.formulas.sarosi import sarosi
-from mapmore_cli.modelling.literature.problem import finite, needed
+from mapmore_cli.modelling.literature.problem import finite
 
 SHORTEST = 1.0  # strain of a muscle without length, where the search for the free strain ends
 BISECTIONS = 60  # halve a strain of one down to rounding
 
 
-@dataclass(frozen=True)
-class ForceCurve:
+class ForceCurve(NamedTuple):
     """`A exp(c x) + B x + C` at n pressures: A, B, C are `(n,)`."""
 
     A: Array
@@ -44,7 +43,7 @@ class ForceCurve:
 
     def __call__(self, strain: Array) -> Array:
         """Force at one strain for each pressure, `(n,)`."""
-        return np.asarray(self.A * np.exp(self.c * strain) + self.B * strain + self.C)
+        return self.A * np.exp(self.c * strain) + self.B * strain + self.C
 
     def mean(self, start: float, end: Array) -> Array:
         """Mean force from strain `start` to each `end`, `(n,)`; the force itself where they are
@@ -131,10 +130,8 @@ class HysteresisLoss(Formula):
                 f"{self.name} needs the length of the muscle, which is {length:g} m",
                 "state it as `muscle: {length: 88 mm}`",
             )
-        columns = {
-            name: finite(name, needed(name, cycles))
-            for name in ("pressure", "strain", "force", "hysteresis")
-        }
+        names = ("pressure", "strain", "force", "hysteresis")
+        columns = {name: finite(name, cycles) for name in names}
         force, hysteresis = columns["force"], columns["hysteresis"]
         upper, lower = (
             UPPER.fit(columns, force + hysteresis),
@@ -164,10 +161,9 @@ class HysteresisLoss(Formula):
 
     def predict(self, parameters: Mapping[str, float], columns: Columns) -> Array:
         """Return the damping force on every row, `(n,)`."""
-        inputs = {name: needed(name, columns) for name in self.inputs}
         numbers = {name: np.asarray(parameters[name]) for name in self.parameters}
-        share = zeta(parameters, inputs["pressure"])
-        return evaluate(self.expression, {**inputs, **numbers, "zeta": share}, len(share))
+        share = zeta(parameters, evaluate(Name("pressure"), columns))
+        return evaluate(self.expression, {**columns, **numbers, "zeta": share}, len(share))
 
     def equations(self, fit: FormulaFit) -> dict[str, Expression]:
         """Return the damping force with `zeta` as a name, and the two curves from which zeta
