@@ -49,9 +49,14 @@ Ranges = Mapping[QuantityName, Span]
 """Least and greatest value of each quantity."""
 
 
+def row_count(columns: Columns) -> int:
+    """Return the number of rows of a table; zero for one without columns."""
+    return len(next(iter(columns.values()), ()))
+
+
 ROWS, WIDE = 1 << 14, 1 << 17
-"""Samples of a block: of 64 KB of a column, so that what is computed of it stays in the processor's
-cache; and of one for work that costs much to begin, as a model does.
+"""Samples of a block: of 128 KB of a column, so that what is computed of it stays in the
+processor's cache; and of one for work that costs much to begin, as a model does.
 """
 
 
