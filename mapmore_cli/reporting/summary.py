@@ -5,6 +5,7 @@ and how much the training data say for so many parameters.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 
 from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.results import FitResult
@@ -12,7 +13,7 @@ from mapmore_cli.domain.scores import OWN, ScoreTable
 from mapmore_cli.modelling.kinds import parameters
 from mapmore_cli.modelling.literature.linear import half_width
 from mapmore_cli.modelling.validation.metrics import information_criteria
-from mapmore_cli.reporting.table import Table
+from mapmore_cli.reporting.table import Cell, Table
 from mapmore_cli.reporting.tables import coefficient_rows
 
 COLUMNS = ("part", "term", "coefficient #.6g", "standard error .3g", "t .3g", "ERR [%] .4f")
@@ -26,29 +27,37 @@ def summary_table(fit: FitResult, model: Model, scores: ScoreTable) -> Table:
     have n, the number of parameters, AIC and BIC; and the coefficients whose 95 % interval includes
     zero.
     """
-    found: list[tuple[str, str, float, float, float, float]] = []
+    rows, unclear = list[tuple[Cell, ...]](), list[str]()
+    notes, sizes = list[str](), list[str]()
+    outputs = list(zip(fit.each, model.each, scores.each, strict=True))
+    for own, one, table in outputs:
+        prefix = f"{one.output.name}: " if len(outputs) > 1 else ""
+        for part, term, value, error, err, width in _fitted_numbers(own, one):
+            t = value / error if error else math.nan
+            rows.append((f"{prefix}{part}", term, value, error, t, 100 * err))
+            if width > abs(value):
+                unclear.append(f"{term} of {prefix}{part}")
+        notes += own.formula.notes if own.formula is not None else ()
+        count, unit = parameters(one), one.output.unit
+        for row in table.scores:
+            if (row.model, row.split, row.curve) == (OWN, "train", "all"):
+                aic, bic = information_criteria(row.n, row.rmse, count)
+                size = f"n = {row.n} training samples, {count} parameters, RMSE {row.rmse:.4g}"
+                sizes.insert(0, f"{prefix}{size} {unit}: AIC {aic:.6g}, BIC {bic:.6g}.")
+    if unclear:
+        notes.append(f"Not told from zero by the training data (95 %): {', '.join(unclear)}.")
+    return Table.of("summary", f"Summary of {model.name}", COLUMNS, rows, *sizes, *notes)
+
+
+def _fitted_numbers(
+    fit: FitResult, model: Model
+) -> Iterator[tuple[str, str, float, float, float, float]]:
+    """Yield part, term, coefficient, standard error, ERR and half the 95 % interval of each."""
     if formula := fit.formula:
         freedom = formula.samples - len(formula.parameters)
         for name, value in formula.parameters.items():
             error = formula.errors[name]
-            found.append((formula.name, name, value, error, math.nan, half_width(error, freedom)))
+            yield formula.name, name, value, error, math.nan, half_width(error, freedom)
     for piece, row in coefficient_rows(fit, model):
         numbers = row["coefficient"], row["standard_error"], row["err"], row["width"]
-        found.append((piece.id, row["term"], *numbers))
-    rows = [
-        (part, term, value, error, value / error if error else math.nan, 100 * err)
-        for part, term, value, error, err, _ in found
-    ]
-    unclear = [f"{term} of {part}" for part, term, value, *_, width in found if width > abs(value)]
-    notes = list(fit.formula.notes) if fit.formula is not None else []
-    if unclear:
-        notes.append(f"Not told from zero by the training data (95 %): {', '.join(unclear)}.")
-    count, unit = parameters(model), model.output.unit
-    for score in scores.scores:
-        if (score.model, score.split, score.curve) == (OWN, "train", "all"):
-            aic, bic = information_criteria(score.n, score.rmse, count)
-            size = (
-                f"n = {score.n} training samples, {count} parameters, RMSE {score.rmse:.4g} {unit}"
-            )
-            notes.insert(0, f"{size}: AIC {aic:.6g}, BIC {bic:.6g}.")
-    return Table.of("summary", f"Summary of {model.name}", COLUMNS, rows, *notes)
+        yield piece.id, row["term"], *numbers

@@ -84,7 +84,7 @@ def build(
         fuse=FUSE,
     )
     segmentation = pieces.segment(curves, recipe)
-    fit = FitResult(PiecesFit(pieces.fit(curves, segmentation, recipe)))
+    fit = FitResult(PiecesFit(*pieces.fit(curves, segmentation, recipe)))
     model = pieces.fuse(name, curves, segmentation, fit, recipe, QUANTITIES)
     predictions = {"mapmore": tuple(predict(model, c.columns) for c in curves)}
     predictions |= {

@@ -17,7 +17,7 @@ from mapmore_cli.domain.fits import Selection, StateSet
 from mapmore_cli.domain.recording import uncertainty_of
 from mapmore_cli.modelling.expressions import Expression, dictionary_blocks, dictionary_matrix
 from mapmore_cli.modelling.expressions.families import fits_whole, refuse_beyond_memory
-from mapmore_cli.modelling.frols import Weighing, frols, frols_streamed
+from mapmore_cli.modelling.frols import Problem, Weighing, frols, frols_together
 from mapmore_cli.modelling.frols.moments import moments, standard, standardised
 from mapmore_cli.modelling.frols.ridge import Regularised, choose_ridge, prune, ridge_press, select
 from mapmore_cli.modelling.frols.select import fewest_terms, in_units, widened
@@ -97,6 +97,16 @@ class TermChoice:
     forward: IntArray
 
 
+def problem_of(data: Regressors, recipe: MemoryRecipe, among: IntArray | None = None) -> Problem:
+    """Return candidates and output as FROLS reads them, of some candidates where that is said."""
+    every = np.arange(len(data.terms)) if among is None else among
+    return Problem(
+        partial(data.blocks, every),
+        Weighing(data.uncertainty, recipe.loss, recipe.known_scale),
+        lambda chosen: partial(data.blocks, every[chosen]),
+    )
+
+
 class _Plain:
     """FROLS on the candidates as they are, in one piece where they fit into memory."""
 
@@ -135,20 +145,12 @@ class _Plain:
     def _selected(
         self, among: IntArray, terms: int, tolerance: float = 0.0, stop: Stop = "tolerance"
     ) -> TermChoice:
-        data, recipe = self.data, self.recipe
-        weighing = Weighing(data.uncertainty, recipe.loss, recipe.known_scale)
+        problem = problem_of(self.data, self.recipe, among)
         if self.whole is None:
-            selection = frols_streamed(
-                partial(data.blocks, among),
-                terms,
-                tolerance,
-                stop=stop,
-                weighing=weighing,
-                only=lambda chosen: partial(data.blocks, among[chosen]),
-            )
+            (selection,) = frols_together([problem], terms, tolerance, stop=stop)
         else:
-            P = self.whole[:, among]
-            selection = frols(P, data.y, terms, tolerance, stop=stop, weighing=weighing)
+            P, weighing = self.whole[:, among], problem.weighing
+            selection = frols(P, self.data.y, terms, tolerance, stop=stop, weighing=weighing)
         selection = widened(selection, among, len(self.data.terms))
         return TermChoice(selection, 0.0, 0.0, selection.chosen)
 
