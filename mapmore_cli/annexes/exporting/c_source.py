@@ -96,11 +96,14 @@ def c_source(model: Model, single: bool = False) -> CSource:
     name, program = identifier(model.name), program_of(model)
     dialect = SINGLE if single else DOUBLE
     names, prefix = names_of_inputs(model.inputs), word(name.upper())
+    outputs = names_of_inputs(model.outputs) if len(model.each) > 1 else {}
     words = {
         "model": model,
         "name": name,
         "prefix": prefix,
         "places": {one: code("{}_IN_{}", prefix, own.upper()) for one, own in names.items()},
+        "outputs": [code("{}_OUT_{}", prefix, own.upper()) for own in outputs.values()],
+        "into": [code("out[{}]", i) for i in range(len(outputs))] or [code("*out")],
         "notes": notes_of(model, names),
         "number": dialect.number,
         "tolerance": dialect.number(OUTSIDE_TOLERANCE),
@@ -126,18 +129,19 @@ class CSource(NamedTuple):
 
     @property
     def files(self) -> dict[str, str]:
-        """Header, source and a small program to try the model with, by name; without memory also
-        its derivatives, and the input for a wanted output where ranges are known.
+        """Header, source and a small program to try the model with, by name; of one output without
+        memory also its derivatives, and the input for a wanted output where ranges are known.
         """
         name, words = self.name, self.words
         files = {f"{name}.h": rendered_template("model.h", **words), f"{name}.c": functions(words)}
         files[f"{name}_main.c"] = rendered_template("main.c", **words)
-        if words["memory"]:
+        if words["memory"] or words["outputs"]:
             return files
         slopes = program_words(with_slopes(self.program), self.dialect, apart=False)
         inverses = list(_inverses(words))
         ends = max([one["ends"] for one in inverses], default=0) + 2 * DIVIDED
-        words = {**words, **slopes, **SEARCH, "inverses": inverses, "ends": ends}
+        into = [*words["into"], *(code("slopes[{}]", i) for i in range(len(words["places"])))]
+        words = {**words, **slopes, **SEARCH, "inverses": inverses, "ends": ends, "into": into}
         words |= {"function": "derivatives", "coarser": COARSER if words["single"] else 1.0}
         files[f"{name}_inverse.h"] = rendered_template("inverse.h", **words)
         files[f"{name}_inverse.c"] = functions(words)

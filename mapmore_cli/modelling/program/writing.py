@@ -141,12 +141,12 @@ class Writer:
         assert isinstance(name, Name)
         self.statements.append(Keep(name.name, expression(value)))
 
-    def program(self, inputs: Sequence[str], value: Expression) -> Program:
-        """Return the program of the named inputs whose output is the value, without what nothing
+    def program(self, inputs: Sequence[str], *values: Expression) -> Program:
+        """Return the program of the named inputs whose outputs are the values, without what nothing
         follows from.
         """
         knots = {name: tuple(sorted(places)) for name, places in self.knots.items()}
-        body = Block(tuple(self.statements), (value,))
+        body = Block(tuple(self.statements), values)
         return pruned(
             Program(
                 tuple(inputs),
