@@ -56,19 +56,24 @@ class Scores(tuple[Mapping[str, Any], ...]):
         return found
 
     @property
-    def _shown(self) -> Table:
-        return score_table(self.table.scores, self.table.units, failed=self.table.failed)
+    def _shown(self) -> list[Table]:
+        return [score_table(one.scores, one.units, failed=one.failed) for one in self.table.each]
 
     def __repr__(self) -> str:
-        return repr(self._shown)
+        return "\n\n".join(map(repr, self._shown))
 
     def _repr_html_(self) -> str:
-        return self._shown._repr_html_()
+        return "".join(one._repr_html_() for one in self._shown)
 
-    def of_model(self, model: str = "mapmore", split: str = "validate") -> Mapping[str, Any]:
-        """Return the pooled row of a model; raises `KeyError` where there is none."""
+    def of_model(
+        self, model: str = "mapmore", split: str = "validate", target: str | None = None
+    ) -> Mapping[str, Any]:
+        """Return the pooled row of a model, of the first target where none is named; raises
+        `KeyError` where there is none.
+        """
         for row in self:
-            if (row["model"], row["split"], row["curve"]) == (model, split, "all"):
+            found = (row["model"], row["split"], row["curve"])
+            if found == (model, split, "all") and target in (None, row["target"]):
                 return row
         raise KeyError(f"no row of {model} on the {split} data")
 

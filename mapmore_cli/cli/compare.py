@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path, PurePosixPath
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 from typer import Argument, Option
 
@@ -16,12 +16,16 @@ from mapmore_cli.cli.console import (
     AsJson,
     Quiet,
     Runs,
+    View,
     print_view,
     refuse_endings,
     write_figure,
 )
 from mapmore_cli.cli.progress import Reporter
 from mapmore_cli.domain.errors import LimitMissed, UsageError
+
+if TYPE_CHECKING:
+    from mapmore_cli.modelling.validation.comparison import Comparison
 
 
 def compare(
@@ -66,7 +70,7 @@ def compare(
     campaigns are compared run by run. Models that were made by other settings are refused; of the
     same recordings, a difference is that of the settings.
     """
-    from mapmore_cli.cli.compared import of_campaigns, of_comparisons
+    from mapmore_cli.cli.compared import of_campaigns
     from mapmore_cli.pipeline.archive import compared, find_campaign, find_model
 
     if len(models) < 2:
@@ -92,8 +96,7 @@ def compare(
         view = of_campaigns(models, results)
     else:
         found = [find_model(text, runs, archive) for text in models]
-        later = [compared(found[0], one, margin, other_settings) for one in found[1:]]
-        results, view = {models[-1]: later[-1]}, of_comparisons(models, later)
+        results, view = _of_models(models, found, margin, other_settings)
         if figure is not None:
             _draw(models, found, figure)
     print_view(view, as_json)
@@ -103,6 +106,30 @@ def compare(
                 f"{name}: force is {one.ratio:.4g} times that of {models[0]}",
                 "see the tables; --fail-on sets the limit",
             )
+
+
+def _of_models(
+    names: Sequence[str], found: Sequence[Path], margin: float, other_settings: bool
+) -> tuple[dict[str, Comparison], View]:
+    """Return what became of the first model, by the last one's name; of several outputs, by these.
+
+    Raises UsageError for more than two models of several outputs.
+    """
+    from mapmore_cli.cli.compared import of_campaigns, of_comparisons
+    from mapmore_cli.pipeline.archive import compared
+    from mapmore_cli.storage.artefacts import read_model
+
+    outputs = [one.name for one in read_model(found[0]).outputs]
+    if len(outputs) == 1:
+        later = [compared(found[0], one, margin, other_settings) for one in found[1:]]
+        return {names[-1]: later[-1]}, of_comparisons(names, later)
+    if len(found) > 2:
+        raise UsageError(
+            f"{', '.join(names)}: models of several outputs are compared two at a time",
+            f"name two, as `mapmore compare {names[0]} {names[-1]}`",
+        )
+    results = {name: compared(found[0], found[1], margin, other_settings, name) for name in outputs}
+    return results, of_campaigns(names, results)
 
 
 def _draw(names: Sequence[str], models: Sequence[Path], figure: Path) -> None:

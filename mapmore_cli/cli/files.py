@@ -122,7 +122,7 @@ def figure(
     out = out or Path(f"{name}.{form}")
     suffix = out.suffix.removeprefix(".")
     looks = [*looks, *([f"report.style.width={width}"] if width else [])]
-    if name not in FIGURES:
+    if name.rpartition(".")[2] not in FIGURES:
         raise UsageError(f"there is no figure {name!r}", f"choose one of {', '.join(FIGURES)}")
     refuse_endings(
         [out],

@@ -5,14 +5,15 @@ as a JSON document and as tables.
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from mapmore_cli.cli.console import Document, View, picked
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.domain.models import Formula, Memory, Pieces
+from mapmore_cli.domain.models import Formula, Memory, Outputs, Pieces
+from mapmore_cli.domain.results import OutputsFit
 from mapmore_cli.domain.scores import OWN, RUN_PAGE
 from mapmore_cli.modelling.kinds import page_of
 from mapmore_cli.reporting import memory_tables
@@ -106,11 +107,14 @@ def verdict_lines(run_dir: Path) -> tuple[str, ...]:
     """Compare the model of a run with its competitors, and its pieces with their backbone."""
     files = RunFiles(run_dir)
     table, data, body = files.scores(), files.dataset(), files.model().body
-    target = data.quantities[data.target]
-    verdict = verdict_sentence(table.scores, OWN, target, table.failed)
+    outputs = zip(table.each, data.each, strict=True)
+    verdicts = [
+        verdict_sentence(one.scores, OWN, own.quantities[own.target], one.failed)
+        for one, own in outputs
+    ]
     formula = body.backbone if isinstance(body, Pieces) else None
     pieces = "" if formula is None else pieces_sentence(table.scores, OWN, formula.name)
-    return tuple(filter(None, (verdict, pieces)))
+    return tuple(filter(None, (*verdicts, pieces)))
 
 
 def page_lines(run_dir: Path) -> tuple[str, ...]:
@@ -166,12 +170,15 @@ def of_scores(table: ScoreTable, published: Published | None = None) -> View:
     what a publication reports.
     """
     rows = [score_row(score) for score in table.scores]
-    pooled = score_table(table.scores, table.units, published, table.failed)
-    return View({"scores": rows, "units": table.units}, (pooled,))
+    pooled = (score_table(one.scores, one.units, published, one.failed) for one in table.each)
+    return View({"scores": rows, "units": table.units}, tuple(pooled))
 
 
 def _of_validation(validation: Validation) -> View:
     """Return the scores pooled and by curve, and the formulas that were fitted as competitors."""
+    if validation.others:
+        views = map(_of_validation, validation.each)
+        return View(*_of_outputs([next(iter(one.units)) for one in validation.each], views))
     pooled = of_scores(validation.table)
     lines = [f"warning: {warning}" for warning in validation.warnings]
     for name, formula in validation.formulas.items():
@@ -233,6 +240,9 @@ def _of_fit(result: FitResult) -> View:
     """Return the segments, or the model with memory, with their terms in the order of selection;
     theta is in scaled coordinates.
     """
+    if isinstance(result.body, OutputsFit):
+        whole, every = _of_outputs(result.body.outputs, map(_of_fit, result.each))
+        return View({**whole, "notes": result.notes}, every, result.notes)
     memory, tables, page = result.memory, list[Table](), page_of(result.body)
     document: Document = {
         "segments": [_segment(fit, fit.selection) for fit in result.pieces],
@@ -258,6 +268,17 @@ def _of_fit(result: FitResult) -> View:
         document |= own
         tables += own_tables
     return View(document, tuple(tables), (*_formula_lines(result.formula), *result.notes))
+
+
+def _of_outputs(names: Sequence[str], views: Iterable[View]) -> tuple[Document, tuple[Table, ...]]:
+    """Return the documents of outputs by their names, and their tables, titled by these."""
+    own = dict(zip(names, views, strict=True))
+    tables = (
+        replace(table, title=f"{name}: {table.title}")
+        for name, view in own.items()
+        for table in view.tables
+    )
+    return {"outputs": {name: view.document for name, view in own.items()}}, tuple(tables)
 
 
 def _segment(named: SegmentFit | SegmentFunction, numbers: Any) -> Document:
@@ -309,7 +330,8 @@ def _of_model(model: Model) -> View:
     lines = equations(model)
     names = [f"{quantity.name} [{quantity.unit}]" for quantity in model.inputs]
     inputs = ", ".join(names) or "its own past"
-    title = f"{model.name}: {model.output.name} [{model.output.unit}] from {inputs}"
+    outputs = ", ".join(f"{one.name} [{one.unit}]" for one in model.outputs)
+    title = f"{model.name}: {outputs} from {inputs}"
     view = _view_of(model)
     document = {**view.document, "equations": lines, "rules": rules(model)}
     tables = (pieces_table(lines, title), *limits_tables(model), *view.tables)
@@ -338,6 +360,9 @@ def _view_of(model: Model) -> View:
         case Memory():
             document = picked(body, "memory=model", "backbone")
             tables = _memory_tables(body.model)
+        case Outputs():
+            names = [one.name for one in model.outputs]
+            document, tables = _of_outputs(names, map(_view_of, body.parts))
         case _ if kind.page is not None:
             document, tables, lines = kind.page.show(model, _view_of)
         case _:

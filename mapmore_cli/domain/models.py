@@ -178,6 +178,18 @@ class Memory(Body):
         return (self.model,)
 
 
+@dataclass(frozen=True)
+class Outputs(Body):
+    """Models of several outputs, which share segments, terms and inputs."""
+
+    parts: Annotated[tuple[Model, ...], "the model of each output"]
+
+    @property
+    def models(self) -> tuple[Model, ...]:
+        """The model of each output."""
+        return self.parts
+
+
 # The whole
 # --------------------------------------------------------------------------------------------------
 
@@ -281,6 +293,22 @@ class Model:
         LeftOut | None, "what intervals are made of, where the spec asked for them"
     ] = None
     shape: Annotated[Shape | None, "the shape that it keeps, where the spec asked for one"] = None
+
+    @property
+    def each(self) -> tuple[Model, ...]:
+        """The model of each output; itself where there is one."""
+        return self.body.models if isinstance(self.body, Outputs) else (self,)
+
+    @property
+    def outputs(self) -> tuple[Quantity, ...]:
+        """What it predicts."""
+        return tuple(one.output for one in self.each)
+
+    def of(self, output: str) -> Model:
+        """Return the model of one of several outputs; itself where there is one, or none of the
+        name.
+        """
+        return next((one for one in self.each if one.output.name == output), self)
 
     @property
     def pieces(self) -> Pieces | None:

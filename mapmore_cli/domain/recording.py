@@ -196,6 +196,14 @@ class Dataset:
     recordings: Annotated[tuple[Recording, ...], "files as read"]
     curves: Annotated[tuple[Curve, ...], "curves to model"]
     notes: Annotated[tuple[str, ...], "remarks for the reader"] = ()
+    also: Annotated[
+        tuple[QuantityName, ...], "further modelled columns, of a model of several outputs"
+    ] = ()
+
+    @property
+    def each(self) -> tuple[Dataset, ...]:
+        """The dataset of each output alone; others are no inputs."""
+        return tuple(replace(self, target=name, also=()) for name in (self.target, *self.also))
 
     @property
     def logs(self) -> Mapping[str, str]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -49,6 +49,11 @@ class FitResult:
     notes: Annotated[tuple[str, ...], "remarks for the reader"] = ()
 
     @property
+    def each(self) -> tuple[FitResult, ...]:
+        """The fit of each output."""
+        return self.body.fits if isinstance(self.body, OutputsFit) else (self,)
+
+    @property
     def pieces(self) -> tuple[SegmentFit, ...]:
         """Everything that terms were chosen for: the segments, or the model with memory as one
         piece.
@@ -82,6 +87,14 @@ class FitResult:
     def formula(self) -> FormulaFit | None:
         """The formula that was fitted: the backbone, or the model itself."""
         return self.body if isinstance(self.body, FormulaFit) else self.backbone
+
+
+@dataclass(frozen=True)
+class OutputsFit:
+    """The fits of several outputs, which share segments and terms."""
+
+    outputs: Annotated[tuple[QuantityName, ...], "names of the outputs"]
+    fits: Annotated[tuple[FitResult, ...], "the fit of each"]
 
 
 @dataclass(frozen=True)
@@ -156,12 +169,25 @@ class Validation:
     shown: Annotated[
         Dataset | None, "samples that figures show; absent where they show the whole dataset"
     ] = None
+    others: Annotated[tuple[Validation, ...], "those of further outputs"] = ()
+
+    @property
+    def each(self) -> tuple[Validation, ...]:
+        """The validation of each output."""
+        return (replace(self, others=()), *self.others)
 
     @property
     def table(self) -> ScoreTable:
-        """The numbers alone."""
-        failed = tuple(name for name, formula in self.formulas.items() if formula.failed)
-        return ScoreTable(self.scores, self.units, failed, self.warnings)
+        """The numbers alone, of all outputs."""
+        failed = [
+            name for one in self.each for name, formula in one.formulas.items() if formula.failed
+        ]
+        return ScoreTable(
+            tuple(score for one in self.each for score in one.scores),
+            {name: unit for one in self.each for name, unit in one.units.items()},
+            tuple(dict.fromkeys(failed)),
+            tuple(dict.fromkeys(told for one in self.each for told in one.warnings)),
+        )
 
 
 @dataclass(frozen=True)

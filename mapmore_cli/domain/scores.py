@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import Annotated, Any, get_type_hints
 
@@ -164,6 +164,21 @@ class ScoreTable:
     units: Mapping[str, str]
     failed: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
+
+    @property
+    def each(self) -> tuple[ScoreTable, ...]:
+        """The table of each target; itself where there is one."""
+        targets = dict.fromkeys(score.target for score in self.scores)
+        if len(targets) < 2:
+            return (self,)
+        return tuple(
+            replace(
+                self,
+                scores=tuple(score for score in self.scores if score.target == target),
+                units={target: self.units[target]},
+            )
+            for target in targets
+        )
 
 
 def deciding(scores: Iterable[Score]) -> list[Score]:

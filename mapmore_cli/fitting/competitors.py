@@ -81,12 +81,16 @@ class Contest:
         if competitor.run is not None or competitor.set is not None:
             folder = self.needed[competitor.run or label]
             files = RunFiles(folder)
-            model = files.model() if self.refit is None else self.refit(folder, dataset)
+            model = (files.model() if self.refit is None else self.refit(folder, dataset)).of(
+                dataset.target
+            )
             body = files.fit().body
             own_fit = body if kinds.page_of(body) else None
             return Rival(label, self._of_model(model), own_fit=own_fit)
         if competitor.is_file:
-            return Rival(label, self._of_model(read_model(self.spec_dir / str(name))))
+            return Rival(
+                label, self._of_model(read_model(self.spec_dir / str(name)).of(dataset.target))
+            )
         if competitor.static is not None:
             return self._composite(competitor)
         if competitor.sum is not None:

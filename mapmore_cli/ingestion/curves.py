@@ -27,7 +27,7 @@ from mapmore_cli.domain.errors import DataError, SpecError
 from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.recording import DAMPING, STATIC_FORCE, Curve, Quantity, Recording, united
 from mapmore_cli.ingestion.samples import located
-from mapmore_cli.modelling.kinds import outside_range, predict
+from mapmore_cli.modelling.kinds import alone, outside_range, predict
 from mapmore_cli.modelling.signals.cycles import split_cycles
 from mapmore_cli.modelling.signals.plateau import (
     default_within,
@@ -84,7 +84,7 @@ def static_model(run_dir: Path, force: Quantity, units: Mapping[str, str]) -> Mo
     Raises SpecError where it is of another quantity or unit, or has an input that the recordings
     lack or hold in another unit.
     """
-    model = RunFiles(run_dir).model()
+    model = alone(RunFiles(run_dir).model())
     if model.output != force:
         found = f"{model.output.name} in {model.output.unit}"
         raise SpecError(

@@ -118,6 +118,7 @@ def build_dataset(
         recordings=tuple(recordings),
         curves=curves,
         notes=tuple(notes),
+        also=slice_.also,
     )
 
 

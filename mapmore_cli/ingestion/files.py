@@ -31,7 +31,8 @@ class IngestSlice:
     """What ingest depends on: the quantity that is `measured`, its `component` to model, and the
     model's unit of every quantity.
 
-    `static` is the spec of the run whose model leaves the damping force.
+    `static` is the spec of the run whose model leaves the damping force; `also` are quantities
+    that are modelled beside the measured one.
     """
 
     data: Data
@@ -39,6 +40,7 @@ class IngestSlice:
     component: Component
     units: Mapping[str, str]
     static: str | None = None
+    also: tuple[str, ...] = ()
 
 
 def slice_of(spec: ExperimentSpec) -> IngestSlice:
@@ -64,6 +66,7 @@ def slice_of(spec: ExperimentSpec) -> IngestSlice:
         component=component,
         units=units_of(spec),
         static=spec.needs.static if component == "damping" else None,
+        also=spec.also,
     )
 
 

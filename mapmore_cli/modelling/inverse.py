@@ -18,6 +18,7 @@ import numpy as np
 from mapmore_cli.domain.arrays import Array, BoolArray, Columns, IntArray
 from mapmore_cli.domain.errors import UsageError
 from mapmore_cli.domain.models import Model
+from mapmore_cli.modelling.kinds import alone
 from mapmore_cli.modelling.program.model import program_of, with_slopes
 from mapmore_cli.modelling.program.values import evaluator
 
@@ -139,7 +140,7 @@ def _solutions(
 
 
 def _input_names(model: Model, name: str) -> list[str]:
-    names = [quantity.name for quantity in model.inputs]
+    names = [quantity.name for quantity in alone(model).inputs]
     if name not in names:
         raise UsageError(f"the model has no input '{name}'", f"it has {', '.join(names)}")
     return names

@@ -18,9 +18,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from mapmore_cli.domain import plugins
-from mapmore_cli.domain.arrays import Array, BoolArray, Columns
+from mapmore_cli.domain.arrays import Array, BoolArray, Columns, row_count
 from mapmore_cli.domain.declared import Settings
-from mapmore_cli.domain.errors import DataError
+from mapmore_cli.domain.errors import DataError, UsageError
 from mapmore_cli.domain.models import CurveRange, Equation, Model
 from mapmore_cli.domain.results import Run
 from mapmore_cli.modelling.expressions import ExpressionError
@@ -99,6 +99,19 @@ def page_of(fit: Any) -> ModuleType | None:
     """Return the module that shows fits of their kind on pages, where the kind has one."""
     kind = next((kind for kind in kinds() if kind.fit is type(fit)), None)
     return kind.page if kind else None
+
+
+def alone(model: Model) -> Model:
+    """Return a model of one output; UsageError for one of several, which nobody can mean by one
+    number.
+    """
+    names = [one.name for one in model.outputs]
+    if len(names) > 1:
+        raise UsageError(
+            f"the model {model.name} has the outputs {', '.join(names)}, and this is done with one",
+            f"make a model of one of them: set `target: {names[0]}`",
+        )
+    return model
 
 
 def kind_of(model: Model) -> Kind:
@@ -242,7 +255,7 @@ def limits(ranges: Sequence[CurveRange], level: str | None) -> Iterator[InputRan
 
 
 def _outside_limits(model: Model, columns: Columns) -> BoolArray:
-    outside = np.zeros(len(next(iter(columns.values()))), dtype=np.bool_)
+    outside = np.zeros(row_count(columns), dtype=np.bool_)
     ranges = model.body.ranges  # type: ignore[attr-defined]  # sums have another verb
     for name, at, levels, *ends in limits(ranges, model.level):
         if name in columns:

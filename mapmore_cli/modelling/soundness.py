@@ -32,7 +32,8 @@ def unsound(model: Model) -> str | None:
             names = (quantity.name for quantity in (one.output, *one.inputs))
             if fault or len({*names}) <= len(one.inputs):
                 return f"of the model {one.name}: {fault or 'two quantities have one name'}"
-        _try(model)
+        for one in model.each:
+            _try(one)
     except Exception as error:
         reason = f"{type(error).__name__}: {error}".partition("\n")[0]
         return f"the model cannot be evaluated, since its parts do not fit each other ({reason})"

@@ -16,6 +16,7 @@ from pydantic import TypeAdapter, ValidationError
 
 from mapmore_cli import __version__
 from mapmore_cli.domain.errors import DataError, UsageError, WriteError
+from mapmore_cli.modelling.kinds import alone
 from mapmore_cli.modelling.pieces.recipe import Fuse, Segmented
 from mapmore_cli.modelling.selection import Fit
 from mapmore_cli.modelling.validation.comparison import Comparison, compare
@@ -187,8 +188,10 @@ def made_from(run_dir: Path) -> tuple[str, list[str]]:
     return origin.campaign or origin.spec, [o for o in settings if not o.startswith(harmless)]
 
 
-def compared(before: Path, after: Path, margin: float, other_settings: bool = False) -> Comparison:
-    """Compare two models, with what their runs were made from.
+def compared(
+    before: Path, after: Path, margin: float, other_settings: bool = False, output: str = ""
+) -> Comparison:
+    """Compare two models, with what their runs were made from; of several outputs, one.
 
     Raises UsageError where their settings differ, unless `other_settings` are allowed; DataError
     where they are of other quantities, or have too few curves in common.
@@ -206,7 +209,8 @@ def compared(before: Path, after: Path, margin: float, other_settings: bool = Fa
         for one in records
     ]
     try:
-        found = compare(read_model(before), read_model(after), margin)
+        one, other = (alone(read_model(model).of(output)) for model in (before, after))
+        found = compare(one, other, margin)
     except ValueError as fault:
         remedy = "compare models of the same quantities that have curves in common"
         raise DataError(f"{before}, {after}: {fault}", remedy) from fault

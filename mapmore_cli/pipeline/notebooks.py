@@ -6,11 +6,11 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Hashable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import prod
 from numbers import Integral
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Self
 
 import h5py
 import numpy as np
@@ -24,8 +24,8 @@ from mapmore_cli.domain.given import Door, labels_of
 from mapmore_cli.domain.models import Equation, Model
 from mapmore_cli.domain.recording import Curve, Quantity
 from mapmore_cli.modelling.inverse import LOWEST, Inverse, invert
+from mapmore_cli.modelling.kinds import alone, outside_range, predict
 from mapmore_cli.modelling.kinds import equations as model_equations
-from mapmore_cli.modelling.kinds import outside_range, predict
 from mapmore_cli.modelling.program.model import slopes
 from mapmore_cli.modelling.signals.rates import with_signals
 from mapmore_cli.modelling.validation.intervals import INTERVAL, interval
@@ -47,7 +47,8 @@ class LoadedModel:
     directions may be left out.
 
     A model with memory takes one recording: its `time` in s, and the measured output where it goes
-    on from that.
+    on from that. A model of several outputs answers with a mapping by their names; `of` is that of
+    one.
 
     Examples
     --------
@@ -66,12 +67,19 @@ class LoadedModel:
             ", ".join(f"{quantity.name} [{quantity.unit}]" for quantity in self.inputs)
             or "its own past"
         )
-        return f"<model {self.model.name}: {self.output.name} [{self.output.unit}] of {inputs}>"
+        outputs = ", ".join(f"{one.name} [{one.unit}]" for one in self.model.outputs)
+        return f"<model {self.model.name}: {outputs} of {inputs}>"
+
+    def of(self, output: str) -> Self:
+        """Return the model of one of several outputs; raises `TypeError` for none of them."""
+        if output not in (names := [one.name for one in self.model.outputs]):
+            raise TypeError(f"this model has the outputs {', '.join(names)}; got {output!r}")
+        return replace(self, model=self.model.of(output))
 
     @property
     def units(self) -> dict[str, str]:
-        """The units of the inputs and of the output."""
-        return {quantity.name: quantity.unit for quantity in (*self.inputs, self.output)}
+        """The units of the inputs and of the outputs."""
+        return {quantity.name: quantity.unit for quantity in (*self.inputs, *self.model.outputs)}
 
     @property
     def inputs(self) -> tuple[Quantity, ...]:
@@ -80,7 +88,7 @@ class LoadedModel:
 
     @property
     def output(self) -> Quantity:
-        """Name and unit of what the model predicts."""
+        """Name and unit of what the model predicts, of several outputs the first."""
         return self.model.output
 
     @property
@@ -88,9 +96,9 @@ class LoadedModel:
         """The model in physical units, as text and LaTeX."""
         return model_equations(self.model)
 
-    def __call__(self, **columns: ArrayLike) -> Array:
+    def __call__(self, **columns: ArrayLike) -> Any:
         """Output at the inputs, which are broadcast against each other; NaN where an input is not
-        finite.
+        finite. Of several outputs a mapping by their names.
 
         With `time`, the inputs are samples of one recording, from which the model's rates and
         directions follow, and along which a model with memory runs (NaN before there is history).
@@ -105,11 +113,12 @@ class LoadedModel:
                 f"{self.model.name}",
                 stacklevel=2,
             )
-        return predict(self.model, flat).reshape(shape)
+        said = {one.output.name: predict(one, flat).reshape(shape) for one in self.model.each}
+        return said if len(said) > 1 else said[self.output.name]
 
-    def predict(self, frame: Any, columns: Mapping[str, Any] | None = None) -> Array:
+    def predict(self, frame: Any, columns: Mapping[str, Any] | None = None) -> Any:
         """Return the output at the rows of a frame, (n,), in the model's unit; NaN where an input
-        is not finite.
+        is not finite. Of several outputs a mapping by their names.
 
         `columns` are as in `fit` (name, unit, scale, offset), and those of the fit where the model
         comes from it. Others are found by their canonical names, in the model's units. The rows of
@@ -170,7 +179,7 @@ class LoadedModel:
 
         if interval is None and self.model.left_out is not None:
             interval = INTERVAL
-        model = self.model if interval is None else self._with_intervals
+        model = alone(self.model) if interval is None else self._with_intervals
         draw_model(ax, model, interval, self.held_out)
         return ax
 

@@ -17,7 +17,7 @@ from mapmore_cli.domain.errors import DataError, UsageError
 from mapmore_cli.domain.models import Formula, Model
 from mapmore_cli.domain.results import Run
 from mapmore_cli.modelling.inverse import LOWEST, invert, solve_for_input
-from mapmore_cli.modelling.kinds import outside_range, running, runs_over_time, simulate
+from mapmore_cli.modelling.kinds import alone, outside_range, running, runs_over_time, simulate
 from mapmore_cli.modelling.literature.family import adapted, family_of
 from mapmore_cli.modelling.literature.own import is_family
 from mapmore_cli.modelling.memory.records import AtSample, complete, numbered
@@ -46,7 +46,7 @@ FLAG = "outside_range"
 
 @dataclass(frozen=True)
 class Predictor:
-    """What is added to every row of a table: the output, or the input that the model is inverted
+    """What is added to every row of a table: the outputs, or the input that the model is inverted
     for; the interval of a `level`; derivatives.
     """
 
@@ -58,14 +58,24 @@ class Predictor:
     @property
     def names(self) -> list[str]:
         """The columns, (m,)."""
-        output = self.model.output.name
-        names = [f"{self.reading.turned_for or output}_predicted", FLAG]
-        names += [] if self.level is None else [f"{output}_low", f"{output}_high"]
+        outputs = [one.name for one in self.model.outputs]
+        turned = self.reading.turned_for
+        names = [f"{name}_predicted" for name in ([turned] if turned else outputs)] + [FLAG]
         by = self.model.inputs if self.derivatives else ()
-        return names + [f"{output}_by_{quantity.name}" for quantity in by]
+        for output in outputs:
+            names += [] if self.level is None else [f"{output}_low", f"{output}_high"]
+            names += [f"{output}_by_{quantity.name}" for quantity in by]
+        return names
+
+    def runs(self, in_parts: bool) -> list[Callable[[Columns], Run]]:
+        """Return what tells the rows of a recording, of every output."""
+        return [
+            (running(one) if in_parts else None) or partial(simulate, one)
+            for one in self.model.each
+        ]
 
     def numbers(
-        self, columns: Columns, rows: IntArray, run: Callable[[Columns], Run]
+        self, columns: Columns, rows: IntArray, runs: Sequence[Callable[[Columns], Run]]
     ) -> tuple[Array, BoolArray, list[int]]:
         """Return all columns but the flags of complete rows, (n, m - 1), the flags, (n,), and the
         rows at which a free run diverges.
@@ -88,16 +98,18 @@ class Predictor:
                 continue
             # far outside of the range a term may overflow; the flag says so
             with np.errstate(all="ignore"), numbered(rows[part]):
-                said = run(inputs)
+                said = [run(inputs) for run in runs]
                 beyond = outside[part] = outside_range(model, inputs)
-                found = [said.values]
-                if self.level is not None:
-                    widths = half_widths_of(model, inputs, self.level)
-                    found += ends(said.values, beyond, widths)
-                if self.derivatives:
-                    found += slopes(model, inputs).values()
+                found = [own.values for own in said]
+                for one, own in zip(model.each, said, strict=True):
+                    if self.level is not None:
+                        widths = half_widths_of(one, inputs, self.level)
+                        found += ends(own.values, beyond, widths)
+                    if self.derivatives:
+                        found += slopes(one, inputs).values()
             numbers[part] = np.column_stack(found)
-            diverged += rows[part][list(said.diverged)].tolist()
+            lost = {row for own in said for row in own.diverged}
+            diverged += rows[part][sorted(lost)].tolist()
         return numbers, outside, diverged
 
     def cells(
@@ -105,7 +117,7 @@ class Predictor:
         label: str,
         block: Sequence[Row],
         columns: dict[str, Array],
-        run: Callable[[Columns], Run],
+        runs: Sequence[Callable[[Columns], Run]],
     ) -> tuple[list[str], list[int]]:
         """Return the new fields of every row of a block, and the rows at which a free run
         diverges.
@@ -117,13 +129,16 @@ class Predictor:
             return added, []
         columns = {name: x[known] for name, x in columns.items()}
         try:
-            numbers, outside, diverged = self.numbers(columns, known, run)
+            numbers, outside, diverged = self.numbers(columns, known, runs)
         except AtSample as error:
             raise DataError(
                 f"{label}:row {block[error.sample].line}: {error.fault}", error.remedy
             ) from error
-        for i, flag, (value, *more) in zip(known, outside, numbers, strict=True):
-            added[i] = ",".join([_digits(value), "true" if flag else "false", *map(_digits, more)])
+        flag_at = self.names.index(FLAG)
+        for i, flag, row in zip(known, outside, numbers, strict=True):
+            cells = [*map(_digits, row)]
+            cells.insert(flag_at, "true" if flag else "false")
+            added[i] = ",".join(cells)
         return added, diverged
 
 
@@ -138,7 +153,8 @@ def predicted_lines(
     turned_for: str | None = None,
     constants: Mapping[str, float] | None = None,
 ) -> Iterator[str]:
-    """Yield the lines of a CSV table with `<output>_predicted` and `outside_range` added to each.
+    """Yield the lines of a CSV table with `<output>_predicted` for every output, and
+    `outside_range`, added to each.
 
     The header holds canonical names; the numbers are in the model's units. The prediction has 12
     significant digits; `outside_range` is `true` or `false`. Both are empty where an input is empty
@@ -180,22 +196,22 @@ def predicted_lines(
     places = table.places(reading.columns + reading.outputs, predictor.names)
     yield from table.extended([table.header], [",".join(predictor.names)])
     predicted = beyond = 0
-    in_parts = not reading.signals and running(model) is not None
+    in_parts = not reading.signals and all(map(running, model.each))
     blocks: Iterator[tuple[list[Row], bool]]
     blocks = ((block, True) for block in iter(lambda: [*islice(table.rows, chunk)], []))
     if reading.over_time:
         blocks = by_recording(table.rows, table.names, chunk if in_parts else math.inf)
     for block, begins in blocks:
         if begins:
-            run = (running(model) if in_parts else None) or partial(simulate, model)
-        cells, diverged = predictor.cells(label, block, table.values(block, places), run)
+            runs = predictor.runs(in_parts)
+        cells, diverged = predictor.cells(label, block, table.values(block, places), runs)
         for start in diverged:
             warn(
                 f"{label}:row {block[start].line}: the free run diverges; there is no "
                 "prediction until it starts anew"
             )
         predicted += sum(not own.startswith(",") for own in cells)
-        beyond += sum(own.split(",", 2)[1] == "true" for own in cells)
+        beyond += sum("true" in own.split(",") for own in cells)
         yield from table.extended(block, cells)
     if predicted and beyond == predicted:
         warn(
@@ -225,7 +241,7 @@ def inverted_lines(
             "invert a static model",
         )
     needed = [
-        model.output.name,
+        alone(model).output.name,
         *(quantity.name for quantity in model.inputs if quantity.name != name),
     ]
     table = Sheet(lines, label, ", ".join(needed))
@@ -247,7 +263,7 @@ def inverted_lines(
 
 def _reading_turned(model: Model, name: str) -> Reading:
     """Return what is read where a model is inverted; UsageError where it cannot be."""
-    inputs = [quantity.name for quantity in model.inputs]
+    inputs = [quantity.name for quantity in alone(model).inputs]
     if name not in inputs:
         raise UsageError(f"--as: the model has no input '{name}'", f"it has {', '.join(inputs)}")
     if runs_over_time(model):

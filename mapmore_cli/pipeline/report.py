@@ -13,7 +13,10 @@ from mapmore_cli.spec.experiment import ExperimentSpec, Muscle, Report, Validate
 from mapmore_cli.storage.run_folder import VALIDATION, RunFiles
 
 if TYPE_CHECKING:
+    from mapmore_cli.domain.fits import SegmentedCurve
     from mapmore_cli.domain.models import Equation, Model
+    from mapmore_cli.domain.recording import Dataset
+    from mapmore_cli.domain.results import FitResult, Validation
     from mapmore_cli.reporting.inputs import FigureStyle, ReportInputs
 
 METRES_PER_INCH = 0.0254
@@ -56,25 +59,46 @@ def write_pages(part: ReportSlice, workspace: Workspace) -> None:
     """
     from mapmore_cli.reporting.report import write_report
 
+    inputs, *others = collected(part, workspace.run_dir, workspace.spec_text)
     inputs = replace(
-        collected(part, workspace.run_dir, workspace.spec_text),
-        search=RunFiles(workspace.run_dir).search() if workspace.searched else None,
+        inputs, search=RunFiles(workspace.run_dir).search() if workspace.searched else None
     )
     for warning in faults_of(inputs.style):
         workspace.warn(warning)
-    write_report(inputs, workspace.out / "report", part.report.figures, part.report.formats)
+    out, wanted = workspace.out / "report", part.report
+    write_report(inputs, out, wanted.figures, wanted.formats, others)
 
 
-def collected(part: ReportSlice, run_dir: Path, spec_text: str = "") -> ReportInputs:
-    """Return the results of the stages before, with what the spec says of the report."""
+def collected(part: ReportSlice, run_dir: Path, spec_text: str = "") -> tuple[ReportInputs, ...]:
+    """Return the results of the stages before, with what the spec says of the report, for each
+    output.
+    """
+    files = RunFiles(run_dir)
+    results = (files.dataset(), files.model(), files.fit(), files.validation())
+    outputs = list(zip(*(one.each for one in results), strict=True))
+    inputs = [_collected(part, run_dir, files.segmentation(), *own) for own in outputs]
+    first, *others = [
+        replace(one, prefix=f"{one.target.name}." if len(outputs) > 1 else "") for one in inputs
+    ]
+    return (replace(first, spec_text=spec_text), *others)
+
+
+def _collected(
+    part: ReportSlice,
+    run_dir: Path,
+    segmentation: tuple[SegmentedCurve, ...],
+    dataset: Dataset,
+    model: Model,
+    fit: FitResult,
+    validation: Validation,
+) -> ReportInputs:
     from mapmore_cli.checking.findings import sentences
     from mapmore_cli.modelling.kinds import equations as model_equations
     from mapmore_cli.modelling.shape.violations import known_shape
     from mapmore_cli.reporting.inputs import FigureStyle, ReportInputs
     from mapmore_cli.storage.run_record import tool_versions
 
-    files, style, published = RunFiles(run_dir), part.report.style, part.report.published
-    dataset, model, validation = files.dataset(), files.model(), files.validation()
+    style, published = part.report.style, part.report.published
     turned = part.validate.as_
     if turned is not None:
         dataset = replace(dataset, target=turned)
@@ -90,14 +114,14 @@ def collected(part: ReportSlice, run_dir: Path, spec_text: str = "") -> ReportIn
         name=part.name,
         muscle={key: word for key, word in muscle.items() if word is not None},
         whole=dataset,
-        segmentation=files.segmentation(),
-        fit=files.fit(),
+        segmentation=segmentation,
+        fit=fit,
         model=model,
         validation=validation,
         equations=model_equations(model),
         other_equations=_in_units(model, part.report.units),
         published=published.numbers if published else None,
-        spec_text=spec_text,
+        spec_text="",
         provenance=tool_versions(),
         unconfirmed=part.unconfirmed,
         doubts=sentences(run_dir),
@@ -153,6 +177,7 @@ def drawn_figure(
     """Draw a figure of a run as a file: all of it, or the panel of one curve (or model) as wide as
     the spec says, with its numbers as CSV.
 
+    - `name`: as `fit`; of several outputs, with that of one, as `tip_x.fit`.
     - `warn`: is told of a font that this machine does not have.
     - `models`: competitors that are drawn, where that is not all of them.
     - `alone`: models that alone are drawn, without the run's own.
@@ -176,7 +201,12 @@ def drawn_figure(
             f"--set {other}: changes more than looks",
             f"set a key of {LOOKS.rstrip('.')}, or run the study anew",
         )
-    inputs = collected(report_slice(load(run_dir / "experiment.yaml", looks).spec), run_dir)
+    every = collected(report_slice(load(run_dir / "experiment.yaml", looks).spec), run_dir)
+    prefix, name = name[: name.rfind(".") + 1], name.rpartition(".")[2]
+    inputs = next((one for one in every if one.prefix == prefix), None)
+    if inputs is None:
+        known = ", ".join(f"{one.prefix}{name}" for one in every)
+        raise UsageError(f"{run_dir}: has no figure {prefix}{name}", f"choose one of {known}")
     for warning in faults_of(inputs.style):
         warn(warning)
     inputs = inputs.showing(alone) if alone else inputs.beside(models) if models else inputs

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from pydantic_core import to_json
 
@@ -20,11 +21,16 @@ from mapmore_cli.fitting.kinds.choices import (
 )
 from mapmore_cli.fitting.stage import Need, Stage, Workspace
 from mapmore_cli.ingestion.files import IngestSlice, find_sources, slice_of
+from mapmore_cli.modelling.kinds import alone
 from mapmore_cli.modelling.pieces.recipe import Cuts, Fuse
 from mapmore_cli.modelling.selection import AUTO, Fit
 from mapmore_cli.spec.experiment import ExperimentSpec
 from mapmore_cli.spec.sections.model import ModelChoice
 from mapmore_cli.storage.run_folder import DATASET, FIT, MODEL, SEGMENTATION, RunFiles
+
+if TYPE_CHECKING:
+    from mapmore_cli.domain.models import Model
+    from mapmore_cli.domain.recording import Dataset
 
 # Ingest: `ingest.h5`
 # --------------------------------------------------------------------------------------------------
@@ -133,15 +139,16 @@ def fit(part: ModelChoices, workspace: Workspace) -> None:
     dataset = workspace.files.dataset()
     given = Given(dataset, workspace.files.segmentation(), progress=workspace.progress)
     result = kinds.fit(part, given)
-    for note in result.constant_alone:
+    alone = dict.fromkeys(note for one in result.each for note in one.constant_alone)
+    for note in alone:
         workspace.warn(note)
-    result = replace(result, notes=(*result.constant_alone, *result.notes))
-    for piece in result.pieces:
-        if piece.selection.tied.any():
-            workspace.warn(
-                f"segment {piece.id}: candidates tie within 1e-9, and the first was taken: "
-                "remove the others from the dictionary"
-            )
+    result = replace(result, notes=(*alone, *result.notes))
+    tied = (piece.id for one in result.each for piece in one.pieces if piece.selection.tied.any())
+    for id_ in dict.fromkeys(tied):
+        workspace.warn(
+            f"segment {id_}: candidates tie within 1e-9, and the first was taken: "
+            "remove the others from the dictionary"
+        )
     write_fit(workspace.out / FIT, result, units_of(dataset))
 
 
@@ -154,8 +161,7 @@ FITTING = Stage(name="fit", revision=11, outputs=(FIT,), reads=fit_choices, run=
 
 def fuse(part: ModelChoices, workspace: Workspace) -> None:
     """Join the fits into a model, and write it."""
-    from mapmore_cli.modelling.signals.rates import needed_signals
-    from mapmore_cli.modelling.validation.residuals import explained_by_inputs
+    from mapmore_cli.modelling.outputs.model import joined
     from mapmore_cli.storage.artefacts import write_model
     from mapmore_cli.storage.run_record import tool_versions
 
@@ -164,19 +170,13 @@ def fuse(part: ModelChoices, workspace: Workspace) -> None:
     given = Given(
         dataset,
         files.segmentation(),
-        lambda path: RunFiles(workspace.needed[path]).model(),
+        lambda path: alone(RunFiles(workspace.needed[path]).model()),
         workspace.progress,
     )
     model = kinds.build(part, given, result)
-    if part.fit.shape is not None:
-        from mapmore_cli.modelling.shape.region import refuse_unsupported
-
-        refuse_unsupported(model, dataset.curves, part.fit)
-    model = replace(
-        model,
-        signals=needed_signals(part.signals, [quantity.name for quantity in model.inputs]),
-        notes=(*model.notes, *explained_by_inputs(model, dataset)),
-    )
+    outputs = zip(model.each, dataset.each, strict=True)
+    finished = [_finished(part, one, data) for one, data in outputs]
+    model = joined(model.name, finished) if dataset.also else finished[0]
     for note in model.notes:
         workspace.warn(note)
     if part.intervals:
@@ -190,6 +190,22 @@ def fuse(part: ModelChoices, workspace: Workspace) -> None:
     # for a reader who has nothing but the file
     provenance = {**tool_versions(), "spec": to_json(part, indent=1).decode()}
     write_model(workspace.out / MODEL, model, provenance)
+
+
+def _finished(part: ModelChoices, model: Model, dataset: Dataset) -> Model:
+    """Return the model of one output with its signals, and notes on what it is made of."""
+    from mapmore_cli.modelling.signals.rates import needed_signals
+    from mapmore_cli.modelling.validation.residuals import explained_by_inputs
+
+    if part.fit.shape is not None:
+        from mapmore_cli.modelling.shape.region import refuse_unsupported
+
+        refuse_unsupported(model, dataset.curves, part.fit)
+    return replace(
+        model,
+        signals=needed_signals(part.signals, [quantity.name for quantity in model.inputs]),
+        notes=(*model.notes, *explained_by_inputs(model, dataset)),
+    )
 
 
 FUSE = Stage(

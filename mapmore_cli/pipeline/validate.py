@@ -22,7 +22,7 @@ from mapmore_cli.storage.run_folder import VALIDATION
 if TYPE_CHECKING:
     from mapmore_cli.domain.models import Model
     from mapmore_cli.domain.recording import Curve, Dataset
-    from mapmore_cli.domain.results import Forecast
+    from mapmore_cli.domain.results import Forecast, Validation
     from mapmore_cli.domain.scores import Score
     from mapmore_cli.fitting.competitors import Contest, Forecasts, Rival
     from mapmore_cli.modelling.validation.metrics import Normaliser
@@ -78,7 +78,23 @@ def scores_slice(spec: ExperimentSpec) -> ScoresSlice:
 
 
 def score(part: ScoresSlice, workspace: Workspace) -> None:
-    """Fit the competitors to the same training data, predict every sample, and score."""
+    """Fit the competitors to the same training data, predict every sample, and score; outputs one
+    by one.
+    """
+    from mapmore_cli.storage.artefacts import write_validation
+    from mapmore_cli.storage.run_record import write_scores
+
+    dataset, model = workspace.files.dataset(), workspace.files.model()
+    found = [
+        _scored(replace(part, target=one.target) if dataset.also else part, workspace, one, own)
+        for one, own in zip(dataset.each, model.each, strict=True)
+    ]
+    validation = replace(found[0], others=tuple(found[1:]))
+    write_validation(workspace.out / VALIDATION, validation)
+    write_scores(workspace.out, validation.table, model.name)
+
+
+def _scored(part: ScoresSlice, workspace: Workspace, measured: Dataset, model: Model) -> Validation:
     from mapmore_cli.domain.results import Validation
     from mapmore_cli.fitting.competitors import Contest
     from mapmore_cli.modelling.forecast import forecast
@@ -88,10 +104,7 @@ def score(part: ScoresSlice, workspace: Workspace) -> None:
     from mapmore_cli.modelling.validation.residuals import alarms
     from mapmore_cli.modelling.validation.shown import for_report
     from mapmore_cli.reporting.tables import rival_minima
-    from mapmore_cli.storage.artefacts import write_validation
-    from mapmore_cli.storage.run_record import write_scores
 
-    measured, model = workspace.files.dataset(), workspace.files.model()
     dataset = measured if part.seen_as is None else scored_as(part.seen_as, measured, model)
     static_run = workspace.needed[part.static] if part.static is not None else None
     contest = Contest(
@@ -142,8 +155,7 @@ def score(part: ScoresSlice, workspace: Workspace) -> None:
         worst = f"the farthest is {far[0].file}:{far[0].place}"
         workspace.warn(f"{len(far)} training samples far from the fit are listed; {worst}")
     validation = Validation(predictions, formulas, tuple(scores), units, fits, loud, outliers=far)
-    write_validation(workspace.out / VALIDATION, for_report(validation, model, dataset))
-    write_scores(workspace.out, validation.table, model.name)
+    return for_report(validation, model, dataset)
 
 
 def _with_interval(model: Model, curve: Curve, said: Forecast) -> Forecast:
@@ -252,11 +264,20 @@ def _repeatability_scores(
 def required_limits(require: Mapping[str, float], scores: Sequence[Score]) -> tuple[Limit, ...]:
     """Return the `validate.require` limits with what the run's own model has.
 
-    They hold on the pooled validation rows, or on the training rows where nothing is held out.
+    They hold on the pooled validation rows, or on the training rows where nothing is held out; for
+    every output.
     """
-    row = deciding(score for score in scores if score.model == OWN)[0]
+    rows = deciding(score for score in scores if score.model == OWN)
+    first = {row.target: row for row in reversed(rows)}
     return tuple(
-        Limit(metric, row.model, row.split, float(getattr(row, metric)), limit)
+        Limit(
+            metric,
+            f"{row.model} ({target})" if len(first) > 1 else row.model,
+            row.split,
+            float(getattr(row, metric)),
+            limit,
+        )
+        for target, row in reversed(first.items())
         for metric, limit in require.items()
     )
 

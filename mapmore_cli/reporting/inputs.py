@@ -87,6 +87,7 @@ class ReportInputs:
     - `search`: the structures that were tried, where the spec left the structure to a search.
     - `as_recorded`: whether recordings are drawn over time, whatever the model.
     - `violations`: of the shape that the spec asks for, or the kind of muscle implies.
+    - `prefix`: how names of files and sections begin, where the run has several outputs.
     """
 
     name: str
@@ -109,6 +110,7 @@ class ReportInputs:
     search: Search | None = None
     as_recorded: bool = False
     violations: Sequence[Violation] = ()
+    prefix: str = ""
 
     @property
     def dataset(self) -> Dataset:

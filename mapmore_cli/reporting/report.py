@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -43,24 +44,32 @@ MOST_ROWS = 400
 """Rows of a table on the page."""
 
 
-def render_page(inputs: ReportInputs, figures: Mapping[str, Sequence[RenderedFigure]]) -> str:
-    """Return the page, from the template `templates/page.html`, with `figures` by section; every
-    text of the user's is escaped.
+Figures = Mapping[str, Sequence[RenderedFigure]]
+"""The figures of an output, by section."""
+
+
+def render_page(
+    inputs: ReportInputs, figures: Figures, others: Sequence[tuple[ReportInputs, Figures]] = ()
+) -> str:
+    """Return the page, from the template `templates/page.html`, with `figures` by section, and
+    those of other outputs behind them; every text of the user's is escaped.
     """
+    outputs = [_words_of(*own) for own in ((inputs, figures), *others)]
+    template = environment().get_template("page.html")
+    return template.render(outputs=outputs, head=lambda table: table.head(MOST_ROWS))
+
+
+def _words_of(inputs: ReportInputs, figures: Figures) -> dict[str, object]:
+    """Return what the template knows of an output."""
     scores = inputs.validation.scores
-    return (
-        environment()
-        .get_template("page.html")
-        .render(
-            inputs=inputs,
-            verdict=verdict_sentence(scores, inputs.own, inputs.target, inputs.failed),
-            sections=sections_of(inputs),
-            head=lambda table: table.head(MOST_ROWS),
-            figures=figures,
-            errors={fit.id: training_rmse(fit) for fit in inputs.fit.segments},
-            own=next((row for row in deciding(scores) if row.model == inputs.own), None),
-        )
-    )
+    return {
+        "inputs": inputs,
+        "verdict": verdict_sentence(scores, inputs.own, inputs.target, inputs.failed),
+        "sections": sections_of(inputs),
+        "figures": figures,
+        "errors": {fit.id: training_rmse(fit) for fit in inputs.fit.segments},
+        "own": next((row for row in deciding(scores) if row.model == inputs.own), None),
+    }
 
 
 def render_campaign(
@@ -76,7 +85,11 @@ def render_campaign(
 
 
 def write_report(
-    inputs: ReportInputs, out: Path, figures: Sequence[str], formats: Sequence[str]
+    inputs: ReportInputs,
+    out: Path,
+    figures: Sequence[str],
+    formats: Sequence[str],
+    others: Sequence[ReportInputs] = (),
 ) -> None:
     """Write the report into the folder `out`, byte for byte the same for the same inputs.
 
@@ -84,30 +97,42 @@ def write_report(
     - `formats`: `html`: index.html, with the figures in it; `svg`: a file for each figure; `csv`,
       `tex`: tables/*; `pdf`, `png`, `pgf`: panels/*, every panel of every figure in these formats
       (and as SVG where that is asked for too), and as CSV.
+    - `others`: the other outputs of the run, on the same page.
     """
-    tables = all_tables(inputs)
     out.mkdir(parents=True, exist_ok=True)
+    shown = [(one, _write_files(one, out, figures, formats)) for one in (inputs, *others)]
+    if "html" in formats:
+        _write_file(out / "index.html", render_page(*shown[0], shown[1:]))
+
+
+def _write_files(
+    inputs: ReportInputs, out: Path, figures: Sequence[str], formats: Sequence[str]
+) -> Figures:
+    """Write the files of one output beside the page; return its figures."""
     for suffix, text_of in TABLE_FILES.items():
-        for table in tables if suffix in formats else ():
+        for table in all_tables(inputs) if suffix in formats else ():
             if suffix == "csv" or table.rows:  # a document does not want a table of nothing
-                _write_file(out / "tables" / f"{table.name}.{suffix}", text_of(table))
-    if set(formats) <= set(TABLE_FILES):
-        return
-    drawn = [
-        (name, drawing) for name in FIGURES if name in figures for drawing in drawings(name, inputs)
-    ]
+                path = out / "tables" / f"{inputs.prefix}{table.name}.{suffix}"
+                _write_file(path, text_of(table))
     sections: dict[str, list[RenderedFigure]] = {}
+    if set(formats) <= set(TABLE_FILES):
+        return sections
+    drawn = [
+        (name, replace(drawing, name=f"{inputs.prefix}{drawing.name}"))
+        for name in FIGURES
+        if name in figures
+        for drawing in drawings(name, inputs)
+    ]
     for name, drawing in drawn if {"html", "svg"} & set(formats) else ():
         figure = render_figure(drawing, inputs.style)
         if "svg" in formats:
             _write_file(out / f"{figure.name}.svg", SVG_PROLOGUE + figure.svg)
         sections.setdefault(FIGURES[name], []).append(figure)
-    if "html" in formats:
-        _write_file(out / "index.html", render_page(inputs, sections))
     if set(formats) & {"pdf", "png", "pgf"}:
         suffixes = sorted(set(formats) & {"pdf", "png", "pgf", "svg"})
         panels = [(drawing, panel) for _, drawing in drawn for panel in drawing.panels]
         _write_panels(panels, out / "panels", suffixes, inputs)
+    return sections
 
 
 def _write_panels(

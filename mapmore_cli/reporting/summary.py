@@ -28,20 +28,25 @@ def summary_table(fit: FitResult, model: Model, scores: ScoreTable) -> Table:
     zero.
     """
     rows, unclear = list[tuple[Cell, ...]](), list[str]()
-    for part, term, value, error, err, width in _fitted_numbers(fit, model):
-        rows.append((part, term, value, error, value / error if error else math.nan, 100 * err))
-        if width > abs(value):
-            unclear.append(f"{term} of {part}")
-    notes = list(fit.formula.notes) if fit.formula is not None else []
+    notes, sizes = list[str](), list[str]()
+    outputs = list(zip(fit.each, model.each, scores.each, strict=True))
+    for own, one, table in outputs:
+        prefix = f"{one.output.name}: " if len(outputs) > 1 else ""
+        for part, term, value, error, err, width in _fitted_numbers(own, one):
+            t = value / error if error else math.nan
+            rows.append((f"{prefix}{part}", term, value, error, t, 100 * err))
+            if width > abs(value):
+                unclear.append(f"{term} of {prefix}{part}")
+        notes += own.formula.notes if own.formula is not None else ()
+        count, unit = parameters(one), one.output.unit
+        for row in table.scores:
+            if (row.model, row.split, row.curve) == (OWN, "train", "all"):
+                aic, bic = information_criteria(row.n, row.rmse, count)
+                size = f"n = {row.n} training samples, {count} parameters, RMSE {row.rmse:.4g}"
+                sizes.insert(0, f"{prefix}{size} {unit}: AIC {aic:.6g}, BIC {bic:.6g}.")
     if unclear:
         notes.append(f"Not told from zero by the training data (95 %): {', '.join(unclear)}.")
-    count, unit = parameters(model), model.output.unit
-    for row in scores.scores:
-        if (row.model, row.split, row.curve) == (OWN, "train", "all"):
-            aic, bic = information_criteria(row.n, row.rmse, count)
-            size = f"n = {row.n} training samples, {count} parameters, RMSE {row.rmse:.4g} {unit}"
-            notes.insert(0, f"{size}: AIC {aic:.6g}, BIC {bic:.6g}.")
-    return Table.of("summary", f"Summary of {model.name}", COLUMNS, rows, *notes)
+    return Table.of("summary", f"Summary of {model.name}", COLUMNS, rows, *sizes, *notes)
 
 
 def _fitted_numbers(

@@ -246,9 +246,10 @@ def pieces_table(equations: Sequence[Equation], title: str) -> Table:
 
 def limits_tables(model: Model) -> Iterator[Table]:
     """Yield the training range of each input, within each curve, of a model and of all that it is
-    made of.
+    made of; several outputs share it.
     """
-    for number, one in enumerate(model.every):
+    several = len(model.each) > 1
+    for number, one in enumerate(model.each[:1] if several else model.every):
         ranges: Sequence[CurveRange] = getattr(one.body, "ranges", ())
         units = {quantity.name: quantity.unit for quantity in one.inputs}
         names = [name for name in ranges[0].limits if name in units] if ranges else []
@@ -256,13 +257,15 @@ def limits_tables(model: Model) -> Iterator[Table]:
         ends = [Column(f"{name} {end}", units[name], ".6g") for name in names for end in FROM_TO]
         rows = [
             (
-                part.curve,
-                *[part.level] * len(level),
-                *(x for name in names for x in part.limits[name]),
+                curve.curve,
+                *[curve.level] * len(level),
+                *(x for name in names for x in curve.limits[name]),
             )
-            for part in ranges
+            for curve in ranges
         ]
-        title = "Limits: what the model was trained in" + f" ({one.name})" * (one is not model)
+        title = "Limits: what the model was trained in" + f" ({one.name})" * (
+            one is not model and not several
+        )
         if names:
             yield Table.of(
                 "limits" + f"_{number}" * (number > 0), title, ("curve", *level, *ends), rows

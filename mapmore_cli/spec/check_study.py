@@ -7,7 +7,9 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Sequence
 from importlib.util import find_spec
-from typing import TYPE_CHECKING
+from operator import attrgetter
+from types import MappingProxyType
+from typing import TYPE_CHECKING, get_args
 
 from mapmore_cli.domain.errors import SpecError
 from mapmore_cli.domain.recording import DIRECTION
@@ -21,12 +23,14 @@ from mapmore_cli.modelling.selection import AUTO
 from mapmore_cli.spec.check_names import DERIVED, OF_NOTHING, unknown_quantity
 from mapmore_cli.spec.diagnostics import Finding, did_you_mean, refused, told
 from mapmore_cli.spec.experiment import Competitor, ExperimentSpec, TargetColumn
+from mapmore_cli.spec.fields import TargetKind
 from mapmore_cli.spec.sections.data import STEP_OF
 from mapmore_cli.spec.sections.dictionary import (
     AlongRange,
     DictionaryEntry,
     Products,
     entries_of,
+    feeds_back,
     texts_in,
 )
 from mapmore_cli.spec.sections.logs import Logs
@@ -253,6 +257,50 @@ def target(spec: ExperimentSpec) -> Iterator[Finding]:
         target=spec.target,
         quantity=spec.target_quantity,
     )
+
+
+OF_ONE = MappingProxyType(
+    {
+        **{way: way for way in ("model.backbone", "data.cycles", "data.groups", "fit.shape")},
+        **{
+            f"data.split.{key}": f"data.split.{key}"
+            for key in ("leave_one_level_out", "leave_one_group_out")
+        },
+        **{"fit.ridge": "fit.ridge", "fit.scale": "fit.known_scale"},
+        **{"validate.as": "validation.as_", "validate.intervals": "validation.intervals"},
+    }
+)
+"""Settings that are about one target where they are set, and where the spec holds them."""
+
+
+def several(spec: ExperimentSpec) -> Iterator[Finding]:
+    """Require pieces, or memory of the inputs alone, where several targets share their terms."""
+    if not spec.also:
+        return
+    names = (spec.target_quantity, *spec.also)
+    ways = [way for way, place in OF_ONE.items() if attrgetter(place)(spec)]
+    ways += ["model.type"] * (spec.model.type != "mapmore")
+    ways += ["fit.stop"] * (spec.fit.stop == "free_run")
+    wrong = [(way, f"`{way.split('.')[-1]}` is about one target") for way in ways]
+    for name, cut in spec.segment.items():
+        if isinstance(cut, Cuts) and cut.method == "gradient":
+            wrong.append((f"segment.{name}", "`gradient` is about one target"))
+    for i, entry in enumerate(spec.dictionary):
+        if entry.bounded:
+            wrong.append((f"dictionary.{i}", "`sign` and `bounds` are about one target"))
+        wrong += [
+            (f"dictionary.{i}", f"a term is of the target `{name}`, and they share those of inputs")
+            for name in names
+            if feeds_back([entry], name)
+        ]
+    for name in dict.fromkeys(names):
+        if names.count(name) > 1:
+            wrong.append(("target", f"`{name}` is named twice"))
+        if name in get_args(TargetKind):
+            wrong.append(("target", f"`{name}` is a component of one target"))
+    remedy = f"write a spec for each of {', '.join(names)}"
+    for way, what in wrong:
+        yield Finding(way, f"{what}, and there are several", remedy)
 
 
 def kind(spec: ExperimentSpec) -> Iterator[Finding]:

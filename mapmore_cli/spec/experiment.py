@@ -8,12 +8,13 @@ validation (see `spec.fields`), in the unit that the field's mark names.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import PurePosixPath
 from typing import Annotated, Any, Literal
 
+from annotated_types import Len
 from pydantic import (
     BeforeValidator,
     Field,
@@ -81,12 +82,15 @@ class Muscle(Settings):
 
 @dataclass(frozen=True)
 class TargetColumn(Settings):
-    """A measured quantity as target; `target: tip` is short for `target: {column: tip}`.
+    """A measured quantity as target; `target: tip` is short for `target: {column: tip}`, and
+    `target: [tip_x, tip_y]` for `target: {column: tip_x, also: [tip_y]}`.
 
     - `column`: the quantity, a key of `data.columns` or `data.derive`, as `tip`
+    - `also`: others that share its segments and terms, as `[tip_y]`
     """
 
     column: str
+    also: Annotated[Sequence[Quantity], Len(1)] | None = None
 
 
 # What comes out
@@ -342,7 +346,7 @@ class ExperimentSpec(Section):
       {force: {column: F, unit: N}}}`
     - `needs`: specs of the runs that this one builds on, as `{static: static.yaml}`
     - `target`: what is modelled: `static`, `hysteresis`, `damping` or `dynamic` force, or a
-      quantity, as `static`
+      quantity, or several that share segments and terms, as `static`
     - `segment`: how each variable is cut into segments; `none` pools the curves of the levels, as
       `{strain: {method: even, count: 4}}`
     - `dictionary`: families of candidate terms, as `[{polynomial: {of: [strain], order: 4}}]`
@@ -365,7 +369,9 @@ class ExperimentSpec(Section):
     target: Annotated[
         TargetKind | TargetColumn,
         Either(),
-        BeforeValidator(as_target, json_schema_input_type=TargetKind | TargetColumn | str),
+        BeforeValidator(
+            as_target, json_schema_input_type=TargetKind | TargetColumn | str | list[str]
+        ),
     ]
     segment: dict[str, Segmented] = {}
     dictionary: list[DictionaryEntry] = []
@@ -419,6 +425,18 @@ class ExperimentSpec(Section):
     def target_quantity(self) -> str:
         """The measured quantity that is modelled, or whose component is."""
         return self.target.column if isinstance(self.target, TargetColumn) else "force"
+
+    @property
+    def also(self) -> tuple[str, ...]:
+        """Further quantities that are modelled with the same segments and terms."""
+        return tuple(self.target.also or ()) if isinstance(self.target, TargetColumn) else ()
+
+    @property
+    def each(self) -> tuple[ExperimentSpec, ...]:
+        """The study of each target alone; itself where there is one."""
+        targets = (self.target_quantity, *self.also) if self.also else ()
+        alone = (TargetColumn(column=name) for name in targets)
+        return tuple(self.model_copy(update={"target": one}) for one in alone) or (self,)
 
     @property
     def quantities(self) -> tuple[str, ...]:

@@ -42,7 +42,11 @@ TargetKind = Literal["static", "hysteresis", "damping", "dynamic"]
 
 
 def as_target(given: Any) -> Any:
-    """Return a target as the spec holds it: `tip`, which is no kind of target, is a column."""
+    """Return a target as the spec holds it: `tip`, which is no kind of target, is a column, and a
+    list is of several.
+    """
+    if isinstance(given, list) and given:
+        return {"column": given[0], "also": given[1:]} if given[1:] else as_target(given[0])
     is_name = isinstance(given, str) and given not in get_args(TargetKind)
     return {"column": given} if is_name else given
 

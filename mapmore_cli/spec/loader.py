@@ -50,8 +50,11 @@ from mapmore_cli.spec.yaml_loader import VARIABLES, dump, escaped, expand, parse
 
 def findings(spec: ExperimentSpec) -> Iterator[Finding]:
     """Every mistake of an experiment whose form is right."""
-    for check in (*check_names.CHECKS, *check_study.CHECKS):
-        yield from check(spec)
+    told = list[Finding]()
+    for one in spec.each:
+        for check in (*check_names.CHECKS, *check_study.CHECKS):
+            told += [finding for finding in check(one) if finding not in told]
+    yield from (*check_study.several(spec), *told)
 
 
 MODELINE, SCHEMA = "# yaml-language-server: $schema=", "mapmore.schema.json"

@@ -182,6 +182,7 @@ GIVEN = {
     "Two pressures only": "data: {files: [cycle_100.csv, cycle_300.csv], split: null}",
     "A psi log beside a tester": f"data: {{columns: {{pressure: null}}, {RECORD}",
     "Gaps in a recording": f"data: {{files: [gap.csv], {RECORD}",
+    "Both coordinates of a tip": "data: {cycles: null}\nvalidate: null",
     "Leave one out": "data: {split: {validate: null}}",
     VALVE: "data: {files: [valve.csv], columns: {strain: null, "
     f"force: null, input: {{column: u, unit: V}}}}, {RECORD}",

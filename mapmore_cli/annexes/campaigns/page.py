@@ -71,9 +71,14 @@ def scores_of(
 
     finished = {name: run for name, run in results.items() if not isinstance(run, BaseException)}
     runs = finished.values()
+    tables = {
+        f"{run.name} ({one.scores[0].target})" if len(run.table.each) > 1 else run.name: one
+        for run in runs
+        for one in run.table.each
+    }
     scores = CampaignScores(
-        {run.name: run.table.scores for run in runs},
-        units={run.name: unit for run in runs for unit in run.table.units.values()},
+        {name: one.scores for name, one in tables.items()},
+        units={name: unit for name, one in tables.items() for unit in one.units.values()},
         published={run.name: run.published for run in runs if run.published is not None},
         failed=tuple(name for name in results if name not in finished),
     )

@@ -111,6 +111,7 @@ class CSource:
     def words(self) -> dict[str, Any]:
         """What templates know of the model."""
         names, single = names_of_inputs(self.model.inputs), self.dialect is SINGLE
+        outputs = names_of_inputs(self.model.outputs) if len(self.model.each) > 1 else {}
         prefix = word(self.name.upper())
         return {
             **program_words(self.code, self.dialect, apart=False),
@@ -118,6 +119,8 @@ class CSource:
             "name": self.name,
             "prefix": prefix,
             "places": {name: code("{}_IN_{}", prefix, own.upper()) for name, own in names.items()},
+            "outputs": [code("{}_OUT_{}", prefix, own.upper()) for own in outputs.values()],
+            "into": [code("out[{}]", i) for i in range(len(outputs))] or [code("*out")],
             "notes": notes_of(self.model, names),
             "number": self.dialect.number,
             "tolerance": self.dialect.number(OUTSIDE_TOLERANCE),
@@ -131,18 +134,19 @@ class CSource:
 
     @cached_property
     def files(self) -> dict[str, str]:
-        """Header, source and a small program to try the model with, by name; without memory also
-        its derivatives, and the input for a wanted output where ranges are known.
+        """Header, source and a small program to try the model with, by name; of one output without
+        memory also its derivatives, and the input for a wanted output where ranges are known.
         """
         name, words = self.name, self.words
         files = {f"{name}.h": self.header(), f"{name}.c": _source(words)}
         files[f"{name}_main.c"] = rendered_template("main.c", **words)
-        if words["memory"]:
+        if words["memory"] or words["outputs"]:
             return files
         slopes = program_words(with_slopes(self.code), self.dialect, apart=False)
         inverses = list(self._inverses())
         ends = max([one["ends"] for one in inverses], default=0) + 2 * DIVIDED
-        words = {**words, **slopes, **SEARCH, "inverses": inverses, "ends": ends}
+        into = [*words["into"], *(code("slopes[{}]", i) for i in range(len(words["places"])))]
+        words = {**words, **slopes, **SEARCH, "inverses": inverses, "ends": ends, "into": into}
         words["function"] = "derivatives"
         words["coarser"] = COARSER if words["single"] else 1.0
         files[f"{name}_inverse.h"] = rendered_template("inverse.h", **words)

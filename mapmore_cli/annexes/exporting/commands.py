@@ -55,6 +55,8 @@ def export(
     With `--pressure`, a model of the force and one of the pressure become one actuator, in C or as
     an FMU: from what the valve is told.
 
+    Of a model of several outputs, C and equations hold all; other forms are written for each.
+
     C, FMUs, modules and functions are compared with `predict` on 100 points before they are
     written. At the end stand lines that call what was written.
     """
@@ -77,7 +79,8 @@ def export(
         model = read_model(model_file, reporter.warn)
         if pressure is not None:
             actuator = kinds.named("sum").verb("actuator", of="joint")
-            model = actuator(model, read_model(pressure, reporter.warn))
+            valve = kinds.alone(read_model(pressure, reporter.warn))
+            model = actuator(kinds.alone(model), valve)
         files = exported(
             model, to, single=single, grid=grid, verify=not no_verify, warn=reporter.warn
         )

@@ -47,6 +47,9 @@ EXPORTERS: dict[str, Exporter] = {
 EXPORTERS = {part.name: part.value for part in plugins.parts("exports", Callable)} | EXPORTERS
 
 
+SEVERAL = ("c", "tex")
+"""What is written once for all outputs of a model; of others there is one for each output."""
+
 SNIPPETS = {
     **{"c": "c.sh", "fmu": "fmu.py", "fmu3": "fmu.py", "py": "py.py", "numpy": "numpy.py"},
     **{"matlab": "matlab.m", "mujoco": "mujoco.py", "simulink": "simulink.m", "table": "table.m"},
@@ -61,6 +64,7 @@ def snippet(model: Model, to: str, files: Sequence[str]) -> str:
     """
     if to not in SNIPPETS:
         return ""
+    model = model if to in SEVERAL else model.each[0]
     places, kept = middle(model), program_of(model).kept
     return rendered_template(
         f"snippets/{SNIPPETS[to]}",
@@ -85,7 +89,8 @@ def exported(
 ) -> dict[str, bytes]:
     """Return the files of a model by one of the `EXPORTERS`; C may be of `single` precision.
 
-    `csv` has the points of a `grid`; a `table` those of a `grid` or of the training range.
+    Of several outputs, C is one function; others are written for each, and named after it. `csv`
+    has the points of a `grid`; a `table` those of a `grid` or of the training range.
 
     C, units and modules are compared with `predict` where `verify` is set. `warn` is told where a
     unit has no binary for this machine, and where nothing could be compared for want of a compiler.
@@ -96,5 +101,7 @@ def exported(
     """
     if to not in EXPORTERS:
         raise UsageError(f"nothing is exported to {to!r}", f"choose one of {', '.join(EXPORTERS)}")
-    files = EXPORTERS[to](model, Wanted(single, grid, verify, warn))
+    wanted, files = Wanted(single, grid, verify, warn), dict[str, str | bytes]()
+    for one in [model] if to in SEVERAL else model.each:
+        files |= EXPORTERS[to](one, wanted)
     return {name: data.encode() if isinstance(data, str) else data for name, data in files.items()}

@@ -163,28 +163,29 @@ def verify_files(
 
 
 def _verify(model: Model, command: Sequence[str], close: float, folder: str | None = None) -> None:
-    """Compare a program that reads inputs and measured outputs a line, and prints the output and
+    """Compare a program that reads inputs and measured outputs a line, and prints the outputs and
     the bits of inputs outside of their range.
     """
     columns, count = points(model), len(model.inputs)
     names = [*(quantity.name for quantity in model.inputs), *fed_back(model)]
     rows = np.column_stack([np.empty((POINTS, 0)), *(columns[name] for name in names)]).tolist()
     given = "".join(" ".join(map(repr, row)) + "\n" for row in rows)
-    answers = _answers(model, command, given, folder)
+    answers = _answers(model, command, given, folder).reshape(-1, len(model.each) + 1)
     # one line where there is no input
-    values, bits = np.broadcast_to(answers.reshape(-1, 2), (POINTS, 2)).T
+    *values, bits = np.broadcast_to(answers, (POINTS, answers.shape[1])).T
     outside = bits.astype(int) & ((1 << count) - 1) != 0
-    with np.errstate(all="ignore"):
-        expected = simulate(model, columns).values
-        size = np.abs(expected[np.isfinite(expected)])
-        room = close * np.maximum(np.abs(expected), 0.1 * np.median(size) if size.size else 0.0)
-        equal = np.abs(values - expected) <= room
-        equal |= (values == expected) | (np.isnan(values) & np.isnan(expected))
-    for row in np.flatnonzero(~equal | (outside != outside_range(model, columns)))[:1]:
-        where = ", ".join(f"{name} = {columns[name][row]:.6g}" for name in names[:count])
-        raise _unequal(
-            model, f"it is {values[row]:.9g} where `predict` has {expected[row]:.9g}, at {where}"
-        )
+    flags = outside != outside_range(model, columns)
+    for one, said in zip(model.each, values, strict=True):
+        with np.errstate(all="ignore"):
+            expected = simulate(one, columns).values
+            size = np.abs(expected[np.isfinite(expected)])
+            least = 0.1 * np.median(size) if size.size else 0.0
+            equal = np.abs(said - expected) <= close * np.maximum(np.abs(expected), least)
+            equal |= (said == expected) | (np.isnan(said) & np.isnan(expected))
+        for row in np.flatnonzero(~equal | flags)[:1]:
+            where = ", ".join(f"{name} = {columns[name][row]:.6g}" for name in names[:count])
+            told = f"it is {said[row]:.9g} where `predict` has {expected[row]:.9g}, at {where}"
+            raise _unequal(model, told)
 
 
 def _answers(model: Model, command: Sequence[str], given: str, folder: str | None) -> Array:
@@ -217,7 +218,7 @@ def points(model: Model) -> Columns:
     """
     rng, code = np.random.default_rng(1), program_of(model)
     columns = {"time": (code.step or 1.0) * np.arange(float(POINTS))}
-    for name, ends in _ends(model).items():
+    for name, ends in training_ends(model).items():
         low, high = min(ends[0], default=-1.0), max(ends[1], default=1.0)
         if name != "time" or code.step is None:  # the clock of a recording is even
             columns[name] = low + (high - low) * rng.uniform(-0.2, 1.2, POINTS)
@@ -232,11 +233,11 @@ def middle(model: Model) -> dict[str, float]:
     """
     return {
         name: float(f"{np.mean([max(low, default=0.0), min(high, default=0.0)]):.4g}")
-        for name, (low, high) in _ends(model).items()
+        for name, (low, high) in training_ends(model).items()
     }
 
 
-def _ends(model: Model) -> dict[str, tuple[list[float], list[float]]]:
+def training_ends(model: Model) -> dict[str, tuple[list[float], list[float]]]:
     """Return where the training range of each input begins and ends, at every level; nothing where
     it is not known.
     """

@@ -132,7 +132,7 @@ def _tables(run_dir: Path) -> dict[str, Table]:
     """Return the tables of a run's page; `scores` has every row, under the names that the specs
     have, `curves` what was measured, and `shapes` where each model is above and below it.
     """
-    inputs = collected(report_slice(load(run_dir / "experiment.yaml").spec), run_dir)
+    inputs, *_ = collected(report_slice(load(run_dir / "experiment.yaml").spec), run_dir)
     shown = all_tables(inputs)
     rows = [score_row(row) for row in RunFiles(run_dir).scores().scores]
     cells = (tuple(row.values()) for row in rows)

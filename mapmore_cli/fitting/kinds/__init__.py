@@ -3,24 +3,26 @@ that the kind names.
 
 A kind has two functions, which read and write no files: `fit(part, given)` returns a FitResult,
 `build(part, given, result)` the model that is made of it. The stages call them one by one, with
-files between; `refit` calls them in one go.
+files between; `refit` calls them in one go. A kind whose outputs may share their terms also has
+`fit_together(part, given)`, which returns a FitResult for each.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from mapmore_cli.domain.errors import SpecError
+from mapmore_cli.domain.results import FitResult, OutputsFit
 from mapmore_cli.modelling import kinds
+from mapmore_cli.modelling.outputs.model import joined
 
 if TYPE_CHECKING:
     from mapmore_cli.domain.fits import SegmentedCurve
     from mapmore_cli.domain.models import Model
     from mapmore_cli.domain.recording import Dataset
-    from mapmore_cli.domain.results import FitResult
     from mapmore_cli.fitting.kinds.choices import ModelChoices
     from mapmore_cli.fitting.stage import Progress
 
@@ -49,14 +51,28 @@ def fit(part: ModelChoices, given: Given) -> FitResult:
     """Fit what the kind of model asks for: every segment, one model with memory, a formula, or
     nothing where models are added up.
     """
-    result: FitResult = _module_of(part).fit(part, given)
+    result: FitResult
+    if given.dataset.also:
+        names = tuple(one.target for one in given.dataset.each)
+        result = FitResult(OutputsFit(names, _module_of(part).fit_together(part, given)))
+    else:
+        result = _module_of(part).fit(part, given)
     return result
 
 
 def build(part: ModelChoices, given: Given, result: FitResult) -> Model:
-    """Return the model that is made of the fits."""
-    model: Model = _module_of(part).build(part, given, result)
-    return model
+    """Return the model that is made of the fits, of all outputs where there are several."""
+    if not given.dataset.also:
+        model: Model = _module_of(part).build(part, given, result)
+        return model
+    outputs = zip(given.dataset.each, result.each, strict=True)
+    return joined(
+        part.name,
+        [
+            build(replace(part, name=f"{part.name}_{one.target}"), replace(given, dataset=one), own)
+            for one, own in outputs
+        ],
+    )
 
 
 def refit(

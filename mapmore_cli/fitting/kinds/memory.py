@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 from mapmore_cli.domain.declared import taken
+from mapmore_cli.domain.fits import FormulaFit
 from mapmore_cli.domain.models import Model
+from mapmore_cli.domain.recording import Dataset
 from mapmore_cli.domain.results import FitResult
 from mapmore_cli.fitting.kinds import Given
 from mapmore_cli.fitting.kinds.choices import ModelChoices
@@ -13,8 +16,8 @@ from mapmore_cli.fitting.kinds.dictionary import Clock, terms_of
 from mapmore_cli.fitting.kinds.formula import fitted
 from mapmore_cli.modelling.literature.backbone import residual_of
 from mapmore_cli.modelling.memory import model as memory
-from mapmore_cli.modelling.memory.fitting import fit_with_memory
-from mapmore_cli.modelling.memory.records import records_of, time_step
+from mapmore_cli.modelling.memory.fitting import fit_outputs, fit_with_memory
+from mapmore_cli.modelling.memory.records import Record, records_of, time_step
 from mapmore_cli.modelling.memory.states import with_ranges
 from mapmore_cli.modelling.selection import MemoryRecipe
 
@@ -27,6 +30,28 @@ def fit(part: ModelChoices, given: Given) -> FitResult:
     """
     dataset = given.dataset
     backbone = None if part.model.backbone is None else fitted(part.model.backbone, part, dataset)
+    records, recipe = _asked(part, dataset, backbone)
+    memory_fit = fit_with_memory(
+        records, recipe, lambda done, total: given.progress("models", done, total)
+    )
+    return FitResult(
+        memory_fit, backbone, () if memory_fit.identified is None else memory_fit.identified.notes
+    )
+
+
+def fit_together(part: ModelChoices, given: Given) -> tuple[FitResult, ...]:
+    """One model of all recordings for every output, with the terms of all of them; raises as
+    `fit`.
+    """
+    records, recipe = _asked(part, given.dataset, None)
+    recipes = [replace(recipe, target=one.target) for one in given.dataset.each]
+    return tuple(FitResult(one) for one in fit_outputs(records, recipes))
+
+
+def _asked(
+    part: ModelChoices, dataset: Dataset, backbone: FormulaFit | None
+) -> tuple[Sequence[Record], MemoryRecipe]:
+    """Return the recordings, with what the backbone leaves, and the whole recipe."""
     curves = [residual_of(curve, dataset.target, backbone) for curve in dataset.curves]
     step = time_step(curves)
     records = records_of(curves, step)
@@ -38,13 +63,7 @@ def fit(part: ModelChoices, given: Given) -> FitResult:
         dictionary=terms_of(part.dictionary, clock),
         step=step,
     )
-    recipe = replace(asked, dictionary=with_ranges(records, asked))
-    memory_fit = fit_with_memory(
-        records, recipe, lambda done, total: given.progress("models", done, total)
-    )
-    return FitResult(
-        memory_fit, backbone, () if memory_fit.identified is None else memory_fit.identified.notes
-    )
+    return records, replace(asked, dictionary=with_ranges(records, asked))
 
 
 def build(part: ModelChoices, given: Given, result: FitResult) -> Model:

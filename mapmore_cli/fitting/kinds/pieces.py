@@ -59,27 +59,33 @@ def segmented(dataset: Dataset, part: ModelChoices) -> tuple[SegmentedCurve, ...
     backbone = part.model.backbone if by_trial(part.segment) else None
     formula = fit_formula(backbone, dataset.curves, dataset.target) if backbone else None
     curves, recipe = _trained(part, dataset)
-    return cut(curves, recipe, formula)
+    return cut(curves, recipe, formula, dataset.also)
 
 
 def fit(part: ModelChoices, given: Given) -> FitResult:
     """Return the terms of every segment, fitted to what the backbone leaves where there is one;
     raises FitError where its fit failed.
     """
+    return fit_together(part, given)[0]
+
+
+def fit_together(part: ModelChoices, given: Given) -> tuple[FitResult, ...]:
+    """Return the same for every output: terms are those of all of them."""
     from mapmore_cli.modelling.pieces import build as method
 
     curves, recipe = _trained(part, given.dataset)
     backbone, notes = _backbone(part, given, curves, recipe)
     total = sum(len(curve.segments) for curve in given.segmentation)
     done = count(1)
-    segments = method.fit(
+    fits = method.fit(
         curves,
         given.segmentation,
         recipe,
         backbone,
         lambda: given.progress("segments", next(done), total),
+        given.dataset.also,
     )
-    return FitResult(PiecesFit(segments), backbone, notes)
+    return tuple(FitResult(PiecesFit(segments), backbone, notes) for segments in fits)
 
 
 def _trained(part: ModelChoices, dataset: Dataset) -> tuple[Sequence[Curve], Recipe]:

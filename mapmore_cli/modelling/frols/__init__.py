@@ -7,9 +7,22 @@ their digits: one greedy choice (`select`), and two forms of what is left of the
 (`engine`).
 """
 
-from mapmore_cli.modelling.frols.engine import frols, frols_streamed, reads_once
+from mapmore_cli.modelling.frols.engine import (
+    Problem,
+    frols,
+    frols_together,
+    reads_once,
+)
 from mapmore_cli.modelling.frols.moments import Blocks
 from mapmore_cli.modelling.frols.select import TIE_TOLERANCE
 from mapmore_cli.modelling.frols.weighing import Weighing
 
-__all__ = ["TIE_TOLERANCE", "Blocks", "Weighing", "frols", "frols_streamed", "reads_once"]
+__all__ = [
+    "TIE_TOLERANCE",
+    "Blocks",
+    "Problem",
+    "Weighing",
+    "frols",
+    "frols_together",
+    "reads_once",
+]

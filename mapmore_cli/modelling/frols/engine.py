@@ -1,4 +1,4 @@
-"""`frols` and `frols_streamed`, and the forms of the method: on the Gram matrix a tall dictionary
+"""`frols` and `frols_together`, and the forms of the method: on the Gram matrix a tall dictionary
 is read once; on an orthonormal basis of the chosen columns it is read in every step, and keeps all
 digits. Its triangular factor may stand for it.
 """
@@ -6,7 +6,7 @@ digits. Its triangular factor may stand for it.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -28,8 +28,11 @@ from mapmore_cli.modelling.frols.select import (
     Remainders,
     Stopping,
     selected,
+    to_explain,
+    widened,
 )
-from mapmore_cli.modelling.frols.weighing import Weighing
+from mapmore_cli.modelling.frols.together import Together, chosen_together
+from mapmore_cli.modelling.frols.weighing import Weighing, reweighted
 
 # a downdated `q'q` below this fraction of `p'p` has lost too many digits (anything of 1e-4..1e-10
 # would serve)
@@ -271,39 +274,91 @@ def frols(
             return _by_basis(P, y, stopping)
         return _by_basis(P / sigma[:, None], y / sigma, stopping, sigma)
 
-    weighing = weighing or Weighing()
-    found = weighing.selection(select, lambda chosen: blocks_of_rows(P[:, chosen], y))
+    (found,) = reweighted(
+        [weighing or Weighing()],
+        lambda sigmas: [select(*sigmas)],
+        [lambda chosen: blocks_of_rows(P[:, chosen], y)],
+    )
     return replace(found, candidates=tuple(names)) if names else found
 
 
-def frols_streamed(
-    blocks: Blocks,
+@dataclass(frozen=True)
+class Problem:
+    """One output to explain: the `blocks` of candidates and output, how samples weigh, and the
+    blocks of some candidates (`only`), where those come sooner than by all.
+    """
+
+    blocks: Blocks
+    weighing: Weighing = field(default_factory=Weighing)
+    only: Callable[[IntArray], Blocks] | None = None
+
+    def of(self, chosen: IntArray) -> Blocks:
+        """Return the blocks of some candidates."""
+        if self.only is not None:
+            return self.only(chosen)
+        return lambda: ((P[:, chosen], y) for P, y in self.blocks())
+
+
+def frols_together(
+    problems: Sequence[Problem],
     max_terms: int | None = None,
     tolerance: float = 0.0,
     *,
     stop: str = "tolerance",
-    weighing: Weighing | None = None,
-    only: Callable[[IntArray], Blocks] | None = None,
-) -> Selection:
-    """`frols` of a dictionary that comes in row blocks and never as a whole: memory O(M^2 + block),
-    whatever n is.
+) -> tuple[Selection, ...]:
+    """`frols` of a dictionary that comes in row blocks and never as a whole, for one output or for
+    several, a selection each: memory O(M^2 + block), whatever n is.
+
+    Several outputs `y_j` have the same columns: the highest sum of their error reduction ratios
+    wins, `sum_j (y_j'q)^2 / (q'q y_j'y_j)`, so that the unit of an output does not matter (Billings
+    2013, section 3.4); each then has coefficients of its own. Candidates have one order in all
+    problems. The tolerance ends the choice when every output is within it; criteria count the sum
+    over outputs.
 
     Each call of `blocks` yields `P (b, M)` and `y (b,)` of one block after the other, best of a few
     thousand rows. Most records need one pass. There is another where the normal equations lose
     digits (an ill-conditioned or dependent dictionary, a residual sum of squares below 1e-9 of
     `y'y`), two where squares of the values overflow or vanish, and one where a tolerance may end
-    the choice. `weighing` may ask for the blocks of some candidates, which `only` gives sooner.
+    the choice.
 
     Raises DataError where a value is not finite, with its column and its row counted over all
     blocks; ValueError where there is no row or no column, or `max_terms` is below one.
     """
-    stopping, weighing = Stopping(max_terms, tolerance, stop), weighing or Weighing()
-    of = only or (lambda chosen: lambda: ((P[:, chosen], y) for P, y in blocks()))
-    return weighing.selection(lambda sigma: _by_gram(blocks, stopping, sigma), of)
+    stopping = Stopping(max_terms, tolerance, stop)
+
+    def select(sigmas: Sequence[Array | None]) -> Sequence[Selection]:
+        if len(problems) == 1:
+            return [_by_gram(problems[0].blocks, stopping, *sigmas)]
+        chosen, why, M = _shared(problems, sigmas, stopping)
+        alone = Stopping(max(1, len(chosen)), 0.0, "tolerance")
+        found = [
+            _by_gram(one.of(chosen), alone, sigma)
+            for one, sigma in zip(problems, sigmas, strict=True)
+        ]
+        return [replace(widened(one, chosen, M), stop=why) for one in found]
+
+    weighings = [one.weighing for one in problems]
+    return reweighted(weighings, select, [one.of for one in problems])
+
+
+def _shared(
+    problems: Sequence[Problem], sigmas: Sequence[Array | None], stopping: Stopping
+) -> tuple[IntArray, str, int]:
+    """Return the candidates that all outputs share, why they are so many, and of how many."""
+    parts, wholes, blocks = list[Remainders](), list[float](), list[Blocks]()
+    for one, sigma in zip(problems, sigmas, strict=True):
+        own = one.blocks if sigma is None else weighted(one.blocks, sigma)
+        _, scale, samples = gram(own)
+        blocks.append(divided(own, scale))
+        limit = stopping.limit(samples, len(scale) - 1)
+        parts.append(BasisRemainders(*_fewer_rows(blocks[-1], samples, len(scale)), limit))
+        wholes.append(to_explain(blocks[-1], samples, parts[-1].yy, sigma))
+    joint = Together(parts, wholes)
+    return *chosen_together(joint, blocks, stopping, limit, samples), len(scale) - 1
 
 
 def reads_once(n: int, M: int, terms: int) -> bool:
-    """Whether `frols` forms `P'P`, as `frols_streamed` does, so that the dictionary need not be
+    """Whether `frols` forms `P'P`, as `frols_together` does, so that the dictionary need not be
     there as a whole.
 
     It does not of a small dictionary, which costs nothing anyway and keeps more digits on the
@@ -321,12 +376,16 @@ def _by_gram(blocks: Blocks, stopping: Stopping, sigma: Array | None = None) -> 
     try:
         return selected(GramRemainders(matrix, rows), *rest)
     except DigitsLost:
-        P, y = (
-            map(np.concatenate, zip(*rows(), strict=True))
-            if samples * len(scale) <= SMALL
-            else triangle(rows)
-        )
+        P, y = _fewer_rows(rows, samples, len(scale))
         return selected(BasisRemainders(P, y, limit), *rest)
+
+
+def _fewer_rows(blocks: Blocks, samples: int, width: int) -> tuple[Array, Array]:
+    """Return `P` and `y` as they are where they are small, else their triangular factor."""
+    if samples * width <= SMALL:
+        P, y = map(np.concatenate, zip(*blocks(), strict=True))
+        return P, y
+    return triangle(blocks)
 
 
 def _by_basis(P: Array, y: Array, stopping: Stopping, sigma: Array | None = None) -> Selection:

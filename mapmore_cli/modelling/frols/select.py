@@ -169,19 +169,22 @@ ROUNDING = 1e-30
 
 
 def fewest_terms(criterion: str, unexplained: Array, n: int) -> int:
-    """Return the number of terms at which a criterion is least, the smaller of equals.
+    """Return the number of terms at which a criterion is least, the smaller of equals; of several
+    outputs, its sum.
 
-    `unexplained` (k,) is `SSE / y'y` after 1, 2, ... terms of n samples.
+    `unexplained` (k,), or (m, k) of m outputs, is `SSE / y'y` after 1, 2, ... terms of n samples.
 
     - `bic`: `n ln(SSE/n) + k ln n` (Schwarz 1978);
     - `aicc`: `n ln(SSE/n) + 2k + 2k(k+1)/(n-k-1)` (Hurvich and Tsai 1989).
     """
-    k = np.arange(1, len(unexplained) + 1)
+    outputs = np.atleast_2d(unexplained)
+    k = np.arange(1, outputs.shape[1] + 1)
     price = k * np.log(n)
     if criterion == "aicc":
         freedom = n - k - 1
         price = np.where(freedom > 0, 2 * k + 2 * k * (k + 1) / np.maximum(freedom, 1), np.inf)
-    return int(np.argmin(n * np.log(np.maximum(unexplained, ROUNDING)) + price)) + 1
+    left = np.sum(n * np.log(np.maximum(outputs, ROUNDING)), axis=0)
+    return int(np.argmin(left + len(outputs) * price)) + 1
 
 
 FULL_LEVERAGE = 1e-8
@@ -227,7 +230,7 @@ def selected(
     steps, stop = greedy(remainders, stopping, limit, whole)
     best = k = len(steps)
     if k and stopping.criterion == "press":
-        errors = press(divided(blocks, scale), *_factor(steps, len(scale)))
+        errors = press(divided(blocks, scale), *factor_of(steps, len(scale)))
         best = int(np.argmin(errors)) + 1
     elif k and stopping.criterion != "tolerance":
         unexplained = np.array([step.sse for step in steps]) / remainders.yy
@@ -237,7 +240,7 @@ def selected(
     )
 
 
-def _factor(steps: Sequence[Iteration], width: int) -> tuple[IntArray, Array, Array]:
+def factor_of(steps: Sequence[Iteration], width: int) -> tuple[IntArray, Array, Array]:
     """Return the chosen candidates (k,), their triangular factor R (k, k), and `c = U'y` (k,)."""
     chosen = np.array([step.pick for step in steps], dtype=np.int64)
     rows = np.array([step.row for step in steps]).reshape(len(steps), width)
@@ -248,7 +251,7 @@ def _selection_of_steps(
     steps: Sequence[Iteration], stop: str, yy: float, scale: Array, samples: int
 ) -> Selection:
     k, M = len(steps), len(scale) - 1
-    chosen, R, projections = _factor(steps, len(scale))
+    chosen, R, projections = factor_of(steps, len(scale))
     lengths, sse = np.diag(R), steps[-1].sse if k else yy
     variance = sse / (samples - k) if samples > k else np.nan
     found = Selection(

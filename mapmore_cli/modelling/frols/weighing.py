@@ -7,7 +7,7 @@ Technometrics 16 (1974). The engine chooses the terms; only the uncertainty of i
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -60,40 +60,21 @@ class Weighing:
             sigma = root if sigma is None else sigma * root
         return None if sigma is None else np.asarray(sigma * np.sqrt(np.mean(sigma**-2.0)))
 
-    def selection(
-        self, select: Callable[[Array | None], Selection], only: Callable[[IntArray], Blocks]
-    ) -> Selection:
-        """Return what is selected with these weights; of a robust loss, with those of a robust
-        start, then with the final ones.
-
-        `select` takes the uncertainty, and `only` the candidates whose columns are wanted. With the
-        chosen terms, weights and least squares follow from each other in at most ten rounds, at
-        first by Huber's loss, which has a single minimum.
-        """
-        found, weights = select(self.sigma), None
-        if not len(found.chosen):
-            return found
-        for loss in ("huber", self.loss) if self.loss != "squares" else ():
-            P, y = map(np.concatenate, zip(*self._rows(only(found.chosen))(), strict=True))
-            weights, scale = self._settled(loss, P, y, weights)
-            unit = 1.0 if self.sigma is None else self.sigma
-            found = replace(select(unit / np.sqrt(weights)), scale=scale)
-        curves = numbered_curves(self.curves, len(found.chosen))
-        if weights is None and curves is None:
-            return found
-        blocks = self._rows(only(found.chosen))
-        errors = standard_errors(blocks, found.theta, curves, self.loss, weights)
-        count = 0 if curves is None else int(curves.max()) + 1
-        return replace(found, theta_error=errors, curves=count)
-
     def in_unit(self, unit: float) -> Weighing:
         """Return the same for a target that is divided by a unit."""
         return self if self.scale is None else replace(self, scale=self.scale / unit)
 
-    def _rows(self, blocks: Blocks) -> Blocks:
+    def rows(self, blocks: Blocks) -> Blocks:
+        """Return blocks in units of the uncertainty."""
         return blocks if self.sigma is None else weighted(blocks, self.sigma)
 
-    def _settled(self, loss: str, P: Array, y: Array, weights: Array | None) -> tuple[Array, float]:
+    def settled(
+        self, loss: str, chosen: Blocks, weights: Array | None
+    ) -> tuple[Array, float, Array]:
+        """Return weights that settle with the chosen columns, the scale of their residuals, and
+        the uncertainty that counts them so.
+        """
+        P, y = map(np.concatenate, zip(*self.rows(chosen)(), strict=True))
         weights = np.ones(len(y)) if weights is None else weights
         for _ in range(ROUNDS):
             root = np.sqrt(weights)
@@ -102,7 +83,45 @@ class Weighing:
             before, weights = weights, weights_of(loss, residual / scale)
             if np.abs(weights - before).max() < SETTLED:
                 break
-        return weights, scale
+        return weights, scale, (1.0 if self.sigma is None else self.sigma) / np.sqrt(weights)
+
+    def with_errors(
+        self, found: Selection, only: Callable[[IntArray], Blocks], weights: Array | None
+    ) -> Selection:
+        """Return a selection with standard errors that go by curves, or by robust weights."""
+        curves = numbered_curves(self.curves, len(found.chosen))
+        if not len(found.chosen) or (weights is None and curves is None):
+            return found
+        blocks = self.rows(only(found.chosen))
+        errors = standard_errors(blocks, found.theta, curves, self.loss, weights)
+        count = 0 if curves is None else int(curves.max()) + 1
+        return replace(found, theta_error=errors, curves=count)
+
+
+def reweighted(
+    weighings: Sequence[Weighing],
+    select: Callable[[Sequence[Array | None]], Sequence[Selection]],
+    only: Sequence[Callable[[IntArray], Blocks]],
+) -> tuple[Selection, ...]:
+    """Return what is selected with these weights, an output each; of a robust loss, with those of a
+    robust start, then with the final ones.
+
+    `select` takes the uncertainty of every output, and `only` the candidates whose columns are
+    wanted. With the chosen terms, weights and least squares follow from each other in at most ten
+    rounds, at first by Huber's loss, which has a single minimum.
+    """
+    found = select([one.sigma for one in weighings])
+    weights: list[Array | None] = [None] * len(weighings)
+    robust = weighings[0].loss != "squares" and all(len(one.chosen) for one in found)
+    for loss in ("huber", weighings[0].loss) if robust else ():
+        settled = [
+            one.settled(loss, own(selection.chosen), before)
+            for one, own, selection, before in zip(weighings, only, found, weights, strict=True)
+        ]
+        weights, scales, sigmas = map(list, zip(*settled, strict=True))
+        found = [replace(one, scale=s) for one, s in zip(select(sigmas), scales, strict=True)]
+    parts = zip(weighings, found, only, weights, strict=True)
+    return tuple(one.with_errors(selection, own, w) for one, selection, own, w in parts)
 
 
 def scale_of(residual: Array, y: Array) -> float:

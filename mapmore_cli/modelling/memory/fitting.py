@@ -13,9 +13,10 @@ from mapmore_cli.domain.arrays import Array, IntArray
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.fits import MemoryFit
 from mapmore_cli.modelling.expressions import NotFinite
+from mapmore_cli.modelling.frols import frols_together
 from mapmore_cli.modelling.memory.records import Record
 from mapmore_cli.modelling.memory.refinement import refine
-from mapmore_cli.modelling.memory.selectors import TermChoice
+from mapmore_cli.modelling.memory.selectors import TermChoice, problem_of
 from mapmore_cli.modelling.memory.training import DIGITS, TrainingData, Unknown, left_open
 from mapmore_cli.modelling.selection import MemoryRecipe
 
@@ -77,6 +78,32 @@ def fit_with_memory(
         vector = np.array([*theta[order], constant, *start[own]])
         choice = replace(again, forward=choice.forward)
     return replace(training.fit(choice, vector), held_out=held_out)
+
+
+def fit_outputs(records: Sequence[Record], recipes: Sequence[MemoryRecipe]) -> list[MemoryFit]:
+    """Choose and fit the terms of several outputs to the training samples of all pieces: recipes
+    are alike but for their target, and share the terms.
+
+    Raises DataError as `fit_with_memory`, and where operators have open numbers.
+    """
+    if numbers := left_open(records, recipes[0].dictionary, recipes[0].step).states:
+        raise DataError(
+            f"{numbers[0].name}: its numbers are found for one output, and the target is "
+            f"{', '.join(one.target for one in recipes)}",
+            "write the numbers, as `slow(pressure, 0.3)`, or a spec for each target",
+        )
+    trained = [TrainingData(records, one) for one in recipes]
+    recipe = recipes[0]
+    selections = frols_together(
+        [problem_of(one.data, one.recipe) for one in trained],
+        recipe.max_terms,
+        recipe.tolerance,
+        stop=recipe.stop,
+    )
+    return [
+        one.fit(TermChoice(selection, 0.0, 0.0, selection.chosen))
+        for one, selection in zip(trained, selections, strict=True)
+    ]
 
 
 def _ahead(choice: TermChoice, numbers: Sequence[float] | Array = ()) -> Array:

@@ -7,7 +7,7 @@ calls them in one go.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from itertools import product
 from typing import Any
@@ -51,9 +51,10 @@ from mapmore_cli.modelling.expressions import (
 from mapmore_cli.modelling.expressions.ranged import placed
 from mapmore_cli.modelling.frols import (
     TIE_TOLERANCE,
+    Problem,
     Weighing,
     frols,
-    frols_streamed,
+    frols_together,
     reads_once,
 )
 from mapmore_cli.modelling.literature.backbone import residual_of
@@ -139,25 +140,36 @@ def quantities_in(terms: Iterable[Expression]) -> tuple[str, ...]:
 
 
 def segment(
-    curves: Sequence[Curve], recipe: Recipe, backbone: FormulaFit | None = None
+    curves: Sequence[Curve],
+    recipe: Recipe,
+    backbone: FormulaFit | None = None,
+    also: Sequence[str] = (),
 ) -> tuple[SegmentedCurve, ...]:
     """Cut every training curve: by its measured course, or (`optimal`) by what the fits of its
-    segments would leave.
+    segments would leave; of several outputs, `also` others, by the sum of what they leave, each in
+    its range.
 
     Raises DataError where a segment holds no sample, or a curve has too few for the cut.
     """
     terms = [candidate(text) for text in recipe.dictionary]
     # losses that leave samples out do not compare
     recipe = replace(recipe, fit=replace(recipe.fit, loss="squares", scale="auto"))
+    recipes = [recipe, *(replace(recipe, target=name) for name in also)]
     training = training_curves(curves, recipe.level is not None)
     fitted = {curve.id: residual_of(curve, recipe.target, backbone) for curve in training}
 
     def cost(curve: Curve, rows: IntArray) -> float:
         if len(rows) <= recipe.fit.max_terms:
             return float("inf")
-        trial = Segment(f"{curve.id}/trial", curve.id, (), rows)
-        trial_fit = fit_segment(trial, fitted[curve.id].columns, terms, recipe)
-        return trial_fit.selection.sse * trial_fit.scaling.y_slope**2
+        trial, columns = Segment(f"{curve.id}/trial", curve.id, (), rows), fitted[curve.id].columns
+        fits = fit_together(trial, columns, terms, recipes)
+        spans = [_span(np.ptp(columns[one.target])) if also else 1.0 for one in recipes]
+        return float(
+            sum(
+                one.selection.sse * (one.scaling.y_slope / span) ** 2
+                for one, span in zip(fits, spans, strict=True)
+            )
+        )
 
     return tuple(segment_curve(curve, recipe.cuts, recipe.target, cost) for curve in training)
 
@@ -168,9 +180,10 @@ def fit(
     recipe: Recipe,
     backbone: FormulaFit | None = None,
     tick: Callable[[], None] = lambda: None,
-) -> tuple[SegmentFit, ...]:
+    also: Sequence[str] = (),
+) -> tuple[tuple[SegmentFit, ...], ...]:
     """Fit every segment of every training curve, to what the backbone leaves where there is one;
-    `tick` is called after each.
+    the fits of the target, then those of `also` others. `tick` is called after each segment.
 
     Raises DataError where a segment has too few samples, or a term is not finite on its samples.
     """
@@ -179,14 +192,15 @@ def fit(
         for curve in training_curves(curves, recipe.level is not None)
     }
     terms = [candidate(text) for text in recipe.dictionary]
+    recipes = [recipe, *(replace(recipe, target=name) for name in also)]
     fits = []
     for segmented in segmentation:
         curve = fitted[segmented.curve]
         for one in segmented.segments:
             origin = _labels_of_curves(one.rows, curves, curve)
-            fits.append(fit_segment(one, curve.columns, terms, recipe, origin))
+            fits.append(fit_together(one, curve.columns, terms, recipes, origin))
             tick()
-    return tuple(fits)
+    return tuple(zip(*fits, strict=True))
 
 
 def _labels_of_curves(rows: IntArray, curves: Sequence[Curve], curve: Curve) -> IntArray | None:
@@ -198,29 +212,98 @@ def _labels_of_curves(rows: IntArray, curves: Sequence[Curve], curve: Curve) -> 
     return None if curve.origin is None or len(curve.recordings) < 2 else curve.origin[rows]
 
 
-def fit_segment(
+def fit_together(
     segment: Segment,
     columns: Columns,
     terms: Sequence[Expression],
-    recipe: Recipe,
+    recipes: Sequence[Recipe],
     origin: IntArray | None = None,
-) -> SegmentFit:
+) -> tuple[SegmentFit, ...]:
     """Choose and fit the terms of one segment, for every placement of its scaling; the least
-    training SSE wins, the first of equals. `columns` are those of its curve.
+    training SSE wins, the first of equals. `columns` are those of its curve; `recipes` are alike
+    but for their target, which share terms and placement.
 
     All placements share the slope of y, so their scaled SSE compare. Rows are sorted first: the
     numbers then do not depend on the order in which a logger wrote them; more than a million are
     not. `origin` says which residuals go together, (n,), for the rows of the segment.
     """
-    n, most = len(segment.rows), recipe.fit.max_terms
-    if n <= most:
+    recipe, n = recipes[0], len(segment.rows)
+    if n <= recipe.fit.max_terms:
+        most = recipe.fit.max_terms
         ways = (
             f"use fewer segments, join them by `min_samples: {most + 1}`, keep more samples "
             "of this curve"
         )
         what = f"segment {segment.id}: {n} training sample(s), too few for {most} term(s)"
         raise DataError(what, f"{ways}, or set fit.max_terms below {max(2, n)}")
-    variables, unsure = quantities_in(terms), uncertainty_of(recipe.target)
+    variables = quantities_in(terms)
+    outputs = [_samples_of(segment, columns, variables, one, origin) for one in recipes]
+    best, least = tuple[SegmentFit, ...](), np.inf
+    robust = recipe.fit.loss != "squares"
+    middle = np.median if robust else np.mean
+    rule, errs = recipe.fit.scaling, "scale" if robust else "sse"  # weighted squares do not compare
+    for scalings in zip(
+        *(placements(rule, one.X, one.y, variables, middle) for one in outputs), strict=True
+    ):
+        ends = {
+            name: np.array(extremes(x)) for name, x in zip(variables, outputs[0].X.T, strict=True)
+        }
+        written = placed(
+            recipe.dictionary,
+            tuple((name, *z.tolist()) for name, z in scaled_inputs(scalings[0], ends).items()),
+        )
+        own = terms if written == recipe.dictionary else list(map(parse, written))
+        try:
+            selections = _selected_terms(own, scalings, outputs, recipe)
+        except NotFinite as error:
+            remedy = (
+                "terms are evaluated in the segment's scaled coordinates; set fit.scaling: "
+                "none, or leave the term out"
+            )
+            raise DataError(f"segment {segment.id}: {error}", remedy) from error
+        error_ = sum(getattr(one, errs) for one in selections)
+        if not best or error_ < least * (1 - TIE_TOLERANCE):
+            least = error_
+            head = (segment.id, segment.curve, segment.cell, written)
+            best = tuple(SegmentFit(*head, *own) for own in zip(scalings, selections, strict=True))
+    return best
+
+
+@dataclass(frozen=True)
+class _Samples:
+    """The n samples of a segment, `X` (n, v) and one output `y` (n,), and how they weigh."""
+
+    X: Array
+    y: Array
+    weighing: Weighing
+
+    def blocks(
+        self, terms: Sequence[Expression], scaling: Scaling
+    ) -> Iterator[tuple[Array, Array]]:
+        """Yield terms and output in scaled coordinates, block by block."""
+        for rows in row_blocks(len(self.y)):
+            z, target = self.scaled(rows, scaling)
+            for part, P in dictionary_blocks(terms, z, len(target)):
+                yield P, target[part]
+            for column in (self.y, *self.X.T):
+                give_back(column)
+
+    def scaled(self, rows: slice, scaling: Scaling) -> tuple[dict[str, Array], Array]:
+        """Return inputs by name and output of some rows in scaled coordinates."""
+        inputs = {name: x[rows] for name, x in zip(scaling.variables, self.X.T, strict=True)}
+        return scaled_inputs(scaling, inputs), (
+            self.y[rows] - scaling.y_intercept
+        ) / scaling.y_slope
+
+
+def _samples_of(
+    segment: Segment,
+    columns: Columns,
+    variables: Sequence[str],
+    recipe: Recipe,
+    origin: IntArray | None,
+) -> _Samples:
+    unsure = uncertainty_of(recipe.target)
     given = [unsure] if unsure in columns else []
     samples = samples_at(columns, segment.rows, (*variables, recipe.target, *given))
     if segment.rows.nbytes <= LONG:
@@ -228,7 +311,7 @@ def fit_segment(
         samples = {name: values[order] for name, values in samples.items()}
         origin = None if origin is None else origin[order]
     y, parts = samples[recipe.target], [samples[name] for name in variables]
-    X = joined(parts).reshape(-1, n).T if parts else np.empty((n, 0))
+    X = joined(parts).reshape(-1, len(y)).T if parts else np.empty((len(y), 0))
     weighing = Weighing(
         samples[unsure] if given else None,
         recipe.fit.loss,
@@ -236,76 +319,38 @@ def fit_segment(
         origin,
         recipe.fit.weight == "curve",
     )
-    best: SegmentFit | None = None
-    robust = recipe.fit.loss != "squares"
-    middle = np.median if robust else np.mean
-    for scaling in placements(recipe.fit.scaling, X, y, variables, middle):
-        inputs = dict(zip(variables, X.T, strict=True))
-        ends = {name: np.array(extremes(x)) for name, x in inputs.items()}
-        written = placed(
-            recipe.dictionary,
-            tuple((name, *z.tolist()) for name, z in scaled_inputs(scaling, ends).items()),
-        )
-        try:
-            selection = _selected_terms(
-                terms if written == recipe.dictionary else list(map(parse, written)),
-                scaling,
-                inputs,
-                y,
-                recipe,
-                weighing.in_unit(scaling.y_slope),
-            )
-        except NotFinite as error:
-            remedy = (
-                "terms are evaluated in the segment's scaled coordinates; set fit.scaling: "
-                "none, or leave the term out"
-            )
-            raise DataError(f"segment {segment.id}: {error}", remedy) from error
-        errs = "scale" if robust else "sse"  # weighted sums of squares do not compare
-        if best is None or getattr(selection, errs) < getattr(best.selection, errs) * (
-            1 - TIE_TOLERANCE
-        ):
-            best = SegmentFit(segment.id, segment.curve, segment.cell, written, scaling, selection)
-    assert best is not None
-    return best
+    return _Samples(X, y, weighing)
 
 
 def _selected_terms(
     terms: Sequence[Expression],
-    scaling: Scaling,
-    inputs: Columns,
-    y: Array,
+    scalings: Sequence[Scaling],
+    outputs: Sequence[_Samples],
     recipe: Recipe,
-    weighing: Weighing,
-) -> Selection:
+) -> tuple[Selection, ...]:
     """FROLS on the dictionary, which is never there as a whole where it need not be read more than
     once or twice.
     """
-    n, how = len(y), (recipe.fit.max_terms, recipe.fit.tolerance)
-
-    def scaled(rows: slice) -> tuple[dict[str, Array], Array]:
-        z = scaled_inputs(scaling, {name: x[rows] for name, x in inputs.items()})
-        return z, (y[rows] - scaling.y_intercept) / scaling.y_slope
-
-    def blocks(some: Sequence[Expression]) -> Iterator[tuple[Array, Array]]:
-        for rows in row_blocks(n):
-            z, target = scaled(rows)
-            for part, P in dictionary_blocks(some, z, len(target)):
-                yield P, target[part]
-            for column in (y, *inputs.values()):
-                give_back(column)
-
-    if reads_once(n, len(terms), recipe.fit.max_terms):
-        return frols_streamed(
-            partial(blocks, terms),
-            *how,
-            stop=recipe.fit.stop,
-            weighing=weighing,
-            only=lambda chosen: partial(blocks, [terms[i] for i in chosen]),
-        )
-    z, target = scaled(slice(0, n))
+    n, how = len(outputs[0].y), (recipe.fit.max_terms, recipe.fit.tolerance)
+    weighings = [
+        one.weighing.in_unit(scaling.y_slope)
+        for one, scaling in zip(outputs, scalings, strict=True)
+    ]
+    if len(outputs) > 1 or reads_once(n, len(terms), recipe.fit.max_terms):
+        problems = [
+            Problem(
+                partial(one.blocks, terms, scaling),
+                weighing,
+                lambda chosen, one=one, scaling=scaling: partial(  # type: ignore[misc]
+                    one.blocks, [terms[i] for i in chosen], scaling
+                ),
+            )
+            for one, scaling, weighing in zip(outputs, scalings, weighings, strict=True)
+        ]
+        return frols_together(problems, *how, stop=recipe.fit.stop)
+    z, target = outputs[0].scaled(slice(0, n), scalings[0])
     P = dictionary_matrix(terms, z, n)
-    return frols(P, target, *how, stop=recipe.fit.stop, weighing=weighing)
+    return (frols(P, target, *how, stop=recipe.fit.stop, weighing=weighings[0]),)
 
 
 def fuse(
@@ -366,7 +411,7 @@ def build(
 ) -> Model:
     """Return a model from curves in one go."""
     segmentation = segment(curves, recipe, backbone)
-    result = FitResult(PiecesFit(fit(curves, segmentation, recipe, backbone)), backbone)
+    result = FitResult(PiecesFit(*fit(curves, segmentation, recipe, backbone)), backbone)
     model = fuse(name, curves, segmentation, result, recipe, quantities)
     return shaped(model, curves, segmentation, recipe)
 

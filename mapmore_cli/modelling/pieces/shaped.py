@@ -10,17 +10,17 @@ Hettich and Kortanek 1993). With `levels: linear` the model is linear in its coe
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import Array, BoolArray, Columns
+from mapmore_cli.domain.arrays import Array, BoolArray, Columns, Ranges, extremes
 from mapmore_cli.domain.errors import FitError
 from mapmore_cli.domain.fits import SegmentedCurve
 from mapmore_cli.domain.models import Model, Pieces, SegmentFunction
-from mapmore_cli.domain.recording import Curve, uncertainty_of
+from mapmore_cli.domain.recording import Curve, uncertainty_of, united
 from mapmore_cli.modelling.expressions import dictionary_matrix, parse
 from mapmore_cli.modelling.literature.model import backbone_values
 from mapmore_cli.modelling.pieces.definition import pieces_program
@@ -30,7 +30,13 @@ from mapmore_cli.modelling.program.model import program_of
 from mapmore_cli.modelling.program.values import evaluator
 from mapmore_cli.modelling.shape.least_squares import least_squares_under
 from mapmore_cli.modelling.shape.region import Region, refuse_unsupported, region_of
-from mapmore_cli.modelling.shape.stencils import Asked, Grid, Stencils, asked_of
+from mapmore_cli.modelling.shape.stencils import (
+    Asked,
+    Stencils,
+    asked_of,
+    nodes_of,
+    stencils_on,
+)
 from mapmore_cli.modelling.shape.violations import verified, with_shape
 
 # nodes of the grid on which nothing may be violated; of each input about an inequality that binds,
@@ -192,19 +198,16 @@ class _Exchange:
         return [
             stencils.at(np.array([row]))
             for first, stencils in self.stencils
-            for row in np.flatnonzero(self.force[first : first + len(stencils.weights)])
+            for row in np.flatnonzero(self.force[first : first + len(stencils.nodes)])
         ]
 
-    def where(self) -> dict[Asked, dict[str, tuple[float, float]]]:
+    def where(self) -> dict[Asked, Ranges]:
         """Return the range of the inputs in which each word binds."""
-        points: dict[Asked, dict[str, Array]] = {}
+        found: dict[Asked, Ranges] = {}
         for one in self.binding():
-            own = points.setdefault(one.asked, dict.fromkeys(one.points, np.empty(0)))
-            own.update({name: np.append(own[name], x) for name, x in one.points.items()})
-        return {
-            asked: {name: (float(x.min()), float(x.max())) for name, x in own.items()}
-            for asked, own in points.items()
-        }
+            own = {name: extremes(x) for name, x in one.columns.items()}
+            found[one.asked] = united([found.get(one.asked, {}), own])
+        return found
 
     def values(self, columns: Columns) -> Array:
         """Return the output at inputs, (n,) each."""
@@ -229,29 +232,27 @@ class _Exchange:
         """Add inequalities until the shape is kept on a fine grid, and close to the places where it
         binds.
         """
-        knots, cells = program_of(self.model).knots, region.nodes_along(FINE)
-        self._on([(region.grid(knots, FINE), asked)], region)
+        axes, cells = region.axes(program_of(self.model).knots, FINE), region.nodes_along(FINE)
+        clear = _widened(axes, region.holds(nodes_of(axes)))
+        self._on([stencils_on(axes, one, clear) for one in asked], region)
         for closer in range(CLOSER):
             reach = (2 / (CLOSE - 1)) ** closer / cells
             steps = {name: reach * (high - low) for name, (low, high) in region.ends.items()}
-            self._on([(_about(one, steps), [one.asked]) for one in self.binding()], region)
+            self._on([_about(one, steps, region) for one in self.binding()], region)
 
-    def _on(self, grids: Sequence[tuple[Grid, Sequence[Asked]]], region: Region) -> None:
-        """Add inequalities until nothing is violated on some grids."""
-        if not grids:
+    def _on(self, every: Sequence[Stencils], region: Region) -> None:
+        """Add inequalities until none of the stencils is violated."""
+        if not (every := [one for one in every if len(one.nodes)]):
             return
-        nodes = [grid.columns for grid, _ in grids]
-        columns = {n: np.concatenate([one[n] for one in nodes]) for n in self.inputs}
-        ends = np.cumsum([len(one[self.inputs[0]]) for one in nodes])[:-1]
-        within = np.split(region.holds(columns), ends)
-        clear = [_widened(grid, own) for (grid, _), own in zip(grids, within, strict=True)]
         for _ in range(ROUNDS):
-            values = np.where(np.concatenate(clear), self.values(columns), np.nan)
+            values = self._at_nodes(every, self.values)
+            rises = [one.of(own) for one, own in zip(every, values, strict=True)]
+            worst = [np.argsort(own)[:ADDED] for own in rises]
+            least = -ROUNDING * region.span
             violated = [
-                stencils
-                for (grid, words), own in zip(grids, np.split(values, ends), strict=True)
-                for one in words
-                if (stencils := _worst(grid, one, own, ROUNDING * region.span)).weights.size
+                one.at(rows[own[rows] < least])
+                for one, own, rows in zip(every, rises, worst, strict=True)
+                if own.min(initial=0.0) < least
             ]
             if not violated:
                 return
@@ -262,14 +263,18 @@ class _Exchange:
             "interpolate linearly (`fuse: {levels: linear}`), or ask for less",
         )
 
+    def _at_nodes(self, every: Sequence[Stencils], of: Callable[[Columns], Array]) -> list[Array]:
+        """Return the values or derivatives at the nodes of each, all computed together."""
+        nodes = {id(one.columns): one.columns for one in every}
+        sizes = [len(one[self.inputs[0]]) for one in nodes.values()]
+        columns = {n: np.concatenate([one[n] for one in nodes.values()]) for n in self.inputs}
+        parts = dict(zip(nodes, np.split(of(columns), np.cumsum(sizes)[:-1]), strict=True))
+        return [parts[id(one.columns)] for one in every]
+
     def _add(self, violated: Sequence[Stencils]) -> None:
         """Add the inequality of each stencil, linear in the coefficients about those so far."""
-        names, ends = self.inputs, np.cumsum([one.weights.size for one in violated])[:-1]
-        columns = {n: np.concatenate([one.points[n].ravel() for one in violated]) for n in names}
-        values = np.split(self.values(columns), ends)
-        for one, y, dy in zip(
-            violated, values, np.split(self.derivatives(columns), ends), strict=True
-        ):
+        values, slopes = (self._at_nodes(violated, of) for of in (self.values, self.derivatives))
+        for one, y, dy in zip(violated, values, slopes, strict=True):
             rows = one.of(dy)
             counts = np.linalg.norm(rows * self.steps, axis=1) > NOTHING * np.abs(y).max()
             self.stencils.append((len(self.D), one.at(counts)))
@@ -277,24 +282,18 @@ class _Exchange:
             self.d = np.append(self.d, (rows @ self.theta - one.of(y))[counts])
 
 
-def _worst(grid: Grid, asked: Asked, values: Array, least: float) -> Stencils:
-    """Return the stencils that violate a word most, by more than the least."""
-    rises = grid.rises(asked, values).ravel()
-    worst = np.argsort(rises)[:ADDED]
-    return grid.stencils(asked, worst[rises[worst] < -least])
-
-
-def _widened(grid: Grid, inside: BoolArray) -> BoolArray:
+def _widened(axes: Mapping[str, Array], inside: BoolArray) -> BoolArray:
     """Return a region with the nodes beside it, (n,), so that a finer grid has no more."""
     from scipy.ndimage import binary_dilation
 
-    shape = tuple(map(len, grid.axes.values()))
+    shape = tuple(map(len, axes.values()))
     beside = np.ones((3,) * len(shape), dtype=np.bool_)
     return np.asarray(binary_dilation(inside.reshape(shape), beside).ravel())
 
 
-def _about(stencils: Stencils, steps: Mapping[str, float]) -> Grid:
-    """Return a grid about a stencil, a step to each side of its middle."""
-    middles = {name: float(x[0].mean()) for name, x in stencils.points.items()}
+def _about(stencil: Stencils, steps: Mapping[str, float], region: Region) -> Stencils:
+    """Return the stencils of a grid about one, a step to each side of its middle."""
+    middles = {name: float(x[stencil.nodes[0]].mean()) for name, x in stencil.columns.items()}
     reach = np.linspace(-1, 1, CLOSE)
-    return Grid({name: np.unique(x + reach * steps.get(name, 0.0)) for name, x in middles.items()})
+    axes = {name: np.unique(x + reach * steps.get(name, 0.0)) for name, x in middles.items()}
+    return stencils_on(axes, stencil.asked, _widened(axes, region.holds(nodes_of(axes))))

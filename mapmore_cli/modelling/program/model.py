@@ -15,7 +15,7 @@ from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.models import Model
 from mapmore_cli.modelling.expressions import Expression, Name, add, derivative, multiply
 from mapmore_cli.modelling.expressions.syntax import ONE, ZERO
-from mapmore_cli.modelling.kinds import kind_of, numbers_in_reach
+from mapmore_cli.modelling.kinds import alone, kind_of, numbers_in_reach
 from mapmore_cli.modelling.program.statements import (
     Block,
     Choose,
@@ -40,7 +40,7 @@ def program_of(model: Model) -> Program:
     m = Writer()
     names = {quantity.name: Name(f"{INPUT}{quantity.name}") for quantity in model.inputs}
     with numbers_in_reach(model):
-        value = write(m, model, names)
+        values = [write(m, one, names) for one in model.each]
     steps = m.kept.steps
     if steps and max(steps) > min(steps) * (1 + UNEVEN):
         found = (
@@ -53,7 +53,7 @@ def program_of(model: Model) -> Program:
             "export the parts one by one",
         )
     with numbers_in_reach(model):
-        return m.program(tuple(names), value)
+        return m.program(tuple(names), *values)
 
 
 def write(m: Writer, model: Model, inputs: Inputs) -> Expression:
@@ -68,7 +68,7 @@ def slopes(model: Model, columns: Columns) -> dict[str, Array]:
 
     Raises DataError for a model with memory, and where a part of the model is no closed expression.
     """
-    _, *found = evaluator(with_slopes(program_of(model)))(columns)
+    _, *found = evaluator(with_slopes(program_of(alone(model))))(columns)
     return {quantity.name: slope for quantity, slope in zip(model.inputs, found, strict=True)}
 
 

@@ -138,7 +138,7 @@ class Program:
     """A model, ready to be evaluated or written in another language; its inputs are names in the
     statements.
 
-    The one result of its body is the output. `knots` has, by input, places at which the program
+    The results of its body are the outputs. `knots` has, by input, places at which the program
     takes another side.
     """
 

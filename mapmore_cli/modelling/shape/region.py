@@ -4,9 +4,10 @@ training data themselves say of it.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -17,7 +18,7 @@ from mapmore_cli.domain.recording import Curve
 from mapmore_cli.modelling.kinds import OUTSIDE_TOLERANCE, InputRange, limits
 from mapmore_cli.modelling.literature.backbone import pooled_training
 from mapmore_cli.modelling.selection import Fit
-from mapmore_cli.modelling.shape.stencils import Asked, Grid, asked_of
+from mapmore_cli.modelling.shape.stencils import Asked, asked_of, nodes_of, stencils_on
 
 # cells of all inputs together in which training samples are averaged
 CELLS = 4096
@@ -62,20 +63,29 @@ class Region:
             for one in self.ranges
         }
 
+    @cached_property
+    def _between(self) -> list[Callable[[Array], Array]]:
+        """Ways to interpolate, the first that knows a place last."""
+        from scipy.interpolate import LinearNDInterpolator, NearestNDInterpolator
+        from scipy.spatial import QhullError
+
+        found = [NearestNDInterpolator(self.places, self.values, rescale=True)]
+        with suppress(QhullError):  # all samples on a line
+            found.append(LinearNDInterpolator(self.places, self.values, rescale=True))
+        return found
+
     def output(self, columns: Columns) -> Array:
         """Return the training output between the samples, (n,): linear, and that of the nearest
         beyond them.
         """
-        from scipy.interpolate import griddata
-        from scipy.spatial import QhullError
-
-        known = self.places if len(self.names) > 1 else self.places[:, 0]
         asked = np.column_stack([columns[name] for name in self.names])
-        asked = asked if len(self.names) > 1 else asked[:, 0]
-        value = np.asarray(griddata(known, self.values, asked, "nearest", rescale=True))
-        with suppress(QhullError):  # all samples on a line
-            between = griddata(known, self.values, asked, "linear", rescale=True)
-            value = np.where(np.isfinite(between), between, value)
+        if len(self.names) == 1:
+            order = np.argsort(self.places[:, 0])
+            return np.interp(asked[:, 0], self.places[order, 0], self.values[order])
+        value = np.full(len(asked), np.nan)
+        for way in self._between:
+            said = way(asked)
+            value = np.where(np.isfinite(said), said, value)
         return value
 
     def holds(self, columns: Columns) -> BoolArray:
@@ -95,16 +105,16 @@ class Region:
         """Return how many even nodes a grid of so many has along each input."""
         return int(np.clip(round(nodes ** (1 / len(self.names))), 3, MOST))
 
-    def grid(self, knots: Mapping[str, Sequence[float]], nodes: int) -> Grid:
-        """Return a grid of even steps over the range, so many `nodes` in all, and of the knots with
-        nodes close to each: the model may bend there.
+    def axes(self, knots: Mapping[str, Sequence[float]], nodes: int) -> dict[str, Array]:
+        """Return the axes of a grid of even steps over the range, so many `nodes` in all, and of
+        the knots with nodes close to each: the model may bend there.
         """
         axes = dict(self.fixed)
         for name, (low, high) in self.ends.items():
             even = np.linspace(low, high, self.nodes_along(nodes))
             near = np.add.outer(knots.get(name, ()), np.array([-1, 0, 1]) * BESIDE * (high - low))
             axes[name] = np.unique(np.append(even, near[(near >= low) & (near <= high)]))
-        return Grid(axes)
+        return axes
 
 
 def region_of(model: Model, curves: Sequence[Curve], fit: Fit) -> Region | None:
@@ -148,16 +158,17 @@ def refuse_unsupported(
     for name, x in zip(region.names, region.places.T, strict=True):
         own = region.ranges[0].levels if name == model.level else np.unique(x)
         axes[name] = own if len(own) <= COMPARED else np.linspace(own[0], own[-1], COMPARED)
-    grid = Grid(axes)
-    output = np.where(region.holds(grid.columns), region.output(grid.columns), np.nan)
+    columns = nodes_of(axes)
+    inside, output = region.holds(columns), region.output(columns)
     for one in (one for one in known if one.word in ("increasing", "decreasing")):
-        rises = grid.rises(one, output).ravel()
-        count, wrong = int(np.isfinite(rises).sum()), int((rises < 0).sum())
+        stencils = stencils_on(axes, one, inside)
+        rises = stencils.of(output)
+        count, wrong = len(rises), int((rises < 0).sum())
         if count < fewest or wrong > CONTRADICTED * count:
-            worst = grid.stencils(one, np.argsort(rises)[:1])
+            worst = f", most for {stencils.at(np.argsort(rises)[:1]).told}" if wrong else ""
             raise FitError(
                 f"fit.shape: `{one.quantity}: {one.word}` rests on {count} differences of the "
-                f"training data, of which {wrong} contradict it, most for {worst.told}",
+                f"training data, of which {wrong} contradict it{worst}",
                 f"a sign needs {FEWEST}, and at most {CONTRADICTED:.0%} against it: remove it, "
                 "or raise `fit.slack`",
             )

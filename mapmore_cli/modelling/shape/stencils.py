@@ -55,67 +55,53 @@ def asked_of(fit: Fit) -> list[Asked]:
 
 @dataclass(frozen=True)
 class Stencils:
-    """Neighbouring places along a quantity: `points` by input, (m, points) each, and the weights of
-    the output there, (m, points).
+    """Neighbouring places along a quantity: `nodes`, (m, points), are rows of the `columns`, (n,)
+    each, and `weights` those of the output there. `lines`, (m,), tells lines along the quantity
+    from each other.
     """
 
     asked: Asked
-    points: Columns
+    columns: Columns
+    nodes: IntArray
     weights: Array
+    lines: IntArray
 
     def of(self, values: Array) -> Array:
-        """Return the weighted sums of values at the places, (m,), or of rows of a matrix there,
-        (m, k).
+        """Return the weighted sums of values at the columns' rows, (n,) or (n, k): what the word
+        says is not negative, (m,) or (m, k).
         """
-        stacked = values.reshape(*self.weights.shape, *values.shape[1:])
-        summed: Array = np.einsum("ms,ms...->m...", self.weights, stacked)
+        summed: Array = np.einsum("ms,ms...->m...", self.weights, values[self.nodes])
         return summed
 
     def at(self, rows: IntArray | BoolArray) -> Stencils:
-        """Return some of them."""
-        points = {name: x[rows] for name, x in self.points.items()}
-        return Stencils(self.asked, points, self.weights[rows])
+        """Return some of them, with the rows that they need."""
+        used, nodes = np.unique(self.nodes[rows], return_inverse=True)
+        columns = {name: x[used] for name, x in self.columns.items()}
+        nodes = nodes.reshape(self.nodes[rows].shape)
+        return Stencils(self.asked, columns, nodes, self.weights[rows], self.lines[rows])
 
     @property
     def told(self) -> str:
         """The first in words, as `pressure: increasing at pressure = 150, strain = 0.1`."""
-        places = (f"{name} = {x[0].mean():.4g}" for name, x in self.points.items())
+        places = (f"{name} = {x[self.nodes[0]].mean():.4g}" for name, x in self.columns.items())
         return f"{self.asked.quantity}: {self.asked.word} at {', '.join(places)}"
 
 
-@dataclass(frozen=True)
-class Grid:
-    """Every combination of ascending places along each input."""
+def nodes_of(axes: Mapping[str, Array]) -> dict[str, Array]:
+    """Return the inputs at every combination of places along each, (n,) each."""
+    mesh = np.meshgrid(*axes.values(), indexing="ij")
+    return {name: x.ravel() for name, x in zip(axes, mesh, strict=True)}
 
-    axes: Mapping[str, Array]
 
-    @property
-    def columns(self) -> dict[str, Array]:
-        """The inputs at all nodes, (n,) each."""
-        mesh = np.meshgrid(*self.axes.values(), indexing="ij")
-        return {name: x.ravel() for name, x in zip(self.axes, mesh, strict=True)}
-
-    def axis(self, asked: Asked) -> int:
-        """Return the number of the axis along which a word is; of `positive`, the first."""
-        return list(self.axes).index(asked.quantity) if POINTS[asked.word] > 1 else 0
-
-    def rises(self, asked: Asked, values: Array) -> Array:
-        """Return what a word says is not negative, at every stencil; NaN where one of the values at
-        the nodes, (n,), is.
-        """
-        places = self.columns[list(self.axes)[self.axis(asked)]]
-        weights = weights_of(asked.word, self._windows(asked, places))
-        return np.asarray((weights * self._windows(asked, values)).sum(axis=-1))
-
-    def stencils(self, asked: Asked, chosen: IntArray) -> Stencils:
-        """Return the stencils of some places in the flattened `rises`."""
-        points = {
-            name: self._windows(asked, x).reshape(-1, POINTS[asked.word])[chosen]
-            for name, x in self.columns.items()
-        }
-        along = points[list(self.axes)[self.axis(asked)]]
-        return Stencils(asked, points, weights_of(asked.word, along))
-
-    def _windows(self, asked: Asked, x: Array) -> Array:
-        shaped = x.reshape(tuple(map(len, self.axes.values())))
-        return sliding_window_view(shaped, POINTS[asked.word], axis=self.axis(asked))
+def stencils_on(axes: Mapping[str, Array], asked: Asked, inside: BoolArray) -> Stencils:
+    """Return the stencils of a word whose nodes are all `inside`, (n,), on the grid of ascending
+    places along each input.
+    """
+    columns, points = nodes_of(axes), POINTS[asked.word]
+    along = list(axes).index(asked.quantity) if points > 1 else 0
+    numbers = np.arange(len(inside)).reshape([len(x) for x in axes.values()])
+    nodes = sliding_window_view(numbers, points, axis=along).reshape(-1, points)
+    nodes = nodes[inside[nodes].all(axis=1)]
+    lines = np.broadcast_to(numbers.take([0], axis=along), numbers.shape).ravel()[nodes[:, 0]]
+    places = columns[list(axes)[along]][nodes]
+    return Stencils(asked, columns, nodes, weights_of(asked.word, places), lines)

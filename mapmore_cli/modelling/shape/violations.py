@@ -19,7 +19,7 @@ from mapmore_cli.modelling.literature.backbone import pooled
 from mapmore_cli.modelling.program.model import program_of
 from mapmore_cli.modelling.selection import Fit
 from mapmore_cli.modelling.shape.region import Region, region_of
-from mapmore_cli.modelling.shape.stencils import POINTS, Asked, asked_of
+from mapmore_cli.modelling.shape.stencils import POINTS, Asked, asked_of, nodes_of, stencils_on
 
 KINDS = ("mckibben", "peano")
 IMPLIED: Mapping[str, Mapping[str, Word]] = MappingProxyType(
@@ -55,18 +55,20 @@ def violations(
     model: Model, asked: Sequence[Asked], region: Region, nodes: int = NODES
 ) -> list[Violation]:
     """Return what the model does against each word, on a grid over the region."""
-    grid, found = region.grid(program_of(model).knots, nodes), []
-    values = np.where(region.holds(grid.columns), predict(model, grid.columns), np.nan)
+    axes, found = region.axes(program_of(model).knots, nodes), []
+    columns = nodes_of(axes)
+    values = predict(model, columns)
+    inside = region.holds(columns) & np.isfinite(values)
     for one in region.asks(asked):
-        rises = grid.rises(one, values)
-        falls = -np.nan_to_num(np.minimum(rises, 0.0))
-        lines = falls.sum(axis=grid.axis(one)) if POINTS[one.word] == 2 else falls
+        stencils = stencils_on(axes, one, inside)
+        falls = np.maximum(-stencils.of(values), 0.0)
+        lines = np.bincount(stencils.lines, falls) if POINTS[one.word] == 2 else falls
         amount = float(lines.max(initial=0.0))
         if amount <= WRONG * region.span:
             found.append(Violation(one, 0.0, 0.0, ""))
         else:
-            worst = grid.stencils(one, np.array([np.argmax(falls)]))
-            found.append(Violation(one, amount, amount / region.span, worst.told))
+            worst = stencils.at(np.array([np.argmax(falls)])).told
+            found.append(Violation(one, amount, amount / region.span, worst))
     return found
 
 

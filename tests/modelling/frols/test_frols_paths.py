@@ -7,9 +7,10 @@ import pytest
 from common import peak_memory
 from hypothesis import assume, given
 from hypothesis import strategies as st
+from textbook import frols_streamed
 
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.modelling.frols import engine, frols, frols_streamed
+from mapmore_cli.modelling.frols import engine, frols
 
 FORMS = ("basis", "gram", "gathered", "triangle", "streamed")
 

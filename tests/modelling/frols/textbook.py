@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from mapmore_cli.modelling.frols import Problem, Weighing, frols_together
 from mapmore_cli.modelling.frols.select import RANK_TOLERANCE
 
 
@@ -42,3 +43,9 @@ def textbook(P, y, max_terms):
         theta,
         np.array(table),
     )
+
+
+def frols_streamed(blocks, *how, weighing=None, only=None, **more):
+    """The selection of one output whose dictionary comes in blocks."""
+    (found,) = frols_together([Problem(blocks, weighing or Weighing(), only)], *how, **more)
+    return found

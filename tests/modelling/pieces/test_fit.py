@@ -14,7 +14,7 @@ from mapmore_cli.domain.fits import Segment
 from mapmore_cli.modelling.expressions import dictionary_matrix, parse, to_text
 from mapmore_cli.modelling.expressions.families import products
 from mapmore_cli.modelling.frols import frols, reads_once
-from mapmore_cli.modelling.pieces.build import fit_segment, placements, scaled_inputs
+from mapmore_cli.modelling.pieces.build import fit_together, placements, scaled_inputs
 
 seeds = st.integers(0, 2**32 - 1)
 
@@ -81,7 +81,7 @@ def test_blocks_of_the_dictionary_give_what_the_whole_gives(stop):
     n = 30_000
     segment, samples, made = long_segment(n, stop=stop)
     assert reads_once(n, len(TERMS), 5)
-    ours = fit_segment(segment, samples, TERMS, made).selection
+    ours = fit_together(segment, samples, TERMS, [made])[0].selection
     whole = frols(
         dictionary_matrix(TERMS, samples, n), samples["force"], 5, made.fit.tolerance, stop=stop
     )
@@ -94,7 +94,7 @@ def test_blocks_of_the_dictionary_give_what_the_whole_gives(stop):
 def test_the_dictionary_is_never_there_as_a_whole():
     n = 200_000
     segment, samples, made = long_segment(n)
-    peak = peak_memory(lambda: fit_segment(segment, samples, TERMS, made))
+    peak = peak_memory(lambda: fit_together(segment, samples, TERMS, [made]))
     # its columns sorted, and scaled: twelve of the dictionary's 21
     assert peak < 0.6 * n * len(TERMS) * 8
 
@@ -110,4 +110,4 @@ def test_a_value_that_is_not_finite_is_found_in_any_block():
             r"\(strain = 2\)"
         ),
     ):
-        fit_segment(segment, samples, [*TERMS, parse("log(1.5 - strain)")], made)
+        fit_together(segment, samples, [*TERMS, parse("log(1.5 - strain)")], [made])

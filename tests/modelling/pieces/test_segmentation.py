@@ -139,7 +139,7 @@ def test_of_equals_the_first():
 
 def sse(samples, made):
     """Summed squared errors of the segments' fits, in the unit of the target."""
-    chosen = fit(samples, segment(samples, made), made)
+    (chosen,) = fit(samples, segment(samples, made), made)
     return sum(one.selection.sse * one.scaling.y_slope**2 for one in chosen)
 
 

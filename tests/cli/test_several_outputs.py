@@ -1,0 +1,253 @@
+"""A study of two targets, from the spec to a page, a table of predictions and C; and what is
+refused.
+"""
+
+import json
+import shutil
+import subprocess
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from cli_samples import CONFIGS, csv_rows, options, write_columns, write_lines
+
+import mapmore_cli as mm
+from mapmore_cli.domain.errors import DataError
+from mapmore_cli.domain.models import Model, Outputs
+from mapmore_cli.storage.artefacts import read_model, write_model
+
+LEVER = CONFIGS / "lever" / "lever-tip.yaml"
+NAMES = ["tip_x", "tip_y"]
+SLOW = """\
+name: slow-tip
+data:
+  files: [log.csv]
+  columns: {time: {column: t}, u: {column: u}, x: {column: x}, y: {column: y}}
+  split: {validate: {last: 0.25}}
+target: [x, y]
+dictionary: [{terms: ["1", u, "slow(u, 0.3)", "u*slow(u, 0.3)", "u[k-1]"]}]
+fit: {max_terms: 2}
+report: {formats: [csv], figures: []}
+"""
+
+
+@pytest.fixture(scope="module")
+def lever(tmp_path_factory, document):
+    """The folder of the run, and what `mapmore run` says of it."""
+    runs = tmp_path_factory.mktemp("runs")
+    small = options("data.every=5", "report.figures=[fit]", "fuse.extrapolation=saturate")
+    return runs / "lever-tip", document("run", LEVER, "-q", "--runs", runs, *small)
+
+
+@pytest.fixture
+def slow(tmp_path):
+    """A record of two outputs of one slow state, of an input that jumps."""
+    t = np.arange(0, 8, 0.02)
+    u = np.repeat(np.random.default_rng(4).uniform(0, 1, 20), 20)
+    s, share = u.copy(), 1 - np.exp(-0.02 / 0.3)
+    for k in range(1, 400):
+        s[k] = s[k - 1] + share * (u[k] - s[k - 1])
+    write_columns(tmp_path / "log.csv", "t,u,x,y", t, u, 2 * s + u, 0.1 * u - 5 * s)
+    write_lines(tmp_path / "slow.yaml", SLOW)
+    return tmp_path / "slow.yaml"
+
+
+def test_outputs_are_scored_one_by_one_on_one_page(lever):
+    run, told = lever
+    own = [row for row in told["scores"] if row["model"] == "mapmore"]
+    pooled = [row for row in own if (row["split"], row["curve"]) == ("validate", "all")]
+    assert [row["target"] for row in pooled] == NAMES
+    assert told["scores"] == json.loads((run / "scores.json").read_text())["scores"]
+    page = (run / "report" / "index.html").read_text()
+    for name in NAMES:
+        assert f'<h2 id="{name}">' in page
+        assert page.count(f'id="{name}.equations"') == 1
+        assert (run / "report" / f"{name}.fit.svg").is_file()
+        table = csv_rows((run / "report" / "tables" / f"{name}.scores.csv").read_text())
+        assert {row["model"] for row in table} >= {"mapmore", "plane"}
+
+
+def test_they_share_segments_and_terms(lever, document):
+    run, _ = lever
+    model = read_model(run / "model.h5")
+    first, second = (one.pieces.segments for one in model.each)
+    assert len(first) > 2
+    for one, other in zip(first, second, strict=True):
+        assert (one.id, one.cell, {*one.terms}) == (other.id, other.cell, {*other.terms})
+    shown = document("show", run / "model.h5")
+    assert [*shown["outputs"]] == NAMES
+    assert [*document("show", run / "fit.h5")["outputs"]] == NAMES
+
+
+def test_a_table_has_a_column_for_each_and_python_and_c_say_the_same(lever, tmp_path, mapmore):
+    run, _ = lever
+    rng, place = np.random.default_rng(1), run / "model.h5"
+    given = {"force": rng.uniform(-50, 900, 200), "pressure": rng.uniform(60, 380, 200)}
+    write_columns(tmp_path / "t.csv", "force,pressure", *given.values(), fmt="%.17g")
+    table = csv_rows(mapmore("predict", place, tmp_path / "t.csv", code=0).stdout)
+    assert [*table[0]] == [
+        "force",
+        "pressure",
+        "tip_x_predicted",
+        "tip_y_predicted",
+        "outside_range",
+    ]
+    assert {row["outside_range"] for row in table} == {"true", "false"}
+    model = mm.load_model(place)
+    with pytest.warns(UserWarning, match="outside of the training range"):
+        said = model(**given)
+    for name in NAMES:
+        column = [float(row[f"{name}_predicted"]) for row in table]
+        np.testing.assert_allclose(column, said[name], rtol=1e-11)
+        with pytest.warns(UserWarning, match="outside of the training range"):
+            np.testing.assert_array_equal(model.of(name)(**given), said[name])
+    assert repr(model) == "<model lever-tip: tip_x [mm], tip_y [mm] of force [N], pressure [kPa]>"
+    if shutil.which("cc") is None:
+        return
+    mapmore("export", place, "--to", "c", "-o", tmp_path / "c", code=0)
+    names = ["lever_tip.c", "lever_tip_main.c", "-o", "tip", "-lm"]
+    subprocess.run(["cc", "-std=c99", "-Wall", "-Werror", *names], cwd=tmp_path / "c", check=True)
+    rows = "".join(f"{f!r} {p!r}\n" for f, p in np.column_stack([*given.values()]).tolist())
+    told = subprocess.run(
+        [tmp_path / "c" / "tip"], input=rows, capture_output=True, text=True, check=True
+    )
+    values = np.array(told.stdout.split(), dtype=float).reshape(-1, 3).T
+    for name, column in zip(NAMES, values, strict=False):
+        np.testing.assert_allclose(column, said[name], rtol=1e-12, atol=1e-12)
+
+
+def test_other_forms_are_written_for_each(lever, tmp_path, mapmore):
+    place = lever[0] / "model.h5"
+    mapmore("export", place, "--to", "py", "-o", tmp_path, code=0)
+    assert sorted(path.name for path in tmp_path.glob("*.py")) == [
+        f"lever_tip_{name}.py" for name in NAMES
+    ]
+    assert "tip_y" in mapmore("export", place, "--to", "tex", "-o", tmp_path, code=0).stdout or (
+        "tip\\_y" in (tmp_path / "lever_tip.tex").read_text()
+    )
+
+
+def test_what_is_done_with_one_output_says_so(lever, mapmore, document):
+    run, _ = lever
+    write_lines(Path("wanted.csv"), "tip_x,force", "20,100")
+    several = ("has the outputs tip_x, tip_y, and this is done with one", "`target: tip_x`")
+    mapmore("invert", run / "model.h5", "wanted.csv", "--for", "pressure", code=2, says=several)
+    mapmore("figure", run, "fit", code=2, says="tip_x.fit, tip_y.fit")
+    mapmore("figure", run, "tip_y.fit", "--out", "f.svg", code=0)
+    for command in (("tune", LEVER, "--over", "fit.max_terms=1,2"), ("plan", LEVER)):
+        mapmore(*command, "-q", code=2, says="for one target")
+    found = document("compare", run, run)
+    assert [one["run"] for one in found["runs"]] == NAMES
+
+
+def test_a_model_with_memory_has_the_terms_of_all_outputs(slow, mapmore, document):
+    told = document("run", slow, "-q", "--runs", "runs")
+    errors = {
+        row["target"]: row["rmse"]
+        for row in told["scores"]
+        if (row["model"], row["split"], row["curve"]) == ("mapmore", "validate", "all")
+    }
+    assert errors == {"x": pytest.approx(0, abs=1e-9), "y": pytest.approx(0, abs=1e-9)}
+    model = read_model(Path("runs/slow-tip/model.h5"))
+    assert {frozenset(one.body.model.terms) for one in model.each} == {
+        frozenset({"u", "slow(u, 0.3)"})
+    }
+    mapmore("export", "runs/slow-tip/model.h5", "--to", "c", code=0)
+    write_columns("t.csv", "time,u", 0.02 * np.arange(50.0), np.linspace(0, 1, 50))
+    table = csv_rows(mapmore("predict", "runs/slow-tip/model.h5", "t.csv", code=0).stdout)
+    one, other = (float(table[-1][f"{name}_predicted"]) for name in "xy")
+    assert 5 * (one - 1) + 2 * (other - 0.1) == pytest.approx(0, abs=1e-6)
+
+
+def test_python_fits_several(slow):
+    table = np.genfromtxt(slow.parent / "log.csv", delimiter=",", names=True)
+    fitted = mm.fit(
+        {"time": table["t"], **{name: table[name] for name in "uxy"}},
+        columns={name: {"column": name} for name in ("time", "u", "x", "y")},
+        target=["x", "y"],
+        dictionary=[{"terms": ["u", "slow(u, 0.3)"]}],
+        fit={"max_terms": 2},
+    )
+    assert fitted.scores.of_model(split="train", target="y")["target"] == "y"
+    assert {
+        row["segment"].split(":")[0] if "segment" in row else row["part"].split(":")[0]
+        for row in fitted.summary().records
+    } == {"x", "y"}
+    assert "x [1], y [1]" in repr(fitted)
+
+
+@pytest.mark.parametrize(
+    ("settings", "words"),
+    [
+        (("target=[tip_x,tip_x]",), "`tip_x` is named twice"),
+        (("target=[tip_x,tip_q]",), "`tip_q`"),
+        (("target=[]",), "target"),
+        (
+            (
+                "model={type: literature, name: sarosi}",
+                "dictionary=null",
+                "segment=null",
+                "fit=null",
+            ),
+            "`type` is about one target, and there are several",
+        ),
+        (("model={backbone: sarosi}",), "`backbone` is about one target"),
+        (("segment.force={method: gradient, count: 2}",), "`gradient` is about one target"),
+        (("fit.shape={pressure: increasing}",), "`shape` is about one target"),
+        (("validate.intervals=true",), "`intervals` is about one target"),
+        (("validate.as=force",), "`as` is about one target"),
+        (("data.split={leave_one_level_out: true}",), "`leave_one_level_out` is about one target"),
+        (("dictionary=[{terms: [tip_y]}]",), "a term is of the target `tip_y`"),
+        (
+            ("dictionary=[{terms: [force], sign: negative}]",),
+            "`sign` and `bounds` are",
+        ),
+    ],
+)
+def test_kinds_of_one_target_are_refused(settings, words, mapmore):
+    told = mapmore("validate", LEVER, "-q", *options(*settings), code=3, says=words).stderr
+    assert "Traceback" not in told
+
+
+def test_open_numbers_are_refused(slow, mapmore):
+    terms = options("dictionary=[{slow: {of: [u]}}]")
+    mapmore("fit", slow, "-q", *terms, code=4, says="write the numbers, as `slow(pressure, 0.3)`")
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda m: replace(m, body=Outputs(m.each[:1])), "its outputs are not several"),
+        (lambda m: replace(m, body=Outputs((m.each[0],) * 2)), "a name of its own"),
+        (
+            lambda m: replace(m, body=Outputs((m.each[0], turned(m)))),
+            "one of its outputs is several",
+        ),
+        (lambda m: replace(m, inputs=m.inputs[:1]), "its inputs are not those of its outputs"),
+        (lambda m: replace(m, body=Outputs((m.each[0], shorter(m.each[1])))), "their segments"),
+    ],
+)
+def test_a_file_that_somebody_made_is_refused(change, words, lever, tmp_path):
+    model = read_model(lever[0] / "model.h5")
+    write_model(tmp_path / "same.h5", model)
+    assert (tmp_path / "same.h5").read_bytes()
+    again = read_model(tmp_path / "same.h5")
+    assert [one.output for one in again.each] == [one.output for one in model.each]
+    write_model(tmp_path / "forged.h5", change(model))
+    with pytest.raises(DataError, match=words):
+        read_model(tmp_path / "forged.h5")
+
+
+def turned(model: Model) -> Model:
+    """The model with its outputs in the other order."""
+    return replace(model, output=model.outputs[1], body=Outputs(model.each[::-1]))
+
+
+def shorter(model: Model) -> Model:
+    """The model with the segments of its first curve renamed."""
+    first, *rest = model.body.curves
+    segments = tuple(replace(one, id=f"{one.id}!") for one in first.segments)
+    return replace(
+        model, body=replace(model.body, curves=(replace(first, segments=segments), *rest))
+    )

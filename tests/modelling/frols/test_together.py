@@ -1,0 +1,114 @@
+"""Terms that several outputs share: candidate by candidate on paper, and what must not change them.
+
+Billings 2013, section 3.4: the error reduction ratios of a candidate are added over the outputs.
+"""
+
+import numpy as np
+import pytest
+from textbook import frols_streamed
+
+from mapmore_cli.modelling.frols import Problem, Weighing, frols_together
+from mapmore_cli.modelling.frols.moments import blocks_of_rows
+
+
+def on_paper(P, Y, terms):
+    """The columns of the highest sum of ERR, each step by a projection of its own, and the
+    coefficients of every output.
+    """
+    chosen = []
+    for _ in range(terms):
+        sums = {}
+        for m in set(range(P.shape[1])) - set(chosen):
+            known = P[:, chosen]
+            q = P[:, m] - known @ np.linalg.lstsq(known, P[:, m], rcond=None)[0]
+            sums[m] = sum((y @ q) ** 2 / (q @ q) / (y @ y) for y in Y.T)
+        chosen.append(max(sums, key=sums.get))
+    return chosen, np.linalg.lstsq(P[:, chosen], Y, rcond=None)[0]
+
+
+def together(P, Y, *how, weighings=None, **more):
+    weighings = weighings or [Weighing()] * Y.shape[1]
+    problems = [
+        Problem(blocks_of_rows(P, y), weighing) for y, weighing in zip(Y.T, weighings, strict=True)
+    ]
+    return frols_together(problems, *how, **more)
+
+
+def by_candidate(selections, M):
+    """The coefficients of every output by candidate, (M, m)."""
+    table = np.zeros((M, len(selections)))
+    for j, one in enumerate(selections):
+        table[one.chosen, j] = one.theta
+    return table
+
+
+@pytest.fixture(params=[(60, 8, 2), (9_000, 12, 3)], ids=["small", "tall"])
+def data(request):
+    """Candidates that go together, and outputs of some of them, in units far apart."""
+    n, M, m = request.param
+    rng = np.random.default_rng(n)
+    P = rng.normal(size=(n, M)) @ (np.eye(M) + 0.3 * rng.normal(size=(M, M)))
+    Y = P[:, ::2] @ rng.normal(size=(P[:, ::2].shape[1], m)) + 0.2 * rng.normal(size=(n, m))
+    return P, Y * 10.0 ** np.arange(-3, 3 * m - 3, 3)
+
+
+def test_terms_and_coefficients_are_those_on_paper(data):
+    P, Y = data
+    chosen, theta = on_paper(P, Y, 4)
+    found = together(P, Y, 4)
+    expected = np.zeros((P.shape[1], Y.shape[1]))
+    expected[chosen] = theta
+    np.testing.assert_allclose(by_candidate(found, P.shape[1]), expected, rtol=1e-9)
+    assert {one.stop for one in found} == {"max_terms"}
+
+
+def test_no_output_alone_would_choose_these(data):
+    P, Y = data
+    alone = [{*frols_streamed(blocks_of_rows(P, y), 2).chosen} for y in Y.T]
+    shared = {*together(P, Y, 2)[0].chosen}
+    assert shared == {*on_paper(P, Y, 2)[0]}
+    assert any(shared != one for one in alone)
+
+
+@pytest.mark.parametrize("stop", ["tolerance", "bic", "aicc", "press"])
+def test_proportional_outputs_choose_what_one_chooses(data, stop):
+    P, Y = data
+    y = Y[:, 0]
+    alone = frols_streamed(blocks_of_rows(P, y), 5, 1e-3, stop=stop)
+    both = together(P, np.outer(y, [1, -7]), 5, 1e-3, stop=stop)
+    for scale, one in zip((1.0, -7.0), both, strict=True):
+        assert one.chosen.tolist() == alone.chosen.tolist()
+        np.testing.assert_allclose(one.theta, scale * alone.theta, rtol=1e-9)
+        np.testing.assert_allclose(one.err, alone.err, rtol=1e-7)
+
+
+def test_the_unit_of_an_output_changes_its_own_coefficients_alone(data):
+    P, Y = data
+    unit = 1000.0 ** np.arange(Y.shape[1])
+    before, after = (by_candidate(together(P, own, 3), P.shape[1]) for own in (Y, Y * unit))
+    np.testing.assert_allclose(after, before * unit, rtol=1e-9)
+
+
+def test_the_tolerance_waits_for_the_last_output():
+    rng = np.random.default_rng(2)
+    P = np.column_stack([np.ones(200), rng.normal(size=(200, 4))])
+    easy, hard = 300 + P[:, 1], P[:, 1:] @ [1.0, 0.9, 0.8, 0.7]
+    first, second = together(P, np.column_stack([easy, hard]), None, 1e-6)
+    assert {*second.chosen} >= {1, 2, 3, 4}
+    assert second.sse < 1e-6 * second.yy
+    assert first.stop == second.stop == "tolerance"
+
+
+@pytest.mark.parametrize("loss", ["squares", "huber"])
+def test_every_output_has_weights_of_its_own(loss):
+    rng = np.random.default_rng(3)
+    P, sigma = rng.normal(size=(400, 6)), np.where(np.arange(400) % 4, 1.0, 30.0)
+    Y = P[:, :2] @ [[1.0, 2.0], [-3.0, 1.0]] + 0.01 * rng.normal(size=(400, 2))
+    Y[:, 1] += sigma * rng.normal(size=400) if loss == "squares" else 500.0 * (sigma > 1)
+    known = Weighing(loss=loss), Weighing(sigma if loss == "squares" else None, loss)
+    found = together(P, Y, 2, weighings=known)
+    assert [sorted(one.chosen) for one in found] == [[0, 1], [0, 1]]
+    table = by_candidate(found, 6)
+    np.testing.assert_allclose(table[:2, 0], [1, -3], atol=5e-3)
+    within = 4 * found[1].theta_error
+    assert (np.abs(found[1].theta - np.array([2.0, 1.0])[found[1].chosen]) < within).all()
