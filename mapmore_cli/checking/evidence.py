@@ -116,8 +116,8 @@ class Unequal:
     """Two recordings whose inputs are equal, sample for sample, and whose outputs differ.
 
     All are root mean squares relative to the range of the `target`: how far the outputs are
-    `apart`, and what remains where one is taken as a factor times the other (`with_gain`), as the
-    other plus a constant (`with_offset`), or as `with_both`.
+    `apart`, and what remains (`left`) where one is taken as a factor times the other (`gain`), as
+    the other plus a constant (`offset`), or as both (`offset gain`).
     """
 
     one: Recording
@@ -125,19 +125,18 @@ class Unequal:
     inputs: tuple[str, ...]
     target: str
     apart: float
-    with_gain: float
-    with_offset: float
-    with_both: float
+    left: Mapping[str, float]
 
     @property
-    def effects(self) -> tuple[str, ...]:
+    def effects(self) -> list[str]:
         """What tells most of the difference, as `data.groups` calls it: the one that leaves less,
         or both where they leave far less together; empty where most of the difference remains.
         """
-        left, better = min((self.with_gain, "gain"), (self.with_offset, "offset"))
-        if left > SOME * self.apart and self.with_both < MUCH * left:
-            left, better = self.with_both, "offset gain"
-        return tuple(better.split()) if left < MUCH * self.apart else ()
+        best = min(("gain", "offset"), key=lambda effect: self.left[effect])
+        both = "offset gain"
+        if self.left[best] > SOME * self.apart and self.left[both] < MUCH * self.left[best]:
+            best = both
+        return best.split() if self.left[best] < MUCH * self.apart else []
 
     @property
     def is_large(self) -> bool:
@@ -146,10 +145,7 @@ class Unequal:
 
     def words(self) -> str:
         """Return it as a sentence, with what each effect explains of the sum of squares."""
-        gain, offset, both = (
-            f"{1 - (left / self.apart) ** 2:.0%}"
-            for left in (self.with_gain, self.with_offset, self.with_both)
-        )
+        gain, offset, both = (f"{1 - (left / self.apart) ** 2:.0%}" for left in self.left.values())
         return (
             f"{self.other.name} has the same {', '.join(self.inputs)} as {self.one.name}, and "
             f"{self.target} differs by {self.apart:.2g} of its range (rms); a factor explains "
@@ -206,17 +202,20 @@ def _with_equal_inputs(
                 yield one, other, few
 
 
-def _left(one: Array, other: Array) -> tuple[float, float, float, float]:
+def _left(one: Array, other: Array) -> tuple[float, dict[str, float]]:
     """Return how far outputs are apart, and what a gain, an offset and both leave of it."""
     less, more = sorted((one, other), key=_rms)
-    ones = np.ones_like(more)
+    ones, apart = np.ones_like(more), less - more
 
     def left(values: Array, *terms: Array) -> float:
         basis = np.column_stack(terms)
         return _rms(values - basis @ np.linalg.lstsq(basis, values, rcond=None)[0])
 
-    apart = less - more
-    return _rms(apart), left(less, more), left(apart, ones), left(less, more, ones)
+    return _rms(apart), {
+        "gain": left(less, more),
+        "offset": left(apart, ones),
+        "offset gain": left(less, more, ones),
+    }
 
 
 def _rms(values: Array) -> float:

@@ -5,10 +5,9 @@ folder.
 from __future__ import annotations
 
 import hashlib
-import json
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
@@ -81,7 +80,16 @@ FINDINGS = "check.json"
 REVISION = 2
 """Raised when a rule changes: findings of older rules do not count."""
 
-_KEPT = TypeAdapter(tuple[Issue, ...])
+
+@dataclass(frozen=True)
+class Kept:
+    """What the file holds: the findings, and what they depend on."""
+
+    mark: str
+    issues: tuple[Issue, ...]
+
+
+_KEPT = TypeAdapter(Kept)
 
 
 def mark_of(loaded: LoadedSpec, ingested: str) -> str:
@@ -93,17 +101,17 @@ def mark_of(loaded: LoadedSpec, ingested: str) -> str:
 
 def kept(run_dir: Path, mark: str | None = None) -> tuple[Issue, ...] | None:
     """Return the findings of a run; None where there are none that have this `mark`."""
-    with suppress(OSError, ValueError, TypeError, KeyError, RecursionError):
-        document = json.loads((run_dir / FINDINGS).read_text(encoding="utf-8"))
-        if mark in (None, document["mark"]):
-            return _KEPT.validate_python(document["issues"])
+    with suppress(OSError, ValueError):
+        found = _KEPT.validate_json((run_dir / FINDINGS).read_bytes())
+        if mark in (None, found.mark):
+            return found.issues
     return None
 
 
 def keep(run_dir: Path, mark: str, issues: Sequence[Issue]) -> None:
     """Write the findings into the folder of the run."""
-    document = {"mark": mark, "issues": [asdict(issue) for issue in issues]}
-    write_text(run_dir / FINDINGS, json.dumps(document, indent=1, ensure_ascii=False) + "\n")
+    text = _KEPT.dump_json(Kept(mark, tuple(issues)), indent=1).decode()
+    write_text(run_dir / FINDINGS, f"{text}\n")
 
 
 def sentences(run_dir: Path) -> tuple[str, ...]:

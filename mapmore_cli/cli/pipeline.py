@@ -116,8 +116,10 @@ def _bring_up_to_date(
     if finished is not None:
         write_ci_files(junit, summary, {name: finished}, view.tables)
         if finished.missed:
-            remedy = "the results are complete; see validate.require in the spec"
-            raise LimitMissed("; ".join(finished.missed), remedy)
+            raise LimitMissed(
+                "; ".join(finished.missed),
+                "the results are complete; see validate.require in the spec",
+            )
 
 
 def _of_reasons(name: str, reasons: dict[str, str | None]) -> View:

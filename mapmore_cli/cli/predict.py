@@ -116,8 +116,10 @@ def predict(
         if grid is not None:
             if runs_over_time(model):
                 columns = ", ".join(["time", *(quantity.name for quantity in model.inputs)])
-                remedy = f"give a TABLE of recordings with the columns {columns}"
-                raise UsageError("--grid: this model has memory, and a grid has no time", remedy)
+                raise UsageError(
+                    "--grid: this model has memory, and a grid has no time",
+                    f"give a TABLE of recordings with the columns {columns}",
+                )
             axes = ",".join([grid, *(f"{name}={value!r}" for name, value in constants.items())])
             lines, label, constants = (
                 grid_lines(axes, [quantity.name for quantity in model.inputs]),

@@ -49,6 +49,11 @@ Ranges = Mapping[QuantityName, Span]
 """Least and greatest value of each quantity."""
 
 
+def row_count(columns: Columns) -> int:
+    """Return the number of rows of a table; zero for one without columns."""
+    return len(next(iter(columns.values()), ()))
+
+
 ROWS = 1 << 17
 """Samples of a block: one megabyte of a column."""
 

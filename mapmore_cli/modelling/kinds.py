@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from mapmore_cli.domain import plugins
-from mapmore_cli.domain.arrays import Array, BoolArray, Columns
+from mapmore_cli.domain.arrays import Array, BoolArray, Columns, row_count
 from mapmore_cli.domain.declared import Settings
 from mapmore_cli.domain.errors import DataError, UsageError
 from mapmore_cli.domain.models import CurveRange, Equation, Model
@@ -255,7 +255,7 @@ def limits(ranges: Sequence[CurveRange], level: str | None) -> Iterator[InputRan
 
 
 def _outside_limits(model: Model, columns: Columns) -> BoolArray:
-    outside = np.zeros(len(next(iter(columns.values()))), dtype=np.bool_)
+    outside = np.zeros(row_count(columns), dtype=np.bool_)
     ranges = model.body.ranges  # type: ignore[attr-defined]  # sums have another verb
     for name, at, levels, *ends in limits(ranges, model.level):
         if name in columns:

@@ -173,16 +173,6 @@ def write_text(path: Path, text: str) -> None:
     write_bytes(path, text.encode())
 
 
-def link_or_copy(source: Path, place: Path) -> None:
-    """Give a file a second name, or a copy where the file system has no hard links; OSError where
-    it cannot be read.
-    """
-    try:
-        os.link(source, place)
-    except OSError:
-        shutil.copyfile(source, place)
-
-
 def sync_tree(folder: Path) -> None:
     """Flush every file and folder below `folder` to the disk."""
     for parent, _, names in os.walk(folder):

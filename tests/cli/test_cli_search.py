@@ -132,7 +132,7 @@ def test_a_budget_that_cut_the_list_is_told(tmp_path, mapmore, monkeypatch):
     monkeypatch.setattr(
         searching, "shared_out", lambda work, items, *_: [work(item) for item in items]
     )
-    times = iter([False] * 30 + [True] * 1000)
+    times = iter([False] * 3 + [True] * 1000)
     result = mapmore("tune", write_bare(tmp_path), "--budget", "5 s")
     assert "the budget of 5 s ended before" in result.stderr
     mapmore("run", tmp_path / "runs/bare/found.yaml", "--runs", tmp_path / "other", "-q", code=0)

@@ -32,8 +32,7 @@ SITUATIONS = {
         1,
         0.01,
         800,
-        {"u": 1.0},
-        {("u", 1): 0.1},
+        ("u",),
     ),
     "pair": Situation(
         "torque",
@@ -43,8 +42,7 @@ SITUATIONS = {
         1,
         0.01,
         900,
-        {"x": 1.0, "v": 2.0},
-        {("x", 1): 0.1, ("v", 3): 0.2},
+        ("x", "v"),
     ),
     "many": Situation("y", tuple("abcdefgh"), None, 500, 1, 0.1, 500),
 }
@@ -120,7 +118,7 @@ def test_bands_of_an_input_are_left_out_where_the_study_holds_some_out():
     whole = dataset_of({"time": time**2, "u": u, "y": u}, held_out=held_out)
     part = replace(WHOLE, held_out=Holdout.model_validate({"u": {"between": [[40, 60]]}}))
     bench = bench_of(whole, part)
-    folds, (curve,) = bench.folds[: bench.blocks], searchable(whole).curves
+    folds, (curve,) = bench.masks[: bench.blocks], searchable(whole).curves
     values = curve.columns["u"]
     assert len(folds) == 5
     assert all(9 < np.ptp(values[fold[0]]) <= 20 for fold in folds)
@@ -136,22 +134,40 @@ def test_recordings_too_short_to_say_or_too_long_to_miss_are_not_left_out():
 
     def left_out(dataset):
         bench = bench_of(dataset)
-        return [[int(mask.sum()) for mask in fold] for fold in bench.folds[bench.blocks :]]
+        return [[int(mask.sum()) for mask in fold] for fold in bench.masks[bench.blocks :]]
 
     assert left_out(recorded(100, 100, 100)) == [[100, 0, 0], [0, 100, 0], [0, 0, 100]]
     assert left_out(recorded(10, 3000)) == []
     assert left_out(recorded(2, 2, 2, 100, 100)) == [[0, 0, 0, 100, 0], [0, 0, 0, 0, 100]]
 
 
-def test_recordings_at_one_value_of_what_is_held_out_are_left_out_together():
+@pytest.mark.parametrize(
+    ("lengths", "held", "out"),
+    [
+        ((1, 1, 2, 2, 3, 3, 4), 4, [[0, 0, 0, 0, 1, 1]]),  # beyond an end
+        ((1, 1, 2, 2, 3, 4), 3, [[0, 0, 1, 1, 0]]),
+        ((1, 1, 2, 3), 2, []),  # without one of two values, nothing is learnt of them
+        ((1, 2, 2, 3, 3), 2, []),
+    ],
+)
+def test_recordings_at_one_value_of_what_is_held_out_are_left_out_together(lengths, held, out):
+    """A value that is new to what trains: by its name, by files or as it comes."""
     of = dict.fromkeys(("time", "u", "y"), np.arange(100) * 0.01)
-    every = dataset_of(*({**of, "length": np.full(100, length)} for length in (1, 1, 2, 2, 3)))
-    last = replace(every.curves[-1], held_out=np.ones(100, dtype=bool))
-    part = replace(WHOLE, held_out=Holdout.model_validate({"length": [3]}))
-    bench = bench_of(replace(every, curves=(*every.curves[:-1], last)), part)
-    assert [[mask.all() for mask in fold] for fold in bench.folds[bench.blocks :]] == [
-        [True, True, False, False],
-        [False, False, True, True],
+    every = dataset_of(*({**of, "length": np.full(100, length)} for length in lengths))
+    curves = (
+        replace(curve, held_out=np.full(100, length == held))
+        for curve, length in zip(every.curves, lengths, strict=True)
+    )
+    bench = bench_of(replace(every, curves=tuple(curves)))
+    assert [[mask.all() for mask in fold] for fold in bench.masks[bench.blocks :]] == out
+
+
+def test_a_recording_without_which_an_input_stands_still_is_not_left_out():
+    of = dict.fromkeys(("time", "u", "y"), np.arange(100) * 0.01)
+    bench = bench_of(dataset_of(*({**of, "load": np.full(100, load)} for load in (1, 1, 2))))
+    assert [[mask.all() for mask in fold] for fold in bench.masks[bench.blocks :]] == [
+        [True, False, False],
+        [False, True, False],
     ]
 
 
@@ -183,7 +199,7 @@ def leveled(*levels, held=()):
 def test_levels_are_left_out_as_the_study_holds_them_out(levels, held, out, weight):
     bench = leveled(*range(1, levels + 1), held=held)
     own = [curve.level for curve in bench.dataset.curves]
-    stretches, parts = bench.folds[: bench.blocks], bench.folds[bench.blocks :]
+    stretches, parts = bench.masks[: bench.blocks], bench.masks[bench.blocks :]
     assert [[y for y, mask in zip(own, fold, strict=True) if mask.all()] for fold in parts] == out
     assert bench.weights[bench.blocks :].sum() == pytest.approx(weight)
     assert bench.asks_parts == bool(held)
@@ -205,23 +221,23 @@ def test_folds_resemble_what_the_study_holds_out():
     pieces = folds((np.arange(1000) % 200 >= 160) & (np.arange(1000) < 900))
     assert pieces.blocks == 5
     assert not pieces.asks_parts
-    assert all(runs(fold[0]) >= 4 for fold in pieces.folds[:5])
+    assert all(runs(fold[0]) >= 4 for fold in pieces.masks[:5])
     output = pieces.dataset.curves[0].columns["y"]
     assert np.isnan(output).sum() == 160  # the inputs stay, the outputs do not
     assert np.ptp(pieces.range) <= 4
-    assert not any(np.isnan(output[fold[0]]).any() for fold in pieces.folds)
+    assert not any(np.isnan(output[fold[0]]).any() for fold in pieces.masks)
 
     ends = folds(np.arange(1000) >= 600)
     assert ends.asks_parts
     assert ends.dataset.curves[0].size == 600
     # runs as long as a third at most; the ends
-    assert [int(fold[0].sum()) for fold in ends.folds] == [
+    assert [int(fold[0].sum()) for fold in ends.masks] == [
         *[200] * 5,
         120,
         210,
         300,
     ]
-    assert all(runs(fold[0]) == 1 for fold in ends.folds)
+    assert all(runs(fold[0]) == 1 for fold in ends.masks)
 
 
 def test_a_long_record_is_shortened_to_pieces_as_long_as_the_run_that_is_held_out():

@@ -96,12 +96,6 @@ SETTINGS = [
 ]
 
 
-@pytest.mark.parametrize(("sections", "expected"), SETTINGS)
-def test_reasons_of_settings(sections, expected, folder):
-    run(study(folder))
-    assert reasons(study(folder, **sections)) == list(zip(ALL, expected, strict=True))
-
-
 def test_reason_of_a_revision(folder):
     run(study(folder))
     why = reasons(study(folder), fake_stages(revisions={"fit": 2}))
@@ -132,19 +126,22 @@ FILES = [
 ]
 
 
-@pytest.mark.parametrize(("change", "expected"), FILES)
+@pytest.mark.parametrize(("change", "expected"), [*SETTINGS, *FILES])
 def test_what_explain_says_is_what_happens(change, expected, folder):
+    """A change of the files, or sections of the spec in place of others."""
     run(study(folder))
-    change(folder)
+    if callable(change):
+        change(folder)
+    changed = study(folder, **({} if callable(change) else change))
     told = dict(zip(ALL, expected, strict=True))
-    assert dict(reasons(study(folder))) == told
+    assert dict(reasons(changed)) == told
     ran = []
-    outcome = run(study(folder), fake_stages(runs=ran))
+    outcome = run(changed, fake_stages(runs=ran))
     assert outcome.reasons == {stage: why for stage, why in told.items() if why}
     assert ran == list(outcome.reasons)
-    bring_up_to_date(study(folder), folder / "fresh", stages=fake_stages())
+    bring_up_to_date(changed, folder / "fresh", stages=fake_stages())
     assert contents(outcome.run_dir) == contents(folder / "fresh" / "demo")
-    assert_settled(folder)
+    assert run(changed).reasons == {}
 
 
 def test_explain_writes_nothing(folder):

@@ -1,11 +1,7 @@
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
-from report_builder import build, surface
-
-from mapmore_cli.domain.scores import Published
-
-PUBLISHED = Published("M2, section 5.1", {"mapmore": 0.022, "sarosi": 0.025, "polynomial_2": 0.07})
+from report_builder import PUBLISHED, build, surface
 
 
 @pytest.fixture(scope="session")

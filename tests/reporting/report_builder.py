@@ -12,7 +12,7 @@ from mapmore_cli.domain.fits import FormulaFit
 from mapmore_cli.domain.models import Equation
 from mapmore_cli.domain.recording import Curve, Dataset, Quantity, Recording
 from mapmore_cli.domain.results import FitResult, Forecast, PiecesFit, Validation
-from mapmore_cli.domain.scores import FIGURES, Score
+from mapmore_cli.domain.scores import FIGURES, Published, Score
 from mapmore_cli.modelling.kinds import predict
 from mapmore_cli.modelling.pieces import build as pieces
 from mapmore_cli.modelling.pieces.recipe import Cuts, Fuse, Recipe
@@ -32,6 +32,7 @@ QUANTITIES = {
         Quantity("force", "N"),
     )
 }
+PUBLISHED = Published("M2, section 5.1", {"mapmore": 0.022, "sarosi": 0.025, "polynomial_2": 0.07})
 FUSE = Fuse(transition="quadratic", extrapolation="continue")
 Prediction = Callable[[np.ndarray, np.ndarray], np.ndarray]
 

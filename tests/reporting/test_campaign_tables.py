@@ -24,19 +24,29 @@ def row(model, rmse, split="validate"):
     return score(model, rmse / 100, split)
 
 
-def rows(**errors):
-    return [row(model, rmse) for model, rmse in errors.items()]
+def runs_of(text):
+    """Runs by name, as `a mapmore 1 sarosi 2; b mapmore 3`: RMSE of each model."""
+    found = {}
+    for name, *words in map(str.split, text.split(";")):
+        models = zip(words[::2], map(float, words[1::2]), strict=True)
+        found[name] = [row(*model) for model in models]
+    return found
+
+
+FEW = "a mapmore 2 sarosi 4 kerscher 3 repeatability 1; b mapmore 1 narx 5; c mapmore 3 cubic 2"
 
 
 def test_a_failed_run_is_told_by_its_name():
-    table = nrmse_table(CampaignScores({"a": rows(mapmore=1, sarosi=2)}, failed=("broken",)))
+    table = nrmse_table(CampaignScores(runs_of("a mapmore 1 sarosi 2"), failed=("broken",)))
     assert table.rows[1] == ("broken", "failed", None)
     assert table.numeric[1]
 
 
 def test_hostile_names_are_text_on_the_page():
     hostile = "<script>alert(1)</script>\"'&<img src=x onerror=y>"
-    scores = CampaignScores({hostile: rows(**{"mapmore": 1, hostile: 2})}, failed=(hostile + "2",))
+    scores = CampaignScores(
+        {hostile: [row("mapmore", 1), row(hostile, 2)]}, failed=(hostile + "2",)
+    )
     page = Page(
         render_campaign(
             hostile,
@@ -51,7 +61,7 @@ def test_hostile_names_are_text_on_the_page():
 
 
 def test_exact_ties_are_told():
-    runs = {"a": rows(mapmore=2, sarosi=2, flat=5), "b": rows(mapmore=1, sarosi=2, flat=5)}
+    runs = runs_of("a mapmore 2 sarosi 2 flat 5; b mapmore 1 sarosi 2 flat 5")
     scores = CampaignScores(runs, relative_to="sarosi", best_of=("sarosi", "flat"))
     table = {row[0]: row for row in nrmse_table(scores).rows}
     assert table["runs better"][1] == "1 of 2, 1 tied"
@@ -59,7 +69,7 @@ def test_exact_ties_are_told():
 
 
 def test_ratios_are_of_the_runs_that_have_both():
-    runs = {"a": rows(mapmore=1, sarosi=2), "b": rows(mapmore=8, sarosi=4), "c": rows(mapmore=5)}
+    runs = runs_of("a mapmore 1 sarosi 2; b mapmore 8 sarosi 4; c mapmore 5")
     table = nrmse_table(CampaignScores(runs, relative_to="sarosi"))
     assert table.rows[:3] == (("a", 1.0, 2.0), ("b", 8.0, 4.0), ("c", 5.0, None))
     assert table.rows[3][1] == pytest.approx(math.sqrt(0.5 * 2))
@@ -68,12 +78,7 @@ def test_ratios_are_of_the_runs_that_have_both():
 
 
 def test_groups_have_a_median_and_a_worst():
-    runs = {
-        "a": rows(mapmore=1, lags=9),
-        "b": rows(mapmore=4, lags=7),
-        "c": rows(mapmore=2),
-        "d": rows(mapmore=8, lags=math.nan),
-    }
+    runs = runs_of("a mapmore 1 lags 9; b mapmore 4 lags 7; c mapmore 2; d mapmore 8 lags nan")
     table = nrmse_table(
         CampaignScores(runs, groups={"a": "steps", "b": "steps", "c": "steps", "d": "loops"})
     )
@@ -104,7 +109,7 @@ def test_training_rows_count_where_nothing_is_held_out():
 
 
 def test_repeatability_wins_nothing_and_stands_last():
-    runs = {"a": rows(repeatability=0.1, mapmore=1, sarosi=2), "b": rows(mapmore=3, sarosi=4)}
+    runs = runs_of("a repeatability 0.1 mapmore 1 sarosi 2; b mapmore 3 sarosi 4")
     scores = CampaignScores(runs, relative_to="sarosi", best_of=["sarosi"])
     table = nrmse_table(scores)
     assert table.headings == ("run", "mapmore", "sarosi", REPEATABILITY)
@@ -112,7 +117,7 @@ def test_repeatability_wins_nothing_and_stands_last():
 
 
 def test_a_formula_is_not_below_itself():
-    runs = {"a": rows(mapmore=1, sarosi=2, other=3), "b": rows(mapmore=5, sarosi=4, other=3)}
+    runs = runs_of("a mapmore 1 sarosi 2 other 3; b mapmore 5 sarosi 4 other 3")
     closing = nrmse_table(CampaignScores(runs, best_of=["sarosi", "other"])).rows[-1]
     assert closing == ("below the best formula", "1 of 2", "1 of 2", "1 of 2")
 
@@ -131,13 +136,13 @@ def test_of_the_formulas_one_is_best_in_every_run(errors):
 
 
 def test_an_error_that_is_not_finite_is_nobodys_best():
-    runs = {"a": rows(mapmore=2, sarosi=math.nan, other=3)}
+    runs = runs_of("a mapmore 2 sarosi nan other 3")
     closing = nrmse_table(CampaignScores(runs, best_of=["sarosi", "other"])).rows[-1]
     assert closing[1:] == ("1 of 1", "0 of 1", "1 of 1")
 
 
 def test_published_numbers_stand_beside_ours_and_empty_columns_are_left_out():
-    runs = {"a": rows(mapmore=2, sarosi=4), "b": rows(mapmore=3)}
+    runs = runs_of("a mapmore 2 sarosi 4; b mapmore 3")
     table = published_table(
         CampaignScores(
             runs,
@@ -157,31 +162,29 @@ def test_published_numbers_stand_beside_ours_and_empty_columns_are_left_out():
 
 
 def test_tables_without_rows_are_left_out():
-    assert [table.name for table in campaign_tables(CampaignScores({"a": rows(mapmore=1)}))] == [
+    assert [table.name for table in campaign_tables(CampaignScores(runs_of("a mapmore 1")))] == [
         "nrmse"
     ]
 
 
 def test_a_run_that_diverged_is_worse_than_any_in_whatever_order():
-    good, bad = rows(mapmore=1, sarosi=2), rows(mapmore=math.nan, sarosi=2)
-    for runs in ({"a": good, "b": bad}, {"b": bad, "a": good}):
-        table = nrmse_table(CampaignScores(runs, relative_to="sarosi"))
+    good, bad = "a mapmore 1 sarosi 2", "b mapmore nan sarosi 2"
+    for runs in (f"{good}; {bad}", f"{bad}; {good}"):
+        table = nrmse_table(CampaignScores(runs_of(runs), relative_to="sarosi"))
         assert [row[1] for row in table.rows[2:]] == [math.inf, math.inf, "1 of 2"]
 
 
 def test_nothing_is_in_proportion_to_an_error_of_zero():
     scores = CampaignScores(
-        {"a": rows(mapmore=1, sarosi=0, repeatability=0)}, relative_to="sarosi", best_of=["sarosi"]
+        runs_of("a mapmore 1 sarosi 0 repeatability 0"), relative_to="sarosi", best_of=["sarosi"]
     )
     assert nrmse_table(scores).rows[1][1] is None
 
 
 def test_runs_with_few_models_in_common_are_listed():
-    runs = {
-        "a": rows(mapmore=2, sarosi=4, kerscher=3, repeatability=1),
-        "b": rows(mapmore=1, narx=5),
-        "c": rows(mapmore=3, cubic=2),
-    }
+    runs = runs_of(
+        "a mapmore 2 sarosi 4 kerscher 3 repeatability 1; b mapmore 1 narx 5; c mapmore 3 cubic 2"
+    )
     scores = CampaignScores(runs, failed=("d",))
     assert scores.sparse
     (table,) = campaign_tables(scores)
@@ -196,7 +199,7 @@ def test_runs_with_few_models_in_common_are_listed():
     assert [row[3] for row in table.rows] == pytest.approx(
         [None, 1.5, 2.0, 0.5, None, 5.0, None, 2 / 3, None]
     )
-    assert not CampaignScores({"a": rows(mapmore=2, sarosi=4), "b": rows(mapmore=1)}).sparse
+    assert not CampaignScores(runs_of("a mapmore 2 sarosi 4; b mapmore 1")).sparse
 
 
 def dots(scores):
@@ -218,44 +221,35 @@ def dots(scores):
 
 def test_every_error_is_a_dot_in_the_line_of_its_run():
     names, legend, found = dots(
-        CampaignScores(
-            {"a": rows(mapmore=1, sarosi=4, repeatability=0.5), "b": rows(mapmore=3, sarosi=2)}
-        )
+        CampaignScores(runs_of("a mapmore 1 sarosi 4 repeatability 0.5; b mapmore 3 sarosi 2"))
     )
     assert names == ["a", "b"]
     assert legend == ["mapmore", "best of the others", REPEATABILITY]
     assert found == [("a", 0.5), ("a", 1.0), ("a", 4.0), ("b", 2.0), ("b", 3.0)]
 
 
-@pytest.mark.parametrize("error", [math.nan, math.inf])
+@pytest.mark.parametrize("error", ["nan", "inf"])
 def test_a_run_that_diverged_has_no_dot(error):
-    scores = CampaignScores(
-        {
-            "a": rows(mapmore=1, narx=2),
-            "b": [row("mapmore", 3.0), replace(row("narx", 1.0), nrmse=error)],
-        }
-    )
+    scores = CampaignScores(runs_of(f"a mapmore 1 narx 2; b mapmore 3 narx {error}"))
     assert dots(scores)[2] == [("a", 1.0), ("a", 2.0), ("b", 3.0)]
 
 
 def test_the_model_that_ratios_are_taken_to_has_its_dots():
-    runs = {"a": rows(mapmore=5, sarosi=4, flat=3), "b": rows(mapmore=6, sarosi=2)}
+    runs = runs_of("a mapmore 5 sarosi 4 flat 3; b mapmore 6 sarosi 2")
     _, legend, found = dots(CampaignScores(runs, relative_to="sarosi"))
     assert legend == ["mapmore", "Sárosi", "best of the others"]
     assert [x for name, x in found if name == "a"] == [3, 4, 5]
 
 
 def test_there_is_nothing_to_compare_in_one_run():
-    assert campaign_figures(CampaignScores({"a": rows(mapmore=1, sarosi=2)})) == []
+    assert campaign_figures(CampaignScores(runs_of("a mapmore 1 sarosi 2"))) == []
     assert campaign_figures(CampaignScores({})) == []
 
 
 def test_where_runs_have_few_models_in_common_the_best_of_the_others_is_drawn():
-    runs = {
-        "a": rows(mapmore=2, sarosi=4, kerscher=3, repeatability=1),
-        "b": rows(mapmore=1, narx=5),
-        "c": rows(mapmore=3, cubic=2),
-    }
+    runs = runs_of(
+        "a mapmore 2 sarosi 4 kerscher 3 repeatability 1; b mapmore 1 narx 5; c mapmore 3 cubic 2"
+    )
     _, legend, found = dots(CampaignScores(runs))
     assert legend == ["mapmore", "best of the others", REPEATABILITY]
     assert found == [
@@ -270,12 +264,7 @@ def test_where_runs_have_few_models_in_common_the_best_of_the_others_is_drawn():
 
 
 def test_an_error_of_rounding_leaves_room_for_the_others():
-    scores = CampaignScores(
-        {
-            "exact": [replace(row("mapmore", 1.0), nrmse=1e-16), row("sarosi", 2.0)],
-            "b": rows(mapmore=3, sarosi=2),
-        }
-    )
+    scores = CampaignScores(runs_of("exact mapmore 1e-14 sarosi 2; b mapmore 3 sarosi 2"))
     assert dots(scores)[2] == [("b", 2.0), ("b", 3.0), ("exact", 2.0)]
     (drawing,) = campaign_figures(scores)
     assert drawing.caption.endswith("its error is but rounding: mapmore in exact.")

@@ -143,27 +143,32 @@ def boxes(figure):
     return [ax.get_tightbbox(RendererBase(), for_layout_only=True).extents for ax in figure.axes]
 
 
+def panels_of(figure):
+    return sum(ax.get_label() != "<colorbar>" for ax in figure.axes)
+
+
 @pytest.mark.parametrize("name", NAMES)
-def test_no_label_leaves_the_page_or_lies_on_another_panel(name, mixed):
+def test_labels_keep_to_their_panels_and_every_panel_can_stand_alone(name, mixed):
+    """No label leaves the page or lies on another panel."""
     with figure_style():
         for drawing in drawings(name, mixed):
             figure = compose(drawing)
             width, height = figure.get_size_inches() * POINTS
-            top = min(
-                (legend.get_window_extent(RendererBase()).y0 for legend in figure.legends),
-                default=height,
-            )
+            legends = (legend.get_window_extent(RendererBase()) for legend in figure.legends)
+            top = min((legend.y0 for legend in legends), default=height)
             found = boxes(figure)
             for left, low, right, high in found:
                 assert -0.1 <= left < right <= width + 0.1
                 assert -0.1 <= low < high <= top + 0.1
             for one, other in combinations(found, 2):
-                assert (
-                    one[2] <= other[0]
-                    or other[2] <= one[0]
-                    or one[3] <= other[1]
-                    or other[3] <= one[1]
-                )
+                beside = one[2] <= other[0] or other[2] <= one[0]
+                assert beside or one[3] <= other[1] or other[3] <= one[1]
+            stacks = [panels_of(compose(drawing, mixed.style, panel)) for panel in drawing.panels]
+            assert panels_of(figure) == sum(stacks)
+            assert {*stacks} == {len(drawing.grid.stack)}
+            assert len({panel.key for panel in drawing.panels}) == len(drawing.panels)
+            for panel in drawing.panels:
+                assert len({len(values) for values in panel.data.values()}) == 1
 
 
 def test_panels_are_of_one_size_and_their_labels_in_line(inputs):

@@ -5,18 +5,15 @@ name that a reader's program obeys.
 import csv
 import re
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
-from common import python
 from matplotlib.image import imread
 from report_builder import all_named, legend_of
 
 from mapmore_cli.domain.errors import UsageError
 from mapmore_cli.domain.foreign import tex_text
 from mapmore_cli.domain.models import Equation
-from mapmore_cli.domain.scores import FIGURES
 from mapmore_cli.reporting.figures import data
 from mapmore_cli.reporting.figures.drawing import (
     DOTS_PER_INCH,
@@ -74,53 +71,10 @@ def test_a_panel_is_as_wide_as_the_style_says(inputs, tmp_path):
     assert f"\\pgfqpoint{{{88 / 25.4:f}in}}" in (tmp_path / "panels" / "nrmse.pgf").read_text()
 
 
-SCRIPT = """
-import hashlib, sys
-sys.path.insert(0, sys.argv[1])
-from report_builder import build
-from mapmore_cli.reporting.figures.drawing import compose, drawings, to_bytes
-from mapmore_cli.reporting.figures.style import figure_style
-inputs = build()
-(drawing,) = drawings("nrmse", inputs)
-with figure_style():
-    for suffix in ("svg", "pdf", "png", "pgf"):
-        figure = compose(drawing, inputs.style, drawing.panels[0])
-        print(suffix, hashlib.sha256(to_bytes(figure, suffix, "nrmse", drawing.alt)).hexdigest())
-"""
-
-
-def hashes(**environment):
-    return python(SCRIPT, Path(__file__).parent, check=True, env=environment).stdout
-
-
-def test_another_process_on_another_day_writes_the_same_bytes():
-    later = {"PYTHONHASHSEED": "77", "SOURCE_DATE_EPOCH": "1234567890", "TZ": "Asia/Tokyo"}
-    now = hashes()
-    assert len(now.splitlines()) == 4
-    assert hashes(**later) == now
-
-
 def test_no_date_and_no_program_in_a_pdf(paper):
     written = (paper / "panels" / "nrmse.pdf").read_bytes()
     for word in (b"CreationDate", b"ModDate", b"Producer", b"Creator"):
         assert word not in written
-
-
-def panels_of(figure):
-    return sum(ax.get_label() != "<colorbar>" for ax in figure.axes)
-
-
-@pytest.mark.parametrize("name", FIGURES)
-def test_every_panel_of_every_figure_can_stand_alone(name, mixed):
-    for drawing in drawings(name, mixed):
-        with figure_style():
-            stacks = [panels_of(compose(drawing, mixed.style, panel)) for panel in drawing.panels]
-            assert panels_of(compose(drawing)) == sum(stacks)
-        assert set(stacks) == {len(drawing.grid.stack)}
-        keys = [panel.key for panel in drawing.panels]
-        assert len(set(keys)) == len(keys)
-        for panel in drawing.panels:
-            assert len({len(values) for values in panel.data.values()}) == 1
 
 
 def test_names_do_nothing_in_tex(tmp_path):

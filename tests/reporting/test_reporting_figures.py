@@ -14,7 +14,7 @@ from mapmore_cli.reporting.figures import panels, style
 from mapmore_cli.reporting.figures.drawing import compose, drawings
 from mapmore_cli.reporting.figures.fit import curve_fit, held_out_spans
 from mapmore_cli.reporting.figures.segments import draw_segments, segment_curves
-from mapmore_cli.reporting.figures.terms import left_unexplained, whole_curves
+from mapmore_cli.reporting.figures.terms import left_unexplained
 from mapmore_cli.reporting.inputs import FigureStyle
 from mapmore_cli.reporting.table import title_of
 
@@ -241,7 +241,7 @@ class TestNrmse:
             (s.split, s.model): 100 * s.nrmse for s in inputs.validation.scores if s.curve == "all"
         }
         expected = [
-            pooled[split, model] for split in ("validate", "train") for model in inputs.models
+            pooled[split, model] for model in inputs.models for split in ("validate", "train")
         ]
         assert [patch.get_width() for patch in ax.patches] == pytest.approx(expected)
         assert ax.get_xlim()[0] == 0
@@ -304,16 +304,6 @@ class TestTerms:
             (left, by_runner_up), err = left_unexplained(fit), np.sort(fit.selection.err_all[0])
             assert left == pytest.approx([100 * (1 - err[-1])])
             assert by_runner_up == pytest.approx([100 * (1 - err[-2])])
-
-    def test_of_many_segments_whole_curves_are_shown(self):
-        many = build(levels=list(range(60, 460, 10)))
-        chosen = whole_curves(many.fit.segments, 40)
-        assert len(chosen) <= 40
-        for name in {fit.curve for fit in chosen}:
-            assert [fit.cell for fit in chosen if fit.curve == name] == [(1,), (2,), (3,), (4,)]
-        (drawing,) = drawings("data", many)
-        assert "5 of 40 recordings are drawn" in drawing.caption
-        assert len(compose(drawing).axes) == 15
 
     def test_no_terms_no_figure(self, inputs):
         assert drawn(replace(inputs, fit=replace(inputs.fit, body=None)), "terms") == {}

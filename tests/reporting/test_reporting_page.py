@@ -3,15 +3,19 @@ import re
 import xml.etree.ElementTree as ET
 from dataclasses import replace
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 import pytest
+from common import python
 from report_builder import Page, all_named, build, of_pieces
 
 from mapmore_cli.domain.models import Formula
 from mapmore_cli.domain.scores import FIGURES
 from mapmore_cli.modelling.kinds import equations
 from mapmore_cli.modelling.validation.residuals import residual_tests
+from mapmore_cli.reporting.figures.drawing import compose, drawings
+from mapmore_cli.reporting.figures.terms import whole_curves
 from mapmore_cli.reporting.report import write_report
 
 EVERYTHING = {"figures": tuple(FIGURES), "formats": ("html", "csv", "svg")}
@@ -75,10 +79,26 @@ def test_only_the_formats_and_figures_asked_for(inputs, tmp_path):
     assert len(Page((tmp_path / "c" / "index.html").read_text(encoding="utf-8")).named("svg")) == 1
 
 
-def test_same_inputs_same_bytes(inputs, folder, tmp_path):
-    write_report(inputs, tmp_path, **EVERYTHING)
-    for path in (path for path in folder.rglob("*") if path.is_file()):
-        assert path.read_bytes() == (tmp_path / path.relative_to(folder)).read_bytes(), path.name
+ELSEWHERE = """
+import sys
+from pathlib import Path
+sys.path[:0] = sys.argv[1:3]
+from report_builder import PUBLISHED, build
+from test_reporting_page import EVERYTHING, PAPER, write_report
+for out, what in zip(sys.argv[3:], (EVERYTHING, PAPER)):
+    write_report(build(published=PUBLISHED), Path(out), **what)
+"""
+PAPER = {"figures": ("nrmse",), "formats": ("pdf", "png", "pgf")}
+
+
+def test_another_process_on_another_day_writes_the_same_bytes(inputs, folder, tmp_path):
+    later = {"PYTHONHASHSEED": "77", "SOURCE_DATE_EPOCH": "1234567890", "TZ": "Asia/Tokyo"}
+    paper, others = tmp_path / "paper", [tmp_path / "a", tmp_path / "b"]
+    write_report(inputs, paper, **PAPER)
+    python(ELSEWHERE, *Path(__file__).parents[:2], *others, check=True, env=later)
+    for ours, theirs in zip((folder, paper), others, strict=True):
+        for path in filter(Path.is_file, ours.rglob("*")):
+            assert path.read_bytes() == (theirs / path.relative_to(ours)).read_bytes(), path.name
 
 
 def test_svg_files_are_well_formed_and_without_dates(folder):
@@ -284,4 +304,11 @@ def test_forty_levels(tmp_path):
     page = page_of(inputs, tmp_path, ("fit", *OF_SEGMENTS))
     assert len(page.named("details")) >= 4  # long tables are folded
     assert "6 of 40 held-out curves are drawn" in page.text
+    chosen = whole_curves(inputs.fit.segments, 40)
+    assert len(chosen) <= 40
+    for name in {fit.curve for fit in chosen}:
+        assert [fit.cell for fit in chosen if fit.curve == name] == [(1,), (2,), (3,), (4,)]
+    (drawing,) = drawings("data", inputs)
+    assert "5 of 40 recordings are drawn" in drawing.caption
+    assert len(compose(drawing).axes) == 15
     assert (tmp_path / "index.html").stat().st_size < 3e6

@@ -37,13 +37,6 @@ class TestScores:
         assert column(table, "RMSE [N]") == [s.rmse for s in pooled]
         assert column(table, "max error [% FS]") == [100 * s.max_abs_error_fs for s in pooled]
 
-    def test_the_normaliser_is_named_with_its_value(self, inputs):
-        score = next(
-            s for s in inputs.validation.scores if s.split == "validate" and s.curve == "all"
-        )
-        notes = " ".join(score_table(inputs.validation.scores, {"force": "N"}).notes)
-        assert f"max|force| over validate = {score.normaliser:.4g} N" in notes
-
     def test_published_numbers_stand_beside_the_validation_rows_only(self, inputs):
         table = tables_of(inputs)["scores"]
         assert column(table, "published NRMSE [%]") == [
@@ -78,9 +71,6 @@ class TestScores:
             score_table(scores, {"force": "N"}).notes[0]
             == "NRMSE: RMSE / FS, for all rows FS = max|force| over validate = 500 N."
         )
-
-    def test_no_published_column_where_nothing_is_published(self, mixed):
-        assert not any("published" in heading for heading in tables_of(mixed)["scores"].headings)
 
     def test_a_failed_model_has_a_row_without_numbers(self, failed):
         rows = [row for row in tables_of(failed)["scores"].rows if row[0] == "sarosi"]

@@ -168,22 +168,22 @@ FREE = {1.4: 1.7, 3.0: 6.4, 4.0: 8.8, 5.0: 9.9, 6.0: 10.3}
 @cache
 def hanging():
     found = spec("waveforms/validation")
-    return found.experiment.rig(found.muscle, found.hysteresis)
+    return found.experiment, found.experiment.hung(found.muscle, found.hysteresis)
 
 
 @cache
 def response(load=0.0):
-    return waveform_response(hanging(), Waveform("loaded", "sine", 0.0, 5.0, 0.5, 1, load=load))
+    return waveform_response(*hanging(), Waveform("loaded", "sine", 0.0, 5.0, 0.5, 1, load=load))
 
 
 @pytest.mark.parametrize(("bar", "centimetres"), FREE.items())
 def test_free_contraction_is_what_the_published_data_suggest(bar, centimetres):
-    model = hanging()
+    setup, muscle = hanging()
     start, end = (
-        model.resting_strain(pressure, 0.0)
-        for pressure in (float(model.setup.regulator.wanted(0.0)), bar * 1e5)
+        setup.resting_strain(muscle, pressure, 0.0)
+        for pressure in (float(setup.regulator.wanted(0.0)), bar * 1e5)
     )
-    assert 100 * model.muscle.muscle.length * (end - start) == pytest.approx(centimetres, abs=0.3)
+    assert 100 * muscle.muscle.length * (end - start) == pytest.approx(centimetres, abs=0.3)
 
 
 def test_a_load_stretches_the_muscle_at_rest_and_hardly_shortens_the_stroke():

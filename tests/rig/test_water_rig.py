@@ -17,7 +17,7 @@ from mapmore_cli.annexes.rig.air import ATMOSPHERE, Reservoir, valve_flow
 from mapmore_cli.annexes.rig.load_cycle import perturbation
 from mapmore_cli.annexes.rig.sensors import integrate, low_pass
 from mapmore_cli.annexes.rig.static_muscles import volume
-from mapmore_cli.annexes.rig.step_response import Bumper, PressureStep, StepRig, step_response
+from mapmore_cli.annexes.rig.step_response import Bumper, PressureStep, step_response
 from mapmore_cli.annexes.rig.water import (
     WATER_DENSITY,
     WATER_VISCOSITY,
@@ -104,17 +104,17 @@ def wet_muscle(found):
 @cache
 def rig(kind, *changes):
     found = spec(f"{kind}/step_responses", *changes)
-    return StepRig(wet_muscle(found), found.experiment)
+    return found.experiment, wet_muscle(found)
 
 
 @cache
 def response(kind):
-    return step_response(rig(kind), PressureStep(VALIDATION[kind], WEIGHT))
+    return step_response(*rig(kind), PressureStep(VALIDATION[kind], WEIGHT))
 
 
 def swollen(kind, pressure, strain):
     """Water in muscle, wall and bubble, m3, less a constant."""
-    wet, muscle = rig(kind).muscle, MUSCLES[kind]
+    wet, muscle = rig(kind)[1], MUSCLES[kind]
     if muscle is BRAID:
         inside = float(volume(muscle, np.asarray(strain)))
     else:
@@ -151,7 +151,7 @@ def test_water_is_conserved(kind):
 
 @both
 def test_the_plateau_is_an_equilibrium_within_the_friction(kind):
-    truth, muscle = response(kind), rig(kind).muscle
+    truth, muscle = response(kind), rig(kind)[1]
     at_end = {name: float(values[2400:2590].mean()) for name, values in truth.items()}
     assert at_end["force"] == pytest.approx(WEIGHT, rel=5e-3)
     assert at_end["pressure"] == pytest.approx(VALIDATION[kind], rel=5e-3)

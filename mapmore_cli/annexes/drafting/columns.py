@@ -115,7 +115,7 @@ class TitledColumn:
 
     def is_time(self, is_titled: bool) -> bool:
         """Return whether title or unit say that it is the time; without titles, any may be."""
-        by_unit = not self.quantity and unit_of(self.unit, "s") is not None
+        by_unit = not self.quantity and bool(unit_of(self.unit, "s"))
         return not is_titled or self.quantity == "time" or by_unit
 
     def as_quantity(self, name: str) -> NamedColumn:

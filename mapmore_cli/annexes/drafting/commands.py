@@ -110,8 +110,10 @@ def _refuse(files: Iterable[Path], force: bool) -> None:
     """Refuse files that exist already, unless they are to be replaced."""
     taken = [str(path) for path in files if path.exists() and not force]
     if taken:
-        remedy = "say --force to replace it, or -o to write elsewhere"
-        raise WriteError(f"{', '.join(taken)}: exists already", remedy)
+        raise WriteError(
+            f"{', '.join(taken)}: exists already",
+            "say --force to replace it, or -o to write elsewhere",
+        )
 
 
 def _write(files: Mapping[Path, tuple[str, Draft]], force: bool, reporter: Reporter) -> None:

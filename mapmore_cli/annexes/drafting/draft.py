@@ -7,6 +7,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.foreign import printable
 from mapmore_cli.spec.loader import MODELINE, SCHEMA
@@ -197,3 +199,8 @@ def range_of(values: Sequence[Array], unit: str = "1") -> str:
     """Return from where to where values go, in words."""
     low, high = min(one.min() for one in values), max(one.max() for one in values)
     return f"{low:.4g} to {high:.4g}{'' if unit == '1' else f' {unit}'}"
+
+
+def scaled(values: Array) -> Array:
+    """Return values from 0 to 1; all 0 where they are one."""
+    return np.asarray((values - values.min()) / (float(np.ptp(values)) or 1.0))

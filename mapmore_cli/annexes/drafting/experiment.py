@@ -55,19 +55,18 @@ def find_held(
     UsageError
         Where what a person says is no input.
     """
-    if hold is not None and hold.name == "none":
+    asked = None if hold is None else hold.name
+    if asked == "none":
         return None
-    if hold is not None and hold.name not in inputs:
-        raise UsageError(
-            f"--hold: no input is called {hold.name}", f"say {', '.join(inputs)}, or none"
-        )
+    if asked not in (None, *inputs):
+        raise UsageError(f"--hold: no input is called {asked}", f"say {', '.join(inputs)}, or none")
     levels = {name: own for name in inputs if (own := _own_levels(recordings, name, told))}
     is_table = "time" not in recordings[0].columns
-    if hold is None and is_table and not levels:
+    if asked is None and is_table and not levels:
         levels = {name: own for name in inputs if (own := _set_values(recordings, name))}
-    if hold is None and len(levels) != 1:
+    if asked is None and len(levels) != 1:
         return None
-    of = hold.name if hold is not None else next(iter(levels))
+    of = asked or next(iter(levels))
     swept = next((name for name in inputs if name not in (of, *levels, *told)), None)
     at, within = levels.get(of, []), None
     if not at:
@@ -77,7 +76,7 @@ def find_held(
         return None
     is_one = is_table and len(recordings) == 1
     stays = "takes few values" if is_one else "one value in each recording"
-    why = "you" if hold is not None else "names" if of in told else stays
+    why = "you" if asked else "names" if of in told else stays
     return Held(of, at, within, swept, why)
 
 
@@ -148,19 +147,20 @@ def with_experiment(
     if not is_static and "time" in recordings[0].columns and samples >= FEWEST:
         draft = _as_memory_study(draft, recordings).with_section("target", target)
         return _with_split(draft, recordings, told)
-    draft = draft.with_section("target", "static" if target == "force" else target)
     if held is not None:
         draft = _with_levels(_with_static_samples(draft, recordings, held), held)
     draft = _with_split(draft, recordings, told)
+    if target != "force":
+        return draft.with_section("target", target)
     inputs = {*recordings[0].columns, *told}
+    known = {name: literature.get(name) for name in COMPETITORS}
     formulas = [
         name
-        for name in COMPETITORS
-        if {*literature.get(name).inputs} <= inputs
-        and len(literature.get(name).parameters) < samples
+        for name, formula in known.items()
+        if {*formula.inputs} <= inputs and len(formula.parameters) < samples
     ]
-    is_force = target == "force" and formulas
-    return draft.with_section("validate", {"against": formulas}) if is_force else draft
+    draft = draft.with_section("target", "static")
+    return draft.with_section("validate", {"against": formulas}) if formulas else draft
 
 
 def inner(levels: Sequence[float]) -> list[float]:
@@ -225,8 +225,11 @@ def _as_memory_study(draft: Draft, recordings: Sequence[Recording]) -> Draft:
     limit = two_digits(BREAK * max(step, usual))
     gaps = sum(int(np.count_nonzero(np.diff(time) > limit)) for time in times)
     if gaps or "gaps" in draft.data:
-        why = f"s: {gaps} gap{'s' if gaps != 1 else ''}, at which memory begins anew"
-        draft = draft.with_data("gaps", {"longer_than": limit, "action": "split"}, why)
+        draft = draft.with_data(
+            "gaps",
+            {"longer_than": limit, "action": "split"},
+            f"s: {gaps} gap{'s' if gaps != 1 else ''}, at which memory begins anew",
+        )
     return draft.with_section(
         "validate",
         {"normaliser": "range"},

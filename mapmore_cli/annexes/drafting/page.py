@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mapmore_cli.annexes.drafting.draft import Draft, range_of
+from mapmore_cli.annexes.drafting.draft import Draft, range_of, scaled
 from mapmore_cli.domain.arrays import Array
 
 if TYPE_CHECKING:
@@ -48,15 +48,10 @@ def drawing(up: Sequence[Array], across: Sequence[Array] | None = None) -> Marku
     """Return columns of all recordings as a small SVG, one over the other, or over its samples."""
     from markupsafe import Markup
 
-    y = _scaled(np.concatenate(up))
-    x = np.linspace(0, 1, len(y)) if across is None else _scaled(np.concatenate(across))
+    y = scaled(np.concatenate(up))
+    x = np.linspace(0, 1, len(y)) if across is None else scaled(np.concatenate(across))
     rows = np.linspace(0, len(y) - 1, min(POINTS, len(y))).astype(int)
     places = zip(WIDTH * x[rows], HEIGHT - HEIGHT * y[rows], strict=True)
     path = "M" + " L".join(f"{a:.1f} {b:.1f}" for a, b in places)
     box = f'viewBox="-2 -2 {WIDTH + 4} {HEIGHT + 4}" preserveAspectRatio="none" aria-hidden="true"'
     return Markup(f'<svg class="thumbnail" {box}><path d="{path}"/></svg>')
-
-
-def _scaled(values: Array) -> Array:
-    span = float(np.ptp(values)) or 1.0
-    return np.asarray((values - values.min()) / span)

@@ -83,8 +83,8 @@ def unread(path: Path) -> str | None:
     return f"{path.name}: no reader takes {suffix}; {remedy}"
 
 
-def preview(path: Path, least: int = 2) -> Preview:
-    """Look at the beginning of a file; DataError where it holds no table of numbers, in `least`
+def preview(path: Path) -> Preview:
+    """Look at the beginning of a file; DataError where it holds no table of numbers, in two
     columns, that `init` can lay out.
     """
     reader = reader_of(path)
@@ -100,7 +100,7 @@ def preview(path: Path, least: int = 2) -> Preview:
         raise DataError(": ".join(filter(None, [fault.message, fault.remedy]))) from fault
     if (width := max((len(row) for top in tops for row in top.rows), default=0)) > WIDEST:
         raise DataError(f"{path.name}: has {width} columns, more than {WIDEST}", remedy)
-    tables = [table for top in tops if (table := _table_in(top, least)) is not None]
+    tables = [table for top in tops if (table := _table_in(top)) is not None]
     if not tables:
         raise _no_table(path, tops, remedy)
     best = max(tables, key=lambda table: table.rank)
@@ -173,9 +173,9 @@ class _FoundTable:
         units = self.top.units or next(filter(_are_units, others), ())
         width = 1 + max([*self.numeric, *(place for place, title in enumerate(titles) if title)])
         said = [_without_brackets(unit) for unit in (*units, *[""] * width)[:width]]
-        for place in (one for one in self.numeric if not said[one]):
-            is_stamped = stamp_of(str(self.columns[place][0]).strip()) is not None
-            said[place] = "s" if is_stamped else ""  # as stamps are read
+        for place in self.numeric:
+            if not said[place] and stamp_of(str(self.columns[place][0]).strip()) is not None:
+                said[place] = "s"  # as stamps are read
         header, skipped = 0, self.first
         if titled is not None and len(self.rows[titled]) <= self.wide:
             header, skipped = max(lines) - titled + 1, titled
@@ -205,15 +205,13 @@ class _FoundTable:
         last = max(place for place, cells in enumerate(self.columns) if cells)
         for place in reversed(range(self.first)):
             filled = _nonempty(self.rows[place])
-            if not filled:
-                if all(map(_are_units, lines.values())):
-                    continue
-                break
+            if not filled and all(map(_are_units, lines.values())):
+                continue
             cells = ["" if cell is None else str(cell).strip() for cell in self.rows[place]]
             if len(cells) == self.wide + 1 and cells[0] in REMARKS:
                 cells = cells[1:]
             has_number = any(map(self.top.is_number, filled)) and not _are_units(cells)
-            if has_number or len(cells) <= last or any(cells[self.wide :]):
+            if not filled or has_number or len(cells) <= last or any(cells[self.wide :]):
                 break
             lines[place] = cells
         return lines
@@ -235,7 +233,7 @@ class _FoundTable:
         return max(titles or naming[:1], key=rank, default=None)
 
 
-def _table_in(top: Top, least: int) -> _FoundTable | None:
+def _table_in(top: Top) -> _FoundTable | None:
     """Return the table that the last rows belong to; None where they are no numbers in enough
     columns.
 
@@ -262,7 +260,7 @@ def _table_in(top: Top, least: int) -> _FoundTable | None:
     filled = [place for place, row in enumerate(rows) if _nonempty(row)]
     above = max((place for place in filled if not has_numbers(rows[place])), default=-1)
     first = next((place for place in filled if place > above), None)
-    if len(numeric) < least or first is None:
+    if len(numeric) < 2 or first is None:
         return None
     return _FoundTable(top, rows, wide, numeric, first)
 

@@ -68,8 +68,11 @@ def proven(
             made, told = _tried(_straight_line(draft), folder, budget, progress)
         except MapmoreError:
             raise DataError(f"{draft.name}: {fault.message}", "write the spec by hand") from fault
-    why = "; ".join(filter(None, (before.why, simpler, f"tried: {told}")))
-    return made.noted(("target",), why, before.sure and not simpler)
+    return made.noted(
+        ("target",),
+        "; ".join(filter(None, (before.why, simpler, f"tried: {told}"))),
+        before.sure and not simpler,
+    )
 
 
 def _straight_line(draft: Draft) -> Draft:
@@ -113,10 +116,13 @@ def _with_structure(draft: Draft, found: Search) -> Draft:
     for key in (key for key in MODEL if sections.get(key)):
         draft = draft.with_section(key, sections[key])
     cut = f", {found.cut} more not for want of time (--budget)" if found.cut else ""
-    why = (
-        f"found by search: {found.found.words}; of {len(found.tried)} structures{cut}, the "
-        "simplest that errs as little as the best on left-out training data "
-        f"({found.found.error:.2g} of the range)"
-    )
     place = next(key for key in ("dictionary", "model", "segment") if sections.get(key))
-    return replace(draft.noted((place,), why), found=found)
+    return replace(
+        draft.noted(
+            (place,),
+            f"found by search: {found.found.words}; of {len(found.tried)} structures{cut}, the "
+            "simplest that errs as little as the best on left-out training data "
+            f"({found.found.error:.2g} of the range)",
+        ),
+        found=found,
+    )

@@ -10,7 +10,7 @@ import numpy as np
 
 from mapmore_cli.annexes.drafting.answers import Answers, read_hold, read_names
 from mapmore_cli.annexes.drafting.columns import Table, find
-from mapmore_cli.annexes.drafting.draft import NamedColumn
+from mapmore_cli.annexes.drafting.draft import NamedColumn, scaled
 from mapmore_cli.annexes.drafting.understanding import Understood
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import UsageError
@@ -77,10 +77,9 @@ def interview(table: Table, view: View, answers: Answers, ask: Ask) -> Answers:
 
 def course(values: Sequence[Array], width: int = 40) -> str:
     """Return a column over its samples as so many characters, one recording after the other."""
-    pooled = np.concatenate(values)
-    places = np.linspace(0, len(pooled) - 1, min(width, len(pooled))).astype(int)
-    shares = (pooled[places] - pooled.min()) / (float(np.ptp(pooled)) or 1.0)
-    return "".join(BLOCKS[int((len(BLOCKS) - 1) * share + 0.5)] for share in shares.tolist())
+    shares = scaled(np.concatenate(values))
+    places = np.linspace(0, len(shares) - 1, min(width, len(shares))).astype(int)
+    return "".join(BLOCKS[int((len(BLOCKS) - 1) * share + 0.5)] for share in shares[places])
 
 
 def _options(table: Table, but: Iterable[NamedColumn] = ()) -> tuple[Option, ...]:
@@ -103,8 +102,12 @@ def _target(table: Table, view: View, answers: Answers) -> Question | None:
             find(table, one.column, "the target")
         return replace(answers, target=said)
 
-    form = "numbers or titles; with a name and a unit as `force=6:N`"
-    return Question("What is to be predicted?", _options(table), form, take)
+    return Question(
+        "What is to be predicted?",
+        _options(table),
+        "numbers or titles; with a name and a unit as `force=6:N`",
+        take,
+    )
 
 
 def _inputs(table: Table, known: Understood, answers: Answers, view: View) -> Question | None:
@@ -126,8 +129,12 @@ def _inputs(table: Table, known: Understood, answers: Answers, view: View) -> Qu
         view(inputs)
         return inputs
 
-    form = "Enter: all; else those that drive, `4,5` or `pressure=5:bar`; `-1,2`: all but these"
-    return Question("What drives it?", _options(table, targets), form, take)
+    return Question(
+        "What drives it?",
+        _options(table, targets),
+        "Enter: all; else those that drive, `4,5` or `pressure=5:bar`; `-1,2`: all but these",
+        take,
+    )
 
 
 def _units(table: Table, known: Understood, answers: Answers, _: View) -> Question | None:
@@ -151,9 +158,12 @@ def _units(table: Table, known: Understood, answers: Answers, _: View) -> Questi
             settled[name] = replace(one, column=column, unit=one.unit or unsure[name].unit)
         return replace(answers, settled=settled)
 
-    options = tuple(Option(name, one.why) for name, one in unsure.items())
-    form = f"Enter: `{usual}`; else so, as `time=2:s` for another column, or `time=none`"
-    return Question("Which units are these in?", options, form, take)
+    return Question(
+        "Which units are these in?",
+        tuple(Option(name, one.why) for name, one in unsure.items()),
+        f"Enter: `{usual}`; else so, as `time=2:s` for another column, or `time=none`",
+        take,
+    )
 
 
 def _held(_: Table, known: Understood, answers: Answers, _view: View) -> Question | None:
@@ -170,9 +180,12 @@ def _held(_: Table, known: Understood, answers: Answers, _view: View) -> Questio
             )
         return replace(answers, hold=hold)
 
-    options = tuple(Option(str(place), name) for place, name in enumerate(known.drives, start=1))
-    form = "Enter: as the recordings show; else its name, or none"
-    return Question("What was held while the others moved?", options, form, take)
+    return Question(
+        "What was held while the others moved?",
+        tuple(Option(str(place), name) for place, name in enumerate(known.drives, start=1)),
+        "Enter: as the recordings show; else its name, or none",
+        take,
+    )
 
 
 def _summary(_: Table, known: Understood, answers: Answers, _view: View) -> Question:
@@ -181,8 +194,12 @@ def _summary(_: Table, known: Understood, answers: Answers, _view: View) -> Ques
             raise Stopped("stopped: what was understood is not right", "say it on the line")
         return answers
 
-    options = tuple(Option(name, text) for name, text in known.summary().items())
-    return Question("Is this right?", options, "Enter: yes; b: back; no: stop", take)
+    return Question(
+        "Is this right?",
+        tuple(Option(name, text) for name, text in known.summary().items()),
+        "Enter: yes; b: back; no: stop",
+        take,
+    )
 
 
 QUESTIONS = (_inputs, _units, _held, _summary)

@@ -184,9 +184,10 @@ def cleaned(draft: Draft, folder: Path, target: str) -> tuple[Draft, Dataset]:
     except DataError as fault:
         if "time" not in columns:
             raise
-        why = f"s: the clock is set back, and cuts the recording: {fault.message}"
         try:
-            cut = draft.with_data("gaps", RESET, why)
+            cut = draft.with_data(
+                "gaps", RESET, f"s: the clock is set back, and cuts the recording: {fault.message}"
+            )
             draft, dataset = _read_tolerantly(cut, folder, target)
         except DataError:
             if "join" in draft.data:
@@ -218,8 +219,11 @@ def _with_losses_told(draft: Draft, dataset: Dataset) -> Draft:
         rule = draft.data[key]
         if isinstance(rule, dict):
             told = ", ".join(map(repr, rule["tokens"]))
-            why = f"{count} samples have a cell that is empty or holds {told}: taken as no value"
-            draft = draft.noted(("data", key), why, False)
+            draft = draft.noted(
+                ("data", key),
+                f"{count} samples have a cell that is empty or holds {told}: taken as no value",
+                False,
+            )
         elif count:
             draft = draft.noted(("data", key), f"{count} {words}")
         elif "join" not in draft.data:
@@ -250,8 +254,12 @@ def with_strain(draft: Draft, length: float, told: Told) -> tuple[Draft, str]:
         "length": f"({length:g} - length)/{length:g}",
         "displacement": f"{turned}displacement/{length:g}",
     }
-    why = "of the length that was given; positive is contraction"
-    return draft.with_data("derive", {"strain": rules[measured]}, why, False), measured
+    return draft.with_data(
+        "derive",
+        {"strain": rules[measured]},
+        "of the length that was given; positive is contraction",
+        False,
+    ), measured
 
 
 def with_second_log(draft: Draft, second: Study, folder: Path, target: str, said: Named) -> Draft:
@@ -282,5 +290,9 @@ def with_second_log(draft: Draft, second: Study, folder: Path, target: str, said
     except DataError:  # nothing changes, or several shifts would do
         entry = {key: value for key, value in entry.items() if key != "match"} | {"shift": 0.0}
         told, sure = "are both clocks one?", False
-    why = f"the pressure is in a log of its own; {told}; {columns['pressure'].why}"
-    return draft.with_data("join", [entry], why, sure)
+    return draft.with_data(
+        "join",
+        [entry],
+        f"the pressure is in a log of its own; {told}; {columns['pressure'].why}",
+        sure,
+    )

@@ -9,7 +9,7 @@ import glob
 import os
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -87,9 +87,8 @@ def find_studies(path: Path) -> tuple[list[Study], list[str]]:
     studies = [Study(tuple(files), layout) for layout, files in layouts.values()]
     studies.sort(key=lambda study: (-len(study.files), study.files[0]))
     folders = [study.folder for study in studies]
-    return [
-        Study(one.files, one.layout, _name(one, folders.count(one.folder) == 1)) for one in studies
-    ], left_out
+    named = (replace(one, name=_name(one, folders.count(one.folder) == 1)) for one in studies)
+    return [*named], left_out
 
 
 def _is_own(file: Path, folder: Path) -> bool:

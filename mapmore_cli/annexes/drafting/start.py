@@ -139,8 +139,15 @@ def _with_sessions(draft: Draft, apart: Unequal | None, group: str | None) -> Dr
         return draft
     effects = dict.fromkeys(apart.effects, True)
     if group is not None:
-        why = f"{apart.words()}; a group that is held out counts as the mean of all"
-        return draft.with_data("groups", {"of": group, **effects}, why) if effects else draft
+        return (
+            draft.with_data(
+                "groups",
+                {"of": group, **effects},
+                f"{apart.words()}; a group that is held out counts as the mean of all",
+            )
+            if effects
+            else draft
+        )
     line = ", ".join(["of: session", *(f"{effect}: true" for effect in effects)])
     how = f"; is it another session? Say `--group session`, as `groups: {{{line}}}`"
     return draft.noted(("data", "reader"), apart.words() + how, sure=not apart.is_large)

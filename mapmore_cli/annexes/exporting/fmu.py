@@ -19,6 +19,7 @@ from mapmore_cli.annexes.exporting.verifying import (
     CompilerMissing,
     built,
     library_place,
+    training_ends,
     verify_program,
 )
 from mapmore_cli.domain.foreign import identifiers
@@ -163,34 +164,28 @@ def _variables(written: CSource, taken: list[str]) -> Iterator[Variable]:
     measured = [
         Quantity(f"{name}_measured", model.output.unit) for name in written.code.kept.fed_back
     ]
-    given = (*model.inputs, *measured)
-    names = [*identifiers([*(one.name for one in given), model.output.name], taken), BITS]
+    given, told = (*model.inputs, *measured), training_ends(model)
+    names = identifiers([*(one.name for one in given), model.output.name], taken)
     changes = "discrete" if memory else "continuous"
-    for quantity, name in zip(given, names, strict=False):
-        about, start = _range_and_start(written, quantity)
-        if quantity in measured:
+    for quantity, name in zip((*given, model.output), names, strict=True):
+        start: float | None = 0.0
+        causality, about = "input", "An input"
+        low, high = told.get(quantity.name, ([], []))
+        if quantity is model.output:
+            causality, about, start = "output", "The model's value", None
+        elif quantity in measured:
             about = (
                 "Measured output, which the model goes on from; counts as long as there is no value"
             )
+        elif low:
+            # its start is zero, or the end nearest to it at the lowest level
+            start = float(min(max(0.0, low[0]), high[0]))
+            about = f"Trained from {min(low):.6g} to {max(high):.6g} {quantity.unit}"
         about = about if name == quantity.name else f"{quantity.name}. {about}"
-        yield Variable(name, about, "input", changes, quantity.unit, start)
-    output, about = model.output, "The model's value"
-    about = about if names[-2] == output.name else f"{output.name}. {about}"
-    yield Variable(names[-2], about, "output", changes, output.unit)
+        yield Variable(name, about, causality, changes, quantity.unit, start)
     bits = ", ".join(f"{1 << place} for {one.name}" for place, one in enumerate(model.inputs))
     summed = f"0, or the sum of {bits} outside of its training range"
     if memory:
         nothing = 1 << len(model.inputs)
         summed += f", {nothing} where there is no value yet or the run has diverged"
     yield Variable(BITS, summed, "output", "discrete", None)
-
-
-def _range_and_start(written: CSource, quantity: Quantity) -> tuple[str, float]:
-    """Return what is said of an input, and its start: zero, or the end of its training range
-    nearest to it, at the lowest level.
-    """
-    for limit in written.code.limits:
-        if limit.inputs == {quantity.name}:
-            about = f"Trained from {min(limit.low):.6g} to {max(limit.high):.6g} {quantity.unit}"
-            return about, float(min(max(0.0, limit.low[0]), limit.high[0]))
-    return "An input", 0.0

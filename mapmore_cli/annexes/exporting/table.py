@@ -20,6 +20,7 @@ from mapmore_cli.annexes.exporting.templates import (
     note,
     rendered_template,
 )
+from mapmore_cli.annexes.exporting.verifying import training_ends
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import UsageError
 from mapmore_cli.domain.foreign import csv_cell, identifiers
@@ -123,8 +124,7 @@ def _on_grid(model: Model, text: str | None) -> Grid:
 
 def _places_over_range(model: Model, name: str) -> Array:
     """Even places over the training range of an input, and the levels of the model among them."""
-    limits = program_of(model).limits
-    ends = [end for one in limits if one.inputs == {name} for end in (*one.low, *one.high)]
+    ends = [place for side in training_ends(model)[name] for place in side]
     if not ends:
         raise UsageError(
             f"--grid: nothing says how far {name} reaches",
@@ -133,6 +133,7 @@ def _places_over_range(model: Model, name: str) -> Array:
     low, high = min(ends), max(ends)
     places = np.linspace(low, high, POINTS)
     if model.level == name:
+        limits = program_of(model).limits
         levels = np.concatenate([one.levels for one in limits if one.at is not None] or [places])
         places = np.append(places, levels[(levels >= low) & (levels <= high)])
     return np.unique(places)

@@ -218,7 +218,7 @@ def points(model: Model) -> Columns:
     """
     rng, code = np.random.default_rng(1), program_of(model)
     columns = {"time": (code.step or 1.0) * np.arange(float(POINTS))}
-    for name, ends in _ends(model).items():
+    for name, ends in training_ends(model).items():
         low, high = min(ends[0], default=-1.0), max(ends[1], default=1.0)
         if name != "time" or code.step is None:  # the clock of a recording is even
             columns[name] = low + (high - low) * rng.uniform(-0.2, 1.2, POINTS)
@@ -233,11 +233,11 @@ def middle(model: Model) -> dict[str, float]:
     """
     return {
         name: float(f"{np.mean([max(low, default=0.0), min(high, default=0.0)]):.4g}")
-        for name, (low, high) in _ends(model).items()
+        for name, (low, high) in training_ends(model).items()
     }
 
 
-def _ends(model: Model) -> dict[str, tuple[list[float], list[float]]]:
+def training_ends(model: Model) -> dict[str, tuple[list[float], list[float]]]:
     """Return where the training range of each input begins and ends, at every level; nothing where
     it is not known.
     """

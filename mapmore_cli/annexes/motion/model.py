@@ -11,13 +11,13 @@ import numpy as np
 
 from mapmore_cli.annexes.motion.body import BUMPLESS, HARD, REST, Motion, MotionSection, StateSpace
 from mapmore_cli.annexes.motion.simulation import simulate as simulated
-from mapmore_cli.domain.arrays import Array, Columns
+from mapmore_cli.domain.arrays import Columns
 from mapmore_cli.domain.fits import SegmentedCurve
 from mapmore_cli.domain.models import CurveRange, Equation, Model
 from mapmore_cli.domain.recording import Quantity
 from mapmore_cli.domain.results import Run
 from mapmore_cli.modelling.expressions import Expression, Name, Number, add, parse, substitute
-from mapmore_cli.modelling.expressions.syntax import ZERO, Condition
+from mapmore_cli.modelling.expressions.syntax import ZERO, Condition, names_in
 from mapmore_cli.modelling.literature.model import printed
 from mapmore_cli.modelling.program.writing import Inputs, Side, Writer, limit, renamed_all, total
 
@@ -50,14 +50,7 @@ def motion_inputs(motion: Motion) -> list[str]:
     """Return the quantities that drive the sections: the input first, then a load where they depend
     on one.
     """
-    return list(
-        dict.fromkeys(
-            [
-                motion.input,
-                *sorted(frozenset[str]().union(*(parse(text).names for text in motion.drives))),
-            ]
-        )
-    )
+    return list(dict.fromkeys([motion.input, *sorted(names_in(map(parse, motion.drives)))]))
 
 
 def simulate(model: Model, columns: Columns) -> Run:
@@ -77,11 +70,6 @@ def simulate(model: Model, columns: Columns) -> Run:
                 _motion(model), {name: column[rows] for name, column in given.items()}
             )
     return Run(values)
-
-
-def one_step(model: Model, columns: Columns) -> Array:
-    """Return the same, (n,): the model asks for no measured past."""
-    return simulate(model, columns).values
 
 
 def equations(model: Model, units: Mapping[str, float]) -> tuple[Equation, ...]:

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mapmore_cli.annexes.motion.body import BUMPLESS, HARD, REST, Motion
-from mapmore_cli.domain.arrays import Array, BoolArray, Columns, IntArray
+from mapmore_cli.domain.arrays import Array, BoolArray, Columns, IntArray, row_count
 from mapmore_cli.domain.errors import DataError, FitError
 from mapmore_cli.modelling.expressions import evaluate, parse
 from mapmore_cli.modelling.expressions.operators.play import play
@@ -137,7 +137,7 @@ def simulate(motion: Motion, columns: Columns) -> Array:
 
 def driven(drives: tuple[str, ...], columns: Columns) -> Array:
     """Values (n, m) of the drives."""
-    n = len(next(iter(columns.values())))
+    n = row_count(columns)
     return np.column_stack(
         [np.broadcast_to(evaluate(parse(text), columns, n), n) for text in drives]
     )

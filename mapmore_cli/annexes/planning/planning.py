@@ -13,7 +13,16 @@ from typing import Any, Unpack
 
 import numpy as np
 
-from mapmore_cli.annexes.planning import points as of_points
+from mapmore_cli.annexes.planning.points import (
+    Committee,
+    MeasuredMap,
+    next_points,
+    picture,
+    spread_out,
+)
+from mapmore_cli.annexes.planning.points import (
+    until as more_points,
+)
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import DataError, FitError, MapmoreError, SpecError, UsageError
 from mapmore_cli.domain.processors import shared_out
@@ -82,10 +91,10 @@ def _variants(
         settings = dict(zip(over, values, strict=True))
         spec = load(loaded.path, (*loaded.overrides, *as_overrides(settings))).spec
         if slice_of(spec) != slice_of(loaded.spec):
-            what = (
-                f"--over {', '.join(over)}: changes the data, so that errors could not be compared"
+            raise UsageError(
+                f"--over {', '.join(over)}: changes the data, so that errors could not be compared",
+                "tune how the model is made of them",
             )
-            raise UsageError(what, "tune how the model is made of them")
         choices = model_choices(spec)
         if choices.kind == "sum":
             raise SpecError(
@@ -185,7 +194,7 @@ MAP = (
     "On six measured maps, such points left 0.3 to 1.2 times the error of evenly spread ones, "
     "0.84 in the mean (docs/planning.md)."
 )
-FORECAST = "How many more is a forecast: it holds on average, and single cases miss it by much."
+HALVES = "Half widths are right on average; single ones miss by a factor of up to three."
 
 
 Planned = tuple[tuple[Candidate, ...], Picture, Until | None, tuple[str, ...]]
@@ -330,10 +339,8 @@ def _of_points(
             f"plan with {max(STEPS)} inputs or fewer",
         )
     _checked(prices, names)
-    x, y = of_points.spread_out(
-        np.column_stack([columns[one] for one in names]), columns[dataset.target]
-    )
-    measured = of_points.MeasuredMap(names, x, y)
+    x, y = spread_out(np.column_stack([columns[one] for one in names]), columns[dataset.target])
+    measured = MeasuredMap(names, x, y)
     steps = STEPS[len(names)]
     places = measured.grid(steps)
     known = [np.concatenate([curve.columns[one] for curve in whole.curves]) for one in names]
@@ -345,20 +352,17 @@ def _of_points(
         )
     formulas = formulas_of(dataset, measured, places)
 
-    planned = of_points.Committee(measured, places, formulas)
-    next_ones, halves = of_points.next_points(planned, names, count, prices, free)
-    notes = [MAP] if len(names) == 2 else []
-    forecast = (
-        None
-        if wanted is None
-        else of_points.until(of_points.Committee(measured, places, formulas), wanted)
-    )
-    notes.append("Half widths are right on average; single ones miss by a factor of up to three.")
-    return next_ones, of_points.picture(planned, measured, halves), forecast, tuple(notes)
+    planned = Committee(measured, places, formulas)
+    next_ones, halves = next_points(planned, names, count, prices, free)
+    notes = (*([MAP] if len(names) == 2 else []), HALVES)
+    until = None
+    if wanted is not None:
+        until = more_points(Committee(measured, places, formulas), wanted)
+    return next_ones, picture(planned, measured, halves), until, notes
 
 
 def formulas_of(
-    dataset: Dataset, measured: of_points.MeasuredMap, places: Array
+    dataset: Dataset, measured: MeasuredMap, places: Array
 ) -> dict[str, tuple[Array, Array]]:
     """Return what each member of the committee says of the measured points and of the places; of
     none, nothing.

@@ -135,10 +135,10 @@ class Committee:
 
     def add(self, number: int) -> None:
         """Take a place as measured, with the value that is expected there."""
-        left = [float(self.expected[number] - base[number]) for base in self._base]
+        expected = float(self.expected[number])
         self._own = [
-            own.joined(self.scaled[number], value)
-            for own, value in zip(self._own, left, strict=True)
+            own.joined(self.scaled[number], expected - float(base[number]))
+            for own, base in zip(self._own, self._base, strict=True)
         ]
         self._update()
 
@@ -156,38 +156,21 @@ def next_points(
     Worth is divided by cost. The first time that a quantity takes a value costs its price; at the
     least, a point costs the lowest price. Only `free` places are taken, (m,), all without it.
     """
-    before, places, next_ones, numbers = (
-        committee.half,
-        committee.places,
-        list[Candidate](),
-        list[int](),
-    )
+    before, places = committee.half, committee.places
+    next_ones, taken = list[Candidate](), list[int]()
     each = np.array([prices.get(name, 1.0) for name in names])
     for _ in range(count):
-        new = np.column_stack(
-            [
-                ~np.isin(column, taken)
-                for column, taken in zip(places.T, places[numbers].T, strict=True)
-            ]
-        )
+        known = zip(places.T, places[taken].T, strict=True)
+        new = np.column_stack([~np.isin(column, own) for column, own in known])
         cost = np.maximum(new @ each, each.min()) if prices else np.ones(len(places))
         worth = committee.score / cost
         number = int(np.argmax(worth if free is None else np.where(free, worth, -1.0)))
-        numbers.append(number)
-        error, half = float(committee.error[number]), float(committee.half[number])
+        taken.append(number)
+        half, error = float(committee.half[number]), float(committee.error[number])
         committee.add(number)
         at = dict(zip(names, places[number].tolist(), strict=True))
-        next_ones.append(
-            Candidate(
-                at,
-                "point",
-                math.nan,
-                half,
-                float(committee.half[number]),
-                error,
-                float(cost[number]),
-            )
-        )
+        after = float(committee.half[number])
+        next_ones.append(Candidate(at, "point", math.nan, half, after, error, float(cost[number])))
     return tuple(next_ones), (before, committee.half)
 
 

@@ -40,7 +40,6 @@ from mapmore_cli.annexes.rig.static_muscles import McKibben, Peano
 from mapmore_cli.annexes.rig.step_response import (
     PressureStep,
     StepResponses,
-    StepRig,
     step_response,
 )
 from mapmore_cli.annexes.rig.water import WetMuscle
@@ -215,11 +214,11 @@ def truth(spec: SimulationSpec, cause: Cause, rng: np.random.Generator) -> Colum
         case ContractionTable() as table, _, float(pressure):
             return contraction_table(muscle, friction, table, pressure, rng)
         case StepResponses(rig=rig) as setup, _, PressureStep() as step:
-            return step_response(StepRig(WetMuscle(muscle, friction, rig.rubber, rig), setup), step)
+            return step_response(setup, WetMuscle(muscle, friction, rig.rubber, rig), step)
         case Perturbations(rig=rig) as strokes, _, float(pressure):
             return perturbation(WetMuscle(muscle, friction, rig.rubber, rig), strokes, pressure)
         case Waveforms() as setup, McKibben() as braid, Waveform() as waveform:
-            return waveform_response(setup.rig(braid, friction), waveform)
+            return waveform_response(setup, setup.hung(braid, friction), waveform)
         case RandomVelocity(rubber=rubber, air=air) as motion, McKibben() as braid, float(pressure):
             return random_velocity(
                 ClosedMuscle(braid, friction, rubber, air), motion, pressure, rng

@@ -92,68 +92,43 @@ class StepResponses(Settings):
         return [self.sample_time * np.arange(first, last + 1) for first, last in pairwise(counts)]
 
 
-@dataclass(frozen=True)
-class StepRig:
-    """The rig of M2's figure 8, set up for step responses; its states are those of `ABOVE_WATER`,
-    then the wet muscle's.
+def step_response(
+    setup: StepResponses, muscle: WetMuscle, step: PressureStep, tolerance: float = TOLERANCE
+) -> Columns:
+    """Truth of one recording on the rig of M2's figure 8, columns `(n,)` as those of `observe`; its
+    states are those of `ABOVE_WATER`, then the wet muscle's.
+
+    It begins without pressure: the muscle pulls with its pretension, the stop carries the rest of
+    the weight.
     """
+    bumper, reservoir, length = setup.bumper, setup.reservoir, muscle.muscle.length
+    still = muscle.at_rest(0.0)
+    begin = zero_force_strain(
+        lambda strain: muscle.respond(still, 0.0, strain, 0.0)[0] - bumper.pretension
+    )
+    touch = begin + (step.weight - bumper.pretension) / (bumper.stiffness * length)
 
-    muscle: WetMuscle
-    setup: StepResponses
-
-    @property
-    def scales(self) -> Array:
-        """Size of each state."""
-        return np.concatenate([ABOVE_WATER, self.muscle.scales])
-
-    def at_rest(self) -> Array:
-        """States without pressure: the muscle pulls with its pretension, the stop carries the rest
-        of the weight.
-        """
-        wet = self.muscle.at_rest(0.0)
-
-        def excess(strain: float) -> float:
-            return self.muscle.respond(wet, 0.0, strain, 0.0)[0] - self.setup.bumper.pretension
-
-        return np.concatenate([[0.0, zero_force_strain(excess), 0.0], wet])
-
-    def rates(
-        self, _time: float, states: Array, supply: float | None, weight: float, touch: float
-    ) -> Array:
-        """Rates of the states, with the valve on a `supply` pressure (Pa) or, None, on exhaust; the
-        `weight` (N) touches at `touch`.
-        """
-        pressure, strain, strain_rate = states[: len(ABOVE_WATER)].tolist()
-        wet = states[len(ABOVE_WATER) :]
-        length = self.muscle.muscle.length
-        pull, wet_rates = self.muscle.respond(wet, pressure, strain, strain_rate)
-        reservoir = self.setup.reservoir
+    def rates(_time: float, states: Array, supply: float | None) -> Array:
+        """Return the rates with the valve on a `supply` pressure (Pa) or, None, on exhaust."""
+        (pressure, strain, strain_rate), wet = states[:3].tolist(), states[3:]
+        pull, wet_rates = muscle.respond(wet, pressure, strain, strain_rate)
         inflow = (
             reservoir.exhausted(pressure)
             if supply is None
             else reservoir.supplied(pressure, supply)
         )
-        push = self.setup.bumper.push(length * (touch - strain), -length * strain_rate)
-        acceleration = (pull + push - weight) * GRAVITY / (weight * length)
-        return np.concatenate(
-            [
-                [reservoir.rate(pressure, float(wet[0]), inflow), strain_rate, acceleration],
-                wet_rates,
-            ]
-        )
+        push = bumper.push(length * (touch - strain), -length * strain_rate)
+        acceleration = (pull + push - step.weight) * GRAVITY / (step.weight * length)
+        filling = reservoir.rate(pressure, float(wet[0]), inflow)
+        return np.array([filling, strain_rate, acceleration, *wet_rates])
 
-
-def step_response(rig: StepRig, step: PressureStep, tolerance: float = TOLERANCE) -> Columns:
-    """Truth of one recording, columns `(n,)` as those of `observe`."""
-    states, bumper = rig.at_rest(), rig.setup.bumper
-    touch = states[1] + (step.weight - bumper.pretension) / (
-        bumper.stiffness * rig.muscle.muscle.length
+    clocks = setup.clocks()
+    motions = [partial(rates, supply=supply) for supply in (None, step.pressure, None)]
+    along = integrate_phases(
+        zip(motions, clocks, strict=True),
+        np.array([0.0, begin, 0.0, *still]),
+        np.array([*ABOVE_WATER, *muscle.scales]),
+        tolerance,
     )
-    clocks = rig.setup.clocks()
-    motions = [
-        partial(rig.rates, supply=supply, weight=step.weight, touch=touch)
-        for supply in (None, step.pressure, None)
-    ]
-    along = integrate_phases(zip(motions, clocks, strict=True), states, rig.scales, tolerance)
     time = np.concatenate([clocks[0][:1], *(clock[1:] for clock in clocks)])
-    return observe(rig.muscle, time, along[:, 1], along[:, len(ABOVE_WATER) :])
+    return observe(muscle, time, along[:, 1], along[:, 3:])

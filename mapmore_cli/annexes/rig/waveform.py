@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import partial
 from itertools import pairwise
 from typing import Annotated, Literal
 
@@ -98,77 +97,51 @@ class Waveforms(Settings):
                 "each wavelength needs ten samples: shorten `sample_time` or lower `frequency`"
             )
 
-    def rig(self, muscle: McKibben, hysteresis: Hysteresis) -> WaveformRig:
-        """Return the rig with a muscle that hangs in it."""
+    def hung(self, muscle: McKibben, hysteresis: Hysteresis) -> ClosedMuscle:
+        """Return a muscle that hangs in the rig."""
         air = Air(self.polytropic, np.inf, self.dead_volume)
-        return WaveformRig(ClosedMuscle(muscle, hysteresis, self.rubber, air), self)
+        return ClosedMuscle(muscle, hysteresis, self.rubber, air)
 
-
-@dataclass(frozen=True)
-class WaveformRig:
-    """The rig of P's figure 2; `(k,)` states are strain and strain rate (1/s), then the
-    muscle's.
-    """
-
-    muscle: ClosedMuscle
-    setup: Waveforms
-
-    def resting_strain(self, pressure: float, load: float) -> float:
-        """Strain at which the muscle holds its end and a `load` (kg), with relaxed friction and
+    def resting_strain(self, muscle: ClosedMuscle, pressure: float, load: float) -> float:
+        """Strain at which a muscle holds its end and a `load` (kg), with relaxed friction and
         rubber, at `pressure` (Pa).
         """
-        return self.muscle.taut_strain(pressure, (self.setup.end_mass + load) * GRAVITY)
-
-    def at_rest(self, command: float, load: float) -> Array:
-        """States under an input (V) that has lasted for ever."""
-        pressure = float(self.setup.regulator.wanted(command))
-        return np.array([self.resting_strain(pressure, load), 0.0, *self.muscle.at_rest(pressure)])
-
-    def rates(self, time: float, states: Array, waveform: Waveform) -> Array:
-        """Rates of the states: `m L0 e'' = F(p, e) - h - s - m g`, and those of the muscle."""
-        strain, strain_rate = states[:2].tolist()
-        mass, own, regulator = self.setup.end_mass + waveform.load, states[2:], self.setup.regulator
-        acceleration = (self.muscle.tension(own, strain) - mass * GRAVITY) / (
-            mass * self.muscle.muscle.length
-        )
-        settled = float(regulator.wanted(waveform.command(np.asarray(time - self.setup.rest))))
-        return np.array(
-            [
-                strain_rate,
-                acceleration,
-                *self.muscle.rates(own, strain, strain_rate, regulator, settled),
-            ]
-        )
+        return muscle.taut_strain(pressure, (self.end_mass + load) * GRAVITY)
 
 
-def waveform_response(rig: WaveformRig, waveform: Waveform) -> Columns:
-    """Truth of one recording, from the beginning of the rest to the end of the last wavelength,
-    each `(n,)`.
+def waveform_response(setup: Waveforms, muscle: ClosedMuscle, waveform: Waveform) -> Columns:
+    """Truth of one recording on the rig of P's figure 2, from the beginning of the rest to the end
+    of the last wavelength, each `(n,)`; states are strain and strain rate (1/s), then the muscle's.
 
     `time` (s), `input` (V), `pressure` in the muscle (Pa), `displacement` of its lower end (m,
     upwards), `load` on it (N, as a load cell between end and load feels it: `m (g + L0 e'')`).
     """
-    setup, load, motion = rig.setup, waveform.load, partial(rig.rates, waveform=waveform)
+    length, load, regulator = muscle.muscle.length, waveform.load, setup.regulator
+    mass = setup.end_mass + load
+
+    def rates(time: float, states: Array) -> Array:
+        """Return `m L0 e'' = F(p, e) - h - s - m g`, and the rates of the muscle."""
+        (strain, strain_rate), own = states[:2].tolist(), states[2:]
+        acceleration = (muscle.tension(own, strain) - mass * GRAVITY) / (mass * length)
+        settled = float(regulator.wanted(waveform.command(np.asarray(time - setup.rest))))
+        changes = muscle.rates(own, strain, strain_rate, regulator, settled)
+        return np.array([strain_rate, acceleration, *changes])
+
     time = clock(setup.rest + waveform.wavelengths / waveform.frequency, setup.sample_time)
     # Anew from every half wavelength: there the input may jump or have a corner.
     corners = setup.rest + 0.5 / waveform.frequency * np.arange(2 * waveform.wavelengths)
     ends = pairwise([0, *np.searchsorted(time, corners - 1e-9), len(time) - 1])
-    phases = [(motion, time[first : last + 1]) for first, last in ends if last > first]
-    states = integrate_phases(
-        phases,
-        rig.at_rest(waveform.rest_at, load),
-        np.array([0.1, 1.0, *rig.muscle.scales]),
-        TOLERANCE,
-    )
-    accelerations = np.array(
-        [motion(float(at), state)[1] for at, state in zip(time, states, strict=True)]
-    )
-    length = rig.muscle.muscle.length
-    zero = rig.resting_strain(float(setup.regulator.wanted(0.0)), 0.0)
+    phases = [(rates, time[first : last + 1]) for first, last in ends if last > first]
+    pressure, none = (float(regulator.wanted(at)) for at in (waveform.rest_at, 0.0))
+    begin = [setup.resting_strain(muscle, pressure, load), 0.0, *muscle.at_rest(pressure)]
+    scales = np.array([0.1, 1.0, *muscle.scales])
+    states = integrate_phases(phases, np.array(begin), scales, TOLERANCE)
+    accelerations = [rates(float(at), state)[1] for at, state in zip(time, states, strict=True)]
+    zero = setup.resting_strain(muscle, none, 0.0)
     return {
         "time": time,
         "input": waveform.command(time - setup.rest),
         "pressure": states[:, 3],
         "displacement": length * (states[:, 0] - zero),
-        "load": load * (GRAVITY + length * accelerations),
+        "load": load * (GRAVITY + length * np.array(accelerations)),
     }

@@ -45,9 +45,6 @@ MOST_SAMPLES = 12_000
 """Training samples that structures are tried on: of more an even share of every curve, or of
 recordings that models with a past run along, long pieces."""
 
-Masks = tuple[BoolArray, ...]
-"""For every curve the samples that a fold leaves out."""
-
 
 @dataclass(frozen=True)
 class Slice:
@@ -67,15 +64,16 @@ class Bench:
     """What all structures are tried on: training samples alone, and what is left out of them in
     turn.
 
-    The first `blocks` of the folds are stretches of curves, the others whole levels, recordings or
-    ends of them. `weights` (f,) add up to 1. Of the `study`, an even share of all that there is,
-    what is held out included, the inputs alone are looked at.
+    Each of the folds (n,) has all samples, curve after curve. The first `blocks` of them are
+    stretches of curves, the others whole levels, recordings or ends of them. `weights` (f,) add up
+    to 1. Of the `study`, an even share of all that there is, what is held out included, the inputs
+    alone are looked at.
     """
 
     dataset: Dataset
     study: Dataset
     situation: Situation
-    folds: tuple[Masks, ...]
+    folds: tuple[BoolArray, ...]
     blocks: int
     weights: Array
     left_out: str
@@ -89,21 +87,15 @@ class Bench:
         DataError where no sample can be left out.
         """
         left_out, blocks = _stretches(training, situation, part.held_out, held_run(study))
-        ends, asked = _holds_out(study)
-        if ends:
-            parts, name = _end_folds(training), "ends of recordings"
-        elif training.level is not None:
-            parts, name = _neighbouring_levels(training, study), "levels"
-        else:
-            parts, name = _recording_folds(training, part.held_out), "recordings"
-        asked = len(parts) > 0 and (asked or part.by_level or ends)
-        weight = (2 / 3 if asked else 1 / 2 if situation.timed else 1 / 4) * bool(parts)
-        if len(parts) == 1:  # the only inner level
-            weight = 1 / 2
-        weight = weight if blocks else 1.0  # recordings that are too short for stretches
+        name, parts, asked = _parts(training, situation, study)
+        asked = bool(parts) and (asked or part.by_level)
         if not blocks and not parts:
             raise DataError("too few samples train: none can be left out", "keep more samples")
-        shares = [(1 - weight) / max(len(blocks), 1), weight / max(len(parts), 1)]
+        weight = 2 / 3 if asked else 1 / 2 if situation.timed else 1 / 4
+        if len(parts) == 1:  # the only inner level
+            weight = 1 / 2
+        counts = [len(blocks), len(parts)]
+        weights = np.repeat(np.array([1 - weight, weight]) / np.maximum(counts, 1), counts)
         most = max(MOST_SAMPLES // len(study.curves), 1)
         shown = [curve.at(even_share(np.arange(curve.size), most)) for curve in study.curves]
         return cls(
@@ -112,12 +104,17 @@ class Bench:
             situation,
             (*blocks, *parts),
             len(blocks),
-            np.repeat(shares, [len(blocks), len(parts)]),
+            weights / weights.sum(),
             left_out,
             f"each of {len(parts)} {name}" if parts else "",
             part,
             asked,
         )
+
+    @property
+    def masks(self) -> list[list[BoolArray]]:
+        """Return what each fold leaves out of every curve."""
+        return [np.split(fold, _ends_of(self.dataset)) for fold in self.folds]
 
     @cached_property
     def range(self) -> tuple[float, float]:
@@ -176,169 +173,192 @@ def cut_short(dataset: Dataset, run: int, timed: bool) -> Dataset:
     return replace(dataset, curves=tuple(curve.at(kept(curve)) for curve in dataset.curves))
 
 
+def _pooled(dataset: Dataset) -> Curve:
+    """Return the samples of all curves as those of one, with the recordings of all."""
+    curves = dataset.curves
+    first = np.cumsum([0, *(len(curve.recordings) for curve in curves)])
+    logs = [n + (0 if c.origin is None else c.origin) for n, c in zip(first, curves, strict=False)]
+    return Curve(
+        "",
+        None,
+        {name: np.concatenate([c.columns[name] for c in curves]) for name in curves[0].columns},
+        np.concatenate([curve.held_out for curve in curves]),
+        (),
+        np.concatenate([~curve.training for curve in curves]),
+        np.concatenate([np.broadcast_to(n, c.size) for n, c in zip(logs, curves, strict=True)]),
+    )
+
+
+def _ends_of(dataset: Dataset) -> IntArray:
+    """Return where each curve but the last ends among the samples of all."""
+    return np.cumsum([curve.size for curve in dataset.curves])[:-1]
+
+
 def _stretches(
     dataset: Dataset, situation: Situation, held_out: Holdout | None, run: int
-) -> tuple[str, tuple[Masks, ...]]:
+) -> tuple[str, list[BoolArray]]:
     """Return what is left out of every curve, in words and masks: of recordings at even steps
-    stretches of time as long as the longest `run` that is held out; else bands of an input, as wide
-    as those that are held out, or stretches along each input.
+    stretches of time as long as the run that is held out; else bands of an input, as wide as those
+    that are held out, or stretches along each input.
 
     Time says nothing of a model without a past. What lies at the end of an input can only be
     extrapolated: that would decide, and is not what is asked.
     """
-    curves = dataset.curves
+    samples = _pooled(dataset)
+    training = samples.training
     if situation.timed:
-        logs = [[log[curve.training[log]] for log in curve.logs] for curve in curves]
-        each = [_stretch_masks(of, run, curve.size) for of, curve in zip(logs, curves, strict=True)]
-        stretches = f"each of {BLOCKS} stretches of the training samples of every recording"
-        return stretches, tuple(zip(*each, strict=True))
+        told = f"each of {BLOCKS} stretches of the training samples of every recording"
+        return told, _windows([log[training[log]] for log in samples.logs], samples.size, run)
     inputs = situation.moving or situation.inputs
-    if bands := _bands(dataset, held_out, inputs):
+    if bands := _bands(samples, held_out, inputs):
         return f"each of {len(bands)} bands of an input, as wide as those held out", bands
-    folds: list[Masks] = []
+    folds: list[BoolArray] = []
     for name in inputs:
-        within = []
-        for curve in curves:
-            x = curve.columns[name]
-            rows = np.flatnonzero(curve.training & (np.ptp(x) > 0))
-            rows = rows[np.argsort(x[rows], kind="stable")]
-            end = math.ceil(len(rows) / (BLOCKS + 2))
-            within.append(contiguous([rows[end : len(rows) - end]], BLOCKS, curve.size))
-        folds += zip(*within, strict=True)
+        x, inner = samples.columns[name], list[IntArray]()
+        for rows in np.split(np.arange(samples.size), _ends_of(dataset)):
+            if np.ptp(x[rows]) > 0:
+                rows = rows[np.argsort(x[rows], kind="stable")]
+                rows = rows[training[rows]]
+                end = math.ceil(len(rows) / (BLOCKS + 2))
+                inner.append(rows[end : len(rows) - end])
+        folds += contiguous(inner, BLOCKS, len(x)) if inner else []
     told = f"each of {BLOCKS} inner stretches of the training samples of every curve"
-    return told, tuple(fold for fold in folds if any(mask.any() for mask in fold))
+    return told, [fold for fold in folds if fold.any()]
 
 
-def _stretch_masks(logs: Sequence[IntArray], run: int, size: int) -> list[BoolArray]:
+def _windows(logs: Sequence[IntArray], size: int, run: int) -> list[BoolArray]:
     """Masks (size,) of five folds: short runs several times in each recording, or one long run,
     which those of other folds may overlap.
     """
-    longest = max(map(len, logs))
-    if run <= longest / BLOCKS:
-        return contiguous(
-            logs, BLOCKS, size, int(np.clip(longest / (BLOCKS * max(run, 1)), 1, BLOCKS))
-        )
     masks = np.zeros((BLOCKS, size), dtype=np.bool_)
     for rows in logs:
-        length = math.ceil(len(rows) * min(run / longest, LONGEST_FOLD))
-        for mask, first in zip(
-            masks, np.linspace(0, len(rows) - length, BLOCKS).round().astype(int), strict=True
-        ):
-            mask[rows[first : first + length]] = True
+        times = int(np.clip(len(rows) / (BLOCKS * max(run, 1)), 1, BLOCKS))
+        share = max(1 / (BLOCKS * times), min(run / max(len(rows), 1), LONGEST_FOLD))
+        first = np.linspace(0, (1 - share) * len(rows), BLOCKS * times)
+        ends = np.rint([first, first + share * len(rows)]).astype(int)
+        for number, (start, stop) in enumerate(ends.T):
+            masks[number % BLOCKS, rows[start:stop]] = True
     return list(masks)
 
 
 def held_run(study: Dataset) -> int:
     """Return the usual length of a run of held-out samples: that in which half of them lie."""
+    samples = _pooled(study)
     out = [0]
-    for curve in study.curves:
-        for log in curve.logs:
-            out += [*curve.held_out[log].astype(int), 0]
+    for log in samples.logs:
+        out += [*samples.held_out[log].astype(int), 0]
     edges = np.flatnonzero(np.diff(out))
     runs = np.sort(edges[1::2] - edges[::2])
     return int(runs[np.searchsorted(np.cumsum(runs), runs.sum() / 2)]) if len(runs) else 0
 
 
-def _bands(dataset: Dataset, held_out: Holdout | None, inputs: Sequence[str]) -> tuple[Masks, ...]:
+def _bands(samples: Curve, held_out: Holdout | None, inputs: Sequence[str]) -> list[BoolArray]:
     """Bands of an input that are as wide as those that the study holds out of it, about even
     quantiles of what trains; at an end, where those lie beyond that end.
 
     Blocks in the order of time hold every value of an input that was swept more than once: left
     out, they ask for nothing between.
     """
-    folds: list[Masks] = []
+    folds: list[BoolArray] = []
     for name, held in ({} if held_out is None else held_out.quantities).items():
         if name not in inputs or not isinstance(held, Between):
             continue
         low, high = np.array(held.between).T
         half = float(np.median(high - low)) / 2
-        values = np.concatenate([curve.columns[name][curve.training] for curve in dataset.curves])
-        least, largest = extremes(values)
+        values = samples.columns[name]
+        trained = values[samples.training]
+        least, largest = extremes(trained)
         middles = [least + half] * bool(low.min() <= least)
         middles += [largest - half] * bool(high.max() >= largest)
         if ((low > least) & (high < largest)).any():
-            middles.extend(np.quantile(values, np.linspace(0, 1, BLOCKS + 2)[1:-1]))
-        folds += [
-            tuple(
-                curve.training & (np.abs(curve.columns[name] - middle) <= half)
-                for curve in dataset.curves
-            )
-            for middle in middles
-        ]
-    return tuple(folds) if len(folds) > 1 else ()
+            middles.extend(np.quantile(trained, np.linspace(0, 1, BLOCKS + 2)[1:-1]))
+        folds += [samples.training & (np.abs(values - middle) <= half) for middle in middles]
+    return folds if len(folds) > 1 else []
 
 
-def _holds_out(study: Dataset) -> tuple[bool, bool]:
-    """Whether most of what a study holds out lies behind the training samples of the same
-    recording, and whether it is whole curves.
+def _parts(
+    dataset: Dataset, situation: Situation, study: Dataset
+) -> tuple[str, list[BoolArray], bool]:
+    """Return what is left out beside stretches, in words and masks: ends of recordings where most
+    of what the study holds out lies behind training samples of the same one, else values that whole
+    curves stand at, else recordings; and whether the study holds such out.
+
+    In the rest of a fold every input varies: of one that stands still nothing is learnt.
     """
-    held = sum(int(curve.held_out.sum()) for curve in study.curves)
-    whole = sum(curve.size for curve in study.curves if curve.held_out.all())
-    timed = "time" in study.curves[0].columns
-    ends = [
-        int(np.argmax(curve.training[log][::-1]))
-        for curve in study.curves
-        for log in curve.logs
-        if curve.training[log].any()
+    samples, every = _pooled(dataset), _pooled(study)
+    behind = [np.argmax(every.training[log][::-1]) for log in every.logs]
+    trains = [every.training[log].any() for log in every.logs]
+    held = every.held_out.sum()
+    if "time" in every.columns and 2 * np.dot(behind, trains) > held:
+        return "ends of recordings", _ends(samples), True
+    whole = np.array([curve.held_out.all() for curve in study.curves])
+    of = _standing(situation.inputs, study, whole)
+    out = _fair(dataset) if of is None else _neighbours(dataset, study, whole, of)
+    columns = [samples.columns[name].astype(np.float32) for name in situation.inputs]
+    sizes = [curve.size for curve in dataset.curves]
+    folds = [samples.training & np.repeat(curves, sizes) for curves in out]
+    taught = [
+        fold for fold in folds if all(np.ptp(x[samples.training & ~fold]) > 0 for x in columns)
     ]
-    return timed and 2 * sum(ends) > held, 2 * whole > held
+    some = [taught[place] for place in even_share(np.arange(len(taught)), MOST_PARTS)]
+    asked = 2 * sum(curve.size for curve in study.curves if curve.held_out.all()) > held
+    return "recordings" if of is None else "levels", some, bool(asked)
 
 
-def _end_folds(dataset: Dataset) -> tuple[Masks, ...]:
+def _ends(samples: Curve) -> list[BoolArray]:
     """Return the last shares of the training samples of every recording."""
-    masks = []
-    for curve in dataset.curves:
-        left = np.full(curve.size, 1.0)
-        for log in curve.logs:
-            rows = log[curve.training[log]]
-            left[rows] = np.arange(len(rows), 0, -1) / len(rows)
-        masks.append([left <= share for share in BEHIND])
-    return tuple(zip(*masks, strict=True))
+    left = np.full(samples.size, 1.0)
+    for log in samples.logs:
+        rows = log[samples.training[log]]
+        left[rows] = np.arange(len(rows), 0, -1) / len(rows)
+    return [samples.training & (left <= share) for share in BEHIND]
 
 
-def _neighbouring_levels(dataset: Dataset, study: Dataset) -> tuple[Masks, ...]:
-    """Levels as the study holds them out: inner ones, as many neighbours as its longest row of
-    them, or as many at an end where they lie beyond that end; inner ones one by one where it holds
-    none out. Two levels stay at least.
+def _standing(inputs: Sequence[str], study: Dataset, whole: BoolArray) -> str | None:
+    """Return the level, or an input that stands still in every curve and has other values in those
+    that are held out as a `whole`.
     """
-    held = np.array([curve.held_out.all() for curve in study.curves])
-    last = len(held) - 1
-    rows = np.split(np.arange(last + 1), np.flatnonzero(np.diff(held)) + 1)
-    gaps = [row for row in rows if held[row[0]]]
-    inner = [len(gap) for gap in gaps if gap[0] > 0 and gap[-1] < last]
-    trained = np.flatnonzero([curve.training.any() for curve in dataset.curves])
+    if study.level is not None:
+        return study.level
+    for name in inputs:
+        values = _values(study, name)
+        still = all(np.ptp(curve.columns[name].astype(np.float32)) == 0 for curve in study.curves)
+        if still and whole.any() and not np.isin(values[whole], values[~whole]).any():
+            return name
+    return None
+
+
+def _values(dataset: Dataset, of: str) -> Array:
+    """Return the value that each curve stands at, (c,), without what rounding adds."""
+    return np.array(
+        [c.columns[of][0] if c.level is None else c.level for c in dataset.curves], np.float32
+    )
+
+
+def _neighbours(dataset: Dataset, study: Dataset, whole: BoolArray, of: str) -> list[BoolArray]:
+    """Curves at neighbouring values, (c,), as the study holds them out: inner ones, as many as its
+    longest row of them, or as many at an end where they lie beyond that end; inner ones one by one
+    where it holds none out. Two values stay at least.
+    """
+    own, every = _values(dataset, of), _values(study, of)
+    values, trained = np.unique(every), np.unique(own)
     most = len(trained) - 2
     if most < 1:
-        return ()
-    out = [trained[:most][: len(gap)] for gap in gaps if gap[0] == 0]
-    out += [trained[2:][-len(gap) :] for gap in gaps if gap[-1] == last]
+        return []
+    kept = np.isin(values, every[~whole])
+    rows = np.split(values, np.flatnonzero(np.diff(kept)) + 1)
+    gaps = [row for row in rows if row[0] not in every[~whole]]
+    inner = [len(gap) for gap in gaps if values[0] < gap[0] and gap[-1] < values[-1]]
+    out = [trained[:most][: len(gap)] for gap in gaps if gap[0] == values[0]]
+    out += [trained[2:][-len(gap) :] for gap in gaps if gap[-1] == values[-1]]
     if inner or not out:
         out += [*sliding_window_view(trained[1:-1], min(max(inner, default=1), most))]
-    return _without(dataset, out)
+    return [np.isin(own, some) for some in out]
 
 
-def _recording_folds(dataset: Dataset, held_out: Holdout | None) -> tuple[Masks, ...]:
-    """Return recordings, those together in which what the study holds out stands at one value; none
-    where there are fewer than two of a fair size.
-    """
-    curves = dataset.curves
-    held = () if held_out is None else held_out.quantities
-    still = [
-        one for one in held if all(np.ptp(curve.columns.get(one, [0, 1])) == 0 for curve in curves)
-    ]
-    values = [[c.columns[one][0] for one in still] or [n] for n, c in enumerate(curves)]
-    _, place = np.unique(values, axis=0, return_inverse=True)
-    sizes = np.bincount(place, [curve.training.sum() for curve in curves])
+def _fair(dataset: Dataset) -> list[BoolArray]:
+    """Return curves of a fair size, (c,), one by one; none where there are fewer than two."""
+    sizes = np.array([curve.training.sum() for curve in dataset.curves])
     low, high = (bound * (sizes @ sizes) / sizes.sum() for bound in FAIR)
-    fair = np.flatnonzero((low <= sizes) & (sizes <= high))
-    return _without(dataset, [np.flatnonzero(place == one) for one in fair[len(fair) < 2 :]])
-
-
-def _without(dataset: Dataset, out: Sequence[IntArray]) -> tuple[Masks, ...]:
-    """Return the masks of the curves of these numbers; of `MOST_PARTS` at most, evenly chosen."""
-    return tuple(
-        tuple(
-            curve.training & (number in out[place]) for number, curve in enumerate(dataset.curves)
-        )
-        for place in even_share(np.arange(len(out)), MOST_PARTS).tolist()
-    )
+    fair = np.eye(len(sizes), dtype=np.bool_)[(low <= sizes) & (sizes <= high)]
+    return [*fair] if len(fair) > 1 else []

@@ -4,15 +4,13 @@ samples.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from functools import partial
 from importlib.util import find_spec
 
 import numpy as np
 
-from mapmore_cli.annexes.search.situation import Situation
+from mapmore_cli.annexes.search.bench import Bench
 from mapmore_cli.domain.arrays import Array, BoolArray
-from mapmore_cli.domain.recording import Dataset
 from mapmore_cli.fitting.baselines import DELAYS, MOST_SAMPLES, even_share, features, learned
 
 MOST_IN_A_FOLD = 1_500
@@ -32,9 +30,7 @@ Left = tuple[Array, BoolArray]
 """Errors of a structure on the samples of a fold, (n,), and which of them it predicts."""
 
 
-def black_boxes(
-    dataset: Dataset, folds: Sequence[Sequence[BoolArray]], situation: Situation
-) -> dict[str, list[Left]]:
+def black_boxes(bench: Bench) -> dict[str, list[Left]]:
     """Errors of each black box on the left-out samples of every fold, by its name; without
     scikit-learn of a Gaussian process alone.
 
@@ -43,22 +39,22 @@ def black_boxes(
     """
     from mapmore_cli.modelling.validation.gaussian_process import smooth
 
-    if not situation.inputs:
+    curves, inputs = bench.dataset.curves, bench.situation.inputs
+    if not inputs:
         return {}
-    delays = DELAYS if situation.timed else (0,)
-    known = np.concatenate([curve.training for curve in dataset.curves])
-    x = np.concatenate([features(curve, situation.inputs, delays) for curve in dataset.curves])
-    y = np.concatenate([curve.columns[dataset.target] for curve in dataset.curves])
-    names = ["gaussian_process"] if x.shape[1] <= MOST_INPUTS else []
+    delays = DELAYS if bench.situation.timed else (0,)
+    known = np.concatenate([curve.training for curve in curves])
+    x = np.concatenate([features(curve, inputs, delays) for curve in curves])
+    y = np.concatenate([curve.columns[bench.dataset.target] for curve in curves])
+    learners = {"gaussian_process": smooth} if x.shape[1] <= MOST_INPUTS else {}
     if known.sum() >= FEWEST and find_spec("sklearn") is not None:
-        names.append("gradient_boosting")  # a network takes as long as the rest of a search
-    errors: dict[str, list[Left]] = {name: [] for name in names}
-    for fold in folds:
-        out = np.concatenate(fold)
+        # a network takes as long as the rest of a search
+        learners["gradient_boosting"] = partial(learned, "gradient_boosting")
+    errors: dict[str, list[Left]] = {name: [] for name in learners}
+    for out in bench.folds:
         rest = np.flatnonzero(known & ~out)
-        for name in names:
+        for name, learner in learners.items():
             learnt = even_share(rest, min(MOST_IN_A_FOLD, MOST_SAMPLES[name] // 2))
-            learner = smooth if name == "gaussian_process" else partial(learned, name)
             missed = learner(x[learnt], y[learnt])(x[out]) - y[out]
             errors[name].append((missed, np.isfinite(missed)))
     return errors

@@ -23,12 +23,6 @@ FORMULAS = ("sarosi", "sarosi_hinged", "kerscher")
 FORCE = "force"
 """What formulas of muscles predict."""
 
-SLOPES = (0.03, 0.2, 0.6)
-"""Of a smooth sign, as parts of the root mean square of its argument."""
-
-FOLLOWED = (1, 3, 8)
-"""Steps by which a velocity is followed: force loops over it."""
-
 DECADES = (10, 30, 100, 300)
 """Steps by which inputs are followed, where the longest recording lasts twice as many."""
 
@@ -80,7 +74,6 @@ def _applies(when: Mapping[str, int], of: Situation) -> bool:
         "samples": of.samples,
         "least_inputs": len(of.inputs),
         "moving": len(of.moving),
-        "signs": len(of.around_zero),
         "steps": of.steps,
         "tables": not of.timed,
         "levels": of.curves if of.level in of.inputs else when.get("levels", 0),
@@ -103,7 +96,6 @@ def vocabulary(of: Situation, **more: Any) -> dict[str, Any]:
     - `FORMULAS`: those whose quantities are there.
     - `AROUND_ZERO`: inputs that take both signs. `VELOCITIES`: these, and the rates of at most two
       others.
-    - `SIGNS`, `RATES`: smooth signs of velocities, and of changes.
     - `DECADES`, `MIDDLE_DECADES`: time constants, s.
     - `BACK`, `NOW_AND_BACK`: 1 .. `ORDER`, and with 0 before.
     """
@@ -132,21 +124,6 @@ def vocabulary(of: Situation, **more: Any) -> dict[str, Any]:
         "FORMULAS": [name for name in FORMULAS if _is_known(literature.get(name), of)],
         "AROUND_ZERO": zero,
         "VELOCITIES": [*of.around_zero, *(f"rate({name})" for name in rates)],
-        "SIGNS": [
-            f"tanh({text}/{slope * of.around_zero[name]:.2g})"
-            for name in of.around_zero
-            if name in moving
-            for text in (
-                name,
-                *(f"slow({name}, {steps * (of.step or 0):.3g})" for steps in FOLLOWED),
-            )
-            for slope in SLOPES
-        ],
-        "RATES": [
-            f"tanh(({u} - {u}[k-{n}])/{part * size:.2g})"
-            for (u, n), size in of.changes.items()
-            for part in SLOPES
-        ],
         "DECADES": taus,
         "MIDDLE_DECADES": taus[1:3],
         "BACK": [*range(1, more.get("ORDER", 0) + 1)],

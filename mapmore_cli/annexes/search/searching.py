@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from functools import cache, partial
 from importlib.resources import files
 from math import comb
-from operator import attrgetter
+from operator import attrgetter, call
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -28,7 +28,7 @@ from mapmore_cli.annexes.search.black_boxes import Left, black_boxes
 from mapmore_cli.annexes.search.candidate import Structure, offered_structures
 from mapmore_cli.annexes.search.situation import situation_of
 from mapmore_cli.domain import plugins
-from mapmore_cli.domain.arrays import Array
+from mapmore_cli.domain.arrays import Array, BoolArray
 from mapmore_cli.domain.errors import DataError, FitError, MapmoreError
 from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.processors import shared_out
@@ -38,13 +38,9 @@ from mapmore_cli.fitting.kinds import refit
 from mapmore_cli.fitting.kinds.choices import ModelChoices, lengths_of
 from mapmore_cli.fitting.refitting import left_out_of
 from mapmore_cli.modelling.forecast import forecast
-from mapmore_cli.modelling.kinds import fed_back, parameters
+from mapmore_cli.modelling.kinds import fed_back, parameters, runs_over_time
 from mapmore_cli.modelling.memory.records import records_of, time_step
-from mapmore_cli.modelling.pieces.recipe import Segmented
-from mapmore_cli.modelling.selection import Fit
 from mapmore_cli.modelling.validation.significance import WITHIN, simplest_of
-from mapmore_cli.spec.sections.dictionary import DictionaryEntry
-from mapmore_cli.spec.sections.model import ModelChoice
 
 if TYPE_CHECKING:
     from mapmore_cli.fitting.stage import Progress
@@ -124,24 +120,10 @@ def search(
     listed = [one for known in families for one in offered_structures(known, situation)]
     bench = Bench.of(training, situation, part, dataset)
     budget = Budget(part.model.budget)
-    jobs: list[Callable[[], Any]] = [
-        partial(_try_structure, one, bench, fold, budget)
-        for one in listed
-        for fold in [*range(len(bench.folds)), None]
-    ]
-    jobs.append(partial(black_boxes, training, bench.folds, situation) if beside else dict)
-    *done, boxes = shared_out(
-        _called,
-        jobs,
-        lambda done, total: progress("structures", done * len(listed) // total, len(listed)),
-    )
-    size = len(bench.folds) + 1
-    fitted = [done[place : place + size] for place in range(0, len(done), size)]
-    outcomes = [
-        _outcome(one, folds, bench.blocks)
-        for one, folds in zip(listed, fitted, strict=True)
-        if all(folds)
-    ]
+    jobs: list[Callable[[], Any]] = [partial(_try_structure, one, bench, budget) for one in listed]
+    jobs.append(partial(black_boxes, bench) if beside else dict)
+    *done, boxes = shared_out(call, jobs, partial(progress, "structures"))
+    outcomes: list[Outcome] = [one for one in done if one is not None]
     cut = len(listed) - len(outcomes)
     ended = (
         f"the budget of {part.model.budget:g} s ended before {cut} of {len(listed)} structures "
@@ -154,10 +136,6 @@ def search(
     result = _choose_structure(outcomes, bench, most)
     notes = (*[ended] * bool(cut), *uneven, *_notes_of(result, bench))
     return replace(result, cut=cut, notes=notes)
-
-
-def _called(job: Callable[[], Any]) -> Any:
-    return job()
 
 
 def _uneven(dataset: Dataset) -> tuple[str, ...]:
@@ -273,75 +251,52 @@ def _on_common_rows(predicted: Sequence[Sequence[Left]]) -> Array:
     return np.asarray(np.nan_to_num(np.column_stack(rmse), nan=np.inf, posinf=np.inf))
 
 
-@dataclass(frozen=True)
-class FoldFit:
-    """What came of a structure in one fold: its left-out errors, or with nothing left out its
-    parameters; or why it failed.
+def _try_structure(candidate: Structure, bench: Bench, budget: Budget) -> Outcome | None:
+    """Fit a structure to all samples, and where that will do without each fold; None where the time
+    is over.
     """
-
-    seconds: float = 0.0
-    left: Left | None = None
-    parameters: int = 0
-    failure: str = ""
-
-
-def _try_structure(
-    candidate: Structure, bench: Bench, fold: int | None, budget: Budget
-) -> FoldFit | None:
-    """Fit a structure without a fold, or to all samples; None where the time is over."""
     if budget.over:
         return None
-    started = time.process_time()
+    started, left = time.process_time(), list[Left]()
     try:
-        fit = _fitted(choices_of(candidate.sections, bench.part), bench, fold)
+        choices = choices_of(candidate.sections, bench.part)
+        model = refit(choices, bench.dataset)
+        failure = _refusal(model, bench)
+        if not failure:
+            left = [_errors(choices, bench, masks) for masks in bench.masks]
+            asked = left[: bench.blocks] or left
+            if np.concatenate([ready for _, ready in asked]).mean() < WHOLE:
+                failure = "needs a longer past than most left-out samples have"
+        size = 0 if failure else parameters(model)
     except MapmoreError as fault:
-        fit = FoldFit(failure=fault.message)
+        size, failure = 0, fault.message
     seconds = time.process_time() - started
     budget.worked += seconds
-    return replace(fit, seconds=seconds)
+    made = (candidate.kind, candidate.words, candidate.sections, size)
+    return Tried(*made, seconds=round(seconds, 2), failure=failure), left
 
 
-def _fitted(choices: ModelChoices, bench: Bench, fold: int | None) -> FoldFit:
-    """Fit to all samples, or without a fold, and predict that."""
-    dataset = bench.dataset
-    if fold is None:
-        model = refit(choices, dataset)
-        failure = ""
-        if rings(model, dataset):
-            failure = "goes on by itself: its start still rings late in a recording"
-        elif not choices.over_time and astray(model, bench):
-            failure = "goes astray: far beyond all that was measured, at inputs of the study"
-        return FoldFit(parameters=parameters(model), failure=failure)
-    every = left_out_of(dataset, bench.folds[fold], partial(refit, choices))
-    missed = [(said.values - curve.columns[dataset.target])[out] for curve, out, said in every]
-    return FoldFit(
-        left=(np.concatenate(missed), np.concatenate([said.ready[out] for _, out, said in every]))
-    )
+def _errors(choices: ModelChoices, bench: Bench, masks: Sequence[BoolArray]) -> Left:
+    """Return the errors on what a fold leaves out of every curve, (n,), and which are known."""
+    every = left_out_of(bench.dataset, masks, partial(refit, choices))
+    y = bench.dataset.target
+    missed = [said.values[out] - curve.columns[y][out] for curve, out, said in every]
+    return np.concatenate(missed), np.concatenate([said.ready[out] for _, out, said in every])
 
 
-def _outcome(candidate: Structure, folds: Sequence[FoldFit], blocks: int) -> Outcome:
-    """Return what came of a structure in all folds, of which the first are blocks, and the last is
-    the fit to all samples.
-    """
-    failure = next((fold.failure for fold in folds if fold.failure), "")
-    left = [fold.left for fold in folds if fold.left is not None]
-    if not failure and np.concatenate([ready for _, ready in left[:blocks] or left]).mean() < WHOLE:
-        failure = "needs a longer past than most left-out samples have"
-    tried = Tried(
-        candidate.kind,
-        candidate.words,
-        candidate.sections,
-        0 if failure else folds[-1].parameters,
-        seconds=round(sum(fold.seconds for fold in folds), 2),
-        failure=failure,
-    )
-    return tried, left
-
-
-SHIFT, SWING = 0.1, 0.1
-"""Of the range, by which a run begins higher; of the largest difference that makes, what may still
-swing in the second half.
+SWING = 0.1
+"""Of the range, by which a run begins higher; and of the largest difference that makes, what may
+still swing in the second half.
 """
+
+
+def _refusal(model: Model, bench: Bench) -> str:
+    """Return why a model is refused whatever its errors are; empty where it is not."""
+    if fed_back(model) and rings(model, bench.dataset):
+        return "goes on by itself: its start still rings late in a recording"
+    if not runs_over_time(model) and astray(model, bench):
+        return "goes astray: far beyond all that was measured, at inputs of the study"
+    return ""
 
 
 def rings(model: Model, dataset: Dataset) -> bool:
@@ -351,17 +306,14 @@ def rings(model: Model, dataset: Dataset) -> bool:
     Where inputs repeat, a model with poles on the unit circle continues the record as a clock does,
     whatever drives it. An integrator keeps its offset, and does not swing.
     """
-    if not fed_back(model):
-        return False
     curve = max(dataset.curves, key=lambda one: one.size)
     output = curve.columns[dataset.target]
-    shifted = output + SHIFT * float(np.nanmax(output) - np.nanmin(output))
+    shifted = output + SWING * (np.nanmax(output) - np.nanmin(output))
     higher = replace(curve, columns={**curve.columns, dataset.target: shifted})
     apart = forecast(model, higher).values - forecast(model, curve).values
     late = apart[curve.size // 2 :]
-    if not np.isfinite(late).any():
-        return False
-    return bool(np.nanstd(late) > SWING * np.nanmax(np.abs(apart)))
+    swings = np.isfinite(late).any() and np.nanstd(late) > SWING * np.nanmax(np.abs(apart))
+    return bool(swings)
 
 
 def astray(model: Model, bench: Bench) -> bool:
@@ -376,26 +328,23 @@ def astray(model: Model, bench: Bench) -> bool:
     return bool((np.abs(values - (low + high) / 2) > 1.5 * (high - low)).any())
 
 
-_ENTRIES = TypeAdapter(list[DictionaryEntry])
-_CUTS = TypeAdapter(dict[str, Segmented])
-_MODEL = TypeAdapter(ModelChoice)
+_CHOICES = TypeAdapter(ModelChoices)
 
 
 def choices_of(sections: Mapping[str, Any], part: Slice) -> ModelChoices:
     """Return the sections of a candidate as the spec would have them."""
-    segment = _CUTS.validate_python(sections.get("segment", {}))
     fused = {key.removeprefix("fuse."): v for key, v in sections.items() if key.startswith("fuse.")}
-    model = _MODEL.validate_python(sections.get("model", {}))
-    return ModelChoices(
-        part.levels,
-        segment,
-        _ENTRIES.validate_python(sections.get("dictionary", [])),
-        model,
-        Fit(**sections.get("fit", {})),
-        lengths_of(model, part.lengths),
-        name="search",
-        fuse=replace(part.fuse, **fused),
+    given = {"segment": {}, "dictionary": [], "model": {}, "fit": {}, **sections}
+    choices = _CHOICES.validate_python(
+        {
+            **{key: given[key] for key in ("segment", "dictionary", "model", "fit")},
+            "levels": part.levels,
+            "lengths": {},
+            "name": "search",
+            "fuse": replace(part.fuse, **fused),
+        }
     )
+    return replace(choices, lengths=lengths_of(choices.model, part.lengths))
 
 
 def settings_of(result: Search) -> dict[str, Any]:

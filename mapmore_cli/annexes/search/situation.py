@@ -5,7 +5,7 @@ training samples alone.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -23,9 +23,6 @@ SAME = 1e-9
 
 FEWEST_IN_A_RECORD = 60
 """Steps of the longest recording, from which on a model with memory is tried."""
-
-WITHIN = (1, 3)
-"""Steps over which changes are told."""
 
 
 @dataclass(frozen=True)
@@ -45,10 +42,7 @@ class Situation:
         Time between samples, s, and how many the longest recording has; None where they are not
         at even steps, so that nothing can be said of the past.
     around_zero
-        Inputs that take both signs, each with its root mean square.
-    changes
-        The root mean square of how far an input moves within some steps, by its name and the number
-        of steps.
+        Inputs that take both signs.
     """
 
     target: str
@@ -58,8 +52,7 @@ class Situation:
     curves: int
     step: float | None = None
     steps: int = 0
-    around_zero: Mapping[str, float] = field(default_factory=dict)
-    changes: Mapping[tuple[str, int], float] = field(default_factory=dict)
+    around_zero: tuple[str, ...] = ()
 
     @property
     def timed(self) -> bool:
@@ -103,14 +96,6 @@ def situation_of(
         apart, key=lambda name: (name == dataset.level, -round(spread[name], 3), apart.index(name))
     )
     step, steps = _even_step(training) if "time" in pooled else (None, 0)
-    changes = {
-        (name, steps): size
-        for name in ordered
-        for steps in WITHIN
-        if step is not None
-        and name != dataset.level
-        and (size := _rms_move(training, name, steps)) > 0
-    }
     return Situation(
         target=dataset.target,
         inputs=tuple(ordered),
@@ -119,25 +104,8 @@ def situation_of(
         curves=len(training),
         step=step,
         steps=steps,
-        around_zero={
-            name: float(np.sqrt(np.mean(pooled[name] ** 2)))
-            for name in ordered
-            if pooled[name].min() < 0 < pooled[name].max()
-        },
-        changes=changes,
+        around_zero=tuple(name for name in ordered if pooled[name].min() < 0 < pooled[name].max()),
     )
-
-
-def _rms_move(curves: Sequence[Curve], name: str, steps: int) -> float:
-    """How far an input moves within some steps, root mean square over all recordings; 0 where it
-    stands still.
-    """
-    moved = [np.zeros(1)]
-    for curve in curves:
-        for log in curve.logs:
-            x, known = curve.columns[name][log], curve.training[log]
-            moved.append((x[steps:] - x[:-steps])[known[steps:] & known[:-steps]])
-    return float(np.sqrt(np.mean(np.concatenate(moved) ** 2)))
 
 
 def _different(names: Sequence[str], pooled: Mapping[str, Array], level: str | None) -> list[str]:

@@ -11,7 +11,7 @@ from itertools import combinations
 import numpy as np
 
 from mapmore_cli.annexes.sums import Part, Sum
-from mapmore_cli.domain.arrays import Array, Columns
+from mapmore_cli.domain.arrays import Array, Columns, row_count
 from mapmore_cli.domain.errors import DataError, SpecError
 from mapmore_cli.domain.fits import FormulaFit
 from mapmore_cli.domain.models import Model
@@ -141,7 +141,7 @@ def refuse_shared_names(inputs_of: Sequence[tuple[str, Sequence[str], Mapping[st
 
 def own_inputs(part: Summand, columns: Columns) -> Columns:
     """Return the inputs of a formula in a sum by its own names, `(n,)` each."""
-    n, names = len(next(iter(columns.values()))), literature.get(str(part.formula)).inputs
+    n, names = row_count(columns), literature.get(str(part.formula)).inputs
     return {name: evaluate(parse(part.inputs.get(name, name)), columns, n) for name in names}
 
 
@@ -249,7 +249,7 @@ def split(fit: FormulaFit, summands: Sequence[Summand]) -> list[FormulaFit]:
 
 def predict(fit: FormulaFit, summands: Sequence[Summand], columns: Columns) -> Array:
     """Return the sum at every row, `(n,)`; NaN with the parameters of a failed fit."""
-    values = np.zeros(len(next(iter(columns.values()))))
+    values = np.zeros(row_count(columns))
     for one, part in zip(summands, split(fit, summands), strict=True):
         formula = literature.of(part)
         values += one.sign * formula.predict(part.parameters, own_inputs(one, columns))

@@ -11,7 +11,7 @@ from functools import partial
 import numpy as np
 
 from mapmore_cli.annexes.sums import Part, Sum
-from mapmore_cli.domain.arrays import Array, BoolArray, Columns
+from mapmore_cli.domain.arrays import Array, BoolArray, Columns, row_count
 from mapmore_cli.domain.foreign import tex_text
 from mapmore_cli.domain.models import Equation, Model
 from mapmore_cli.domain.results import Run
@@ -38,9 +38,7 @@ def simulate(model: Model, columns: Columns) -> Run:
         (part.sign, kinds.simulate(part.model, inputs))
         for part, inputs in _parts(_body(model).parts, columns)
     ]
-    values = sum(
-        (sign * run.values for sign, run in runs), start=np.zeros(len(next(iter(columns.values()))))
-    )
+    values = sum((sign * run.values for sign, run in runs), start=np.zeros(row_count(columns)))
     return Run(values, tuple(sorted({row for _, run in runs for row in run.diverged})))
 
 
@@ -64,9 +62,7 @@ def _outside(parts: Sequence[Part], columns: Columns) -> BoolArray:
         for part, inputs in _parts(parts, columns)
     ]
     found: BoolArray = (
-        np.logical_or.reduce(own)
-        if own
-        else np.zeros(len(next(iter(columns.values()))), dtype=np.bool_)
+        np.logical_or.reduce(own) if own else np.zeros(row_count(columns), dtype=np.bool_)
     )
     return found
 
@@ -136,7 +132,7 @@ def _whole(model: Model) -> Equation:
 
 def _parts(parts: Sequence[Part], columns: Columns) -> Iterator[tuple[Part, Columns]]:
     """Each part, with its inputs by the names that it knows them by."""
-    n = len(next(iter(columns.values())))
+    n = row_count(columns)
     for part in parts:
         renamed = {
             name: np.broadcast_to(evaluate(parse(text), columns), n)

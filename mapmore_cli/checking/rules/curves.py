@@ -31,10 +31,13 @@ def few_samples(subject: Subject) -> Issues:
     """Find curves of a few samples, which have no shape."""
     for curve in subject.dataset.curves:
         if curve.size < FEWEST:
-            message = f"{curve.id} has {curve.size} sample{'s' if curve.size > 1 else ''}"
-            remedy = "leave the level out, widen `levels.within`, or loosen `keep`"
             yield Issue(
-                "warning", "few-samples", subject.where("data", "levels"), message, remedy, "data"
+                "warning",
+                "few-samples",
+                subject.where("data", "levels"),
+                f"{curve.id} has {curve.size} sample{'s' if curve.size > 1 else ''}",
+                "leave the level out, widen `levels.within`, or loosen `keep`",
+                "data",
             )
 
 
@@ -67,9 +70,14 @@ def short_segments(subject: Subject) -> Issues:
                 f"{one.id} has {len(one.rows)} training sample{'s' * (len(one.rows) != 1)}"
                 for one in short
             )
-            message = f"{told}: too few for {least} term{'s' * (least > 1)}"
-            remedy = "use fewer segments, lower `fit.max_terms`, or keep more samples of this curve"
-            yield Issue("error", "short-segment", subject.where("segment"), message, remedy, "data")
+            yield Issue(
+                "error",
+                "short-segment",
+                subject.where("segment"),
+                f"{told}: too few for {least} term{'s' * (least > 1)}",
+                "use fewer segments, lower `fit.max_terms`, or keep more samples of this curve",
+                "data",
+            )
 
 
 def beyond_training(subject: Subject) -> Issues:
@@ -97,13 +105,12 @@ def beyond_training(subject: Subject) -> Issues:
                 f" to {outside.max():.6g}" if np.ptp(outside) else ""
             )
             within = f"the training range {training.min():.6g} to {training.max():.6g}"
-            message = f"{share}validation samples have {name} {reached}, outside of {within}"
             place = subject.where("data", "split", "validate", name)
             yield Issue(
                 "warning",
                 "validation-outside",
                 place,
-                message,
+                f"{share}validation samples have {name} {reached}, outside of {within}",
                 "hold out an inner value, unless extrapolation is what you test",
             )
 
@@ -164,15 +171,15 @@ def even_steps(subject: Subject) -> Issues:
     if breaks > 0:
         middle = int(np.median([record.size for record in records]))
         gaps = f"{breaks} gap{'s' if breaks > 1 else ''}"
-        message = (
+        yield Issue(
+            "warning",
+            "memory-breaks",
+            subject.where("data"),
             f"memory begins anew at {gaps} within recordings: half of the pieces are of "
-            f"{middle} samples or less"
-        )
-        remedy = (
+            f"{middle} samples or less",
             f"add `resample: {step:.6g} s` to `data`, and `gaps: {{longer_than: ..., action: "
-            f"split}}` for those too long to fill"
+            f"split}}` for those too long to fill",
         )
-        yield Issue("warning", "memory-breaks", subject.where("data"), message, remedy)
 
 
 def single_valued(subject: Subject) -> Issues:
@@ -184,19 +191,17 @@ def single_valued(subject: Subject) -> Issues:
     if moving or spec.data.cycles is not None or dataset.level is None:
         return
     others = [name for name in spec.data.measured if name != "time"]
-    names = [
+    swept = (
         name
         for name in dict.fromkeys(("pressure", *POSITIONS, *others))
-        if name in dataset.quantities
-    ]
-    swept = [name for name in names if name not in (dataset.level, dataset.target)]
-    swept = [
-        name for name in swept if any(np.ptp(curve.columns[name]) for curve in dataset.curves)
-    ][:1]
-    if not swept:
+        if name in {*dataset.quantities} - {dataset.level, dataset.target}
+        and any(np.ptp(curve.columns[name]) for curve in dataset.curves)
+    )
+    over = next(swept, None)
+    if over is None:
         return
     found = floors(
-        *([curve.columns[name] for curve in dataset.curves] for name in (swept[0], dataset.target))
+        *([curve.columns[name] for curve in dataset.curves] for name in (over, dataset.target))
     )
     told = [
         f"{100 * floor:.2g} % at {dataset.curves[number].id}"
@@ -208,9 +213,11 @@ def single_valued(subject: Subject) -> Issues:
             f"no model without memory does better than {', '.join(told)} of the largest "
             f"{dataset.target}"
         )
-        message = f"curves over {swept[0]} are not single-valued: {best}"
-        remedy = (
+        yield Issue(
+            "hint",
+            "not-single-valued",
+            subject.where("target"),
+            f"curves over {over} are not single-valued: {best}",
             "where the muscle was loaded and unloaded, split the branches by `cycles: "
-            f"{{over: {swept[0]}}}`, or accept this floor"
+            f"{{over: {over}}}`, or accept this floor",
         )
-        yield Issue("hint", "not-single-valued", subject.where("target"), message, remedy)

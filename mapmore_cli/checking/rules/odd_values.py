@@ -31,15 +31,16 @@ def spikes_in(subject: Subject) -> Issues:
                 continue
             first, unit = int(found[0]), subject.units[name]
             between = f"between {values[first - 1]:.6g} and {values[first + 1]:.6g} {unit}".rstrip()
-            message = (
+            yield Issue(
+                "warning",
+                "spike",
+                subject.source(name),
                 f"{_first_of(subject, recording, found)}: {name} is {values[first]:.6g} for "
-                f"one sample, {between}"
-            )
-            remedy = (
+                f"one sample, {between}",
                 f"leave it out, as with `keep: [{{quantity: {name}, above: ...}}]`, or empty "
-                "its cell; where it is real, nothing is wrong"
+                "its cell; where it is real, nothing is wrong",
+                "data",
             )
-            yield Issue("warning", "spike", subject.source(name), message, remedy, "data")
 
 
 def below_vacuum(subject: Subject) -> Issues:
@@ -53,13 +54,14 @@ def below_vacuum(subject: Subject) -> Issues:
             if found.size:
                 lowest = f"{recording.columns[name][found].min():.6g} {subject.units[name]}"
                 below = f"below absolute zero ({limit:.4g} {subject.units[name]} of a gauge)"
-                message = f"{_first_of(subject, recording, found)}: {name} is {lowest}, {below}"
-                remedy = (
-                    "mend its `unit`, `scale` or `offset`, or leave them out, as `keep: "
-                    f"[{{quantity: {name}, above: {limit:.4g}}}]`"
-                )
                 yield Issue(
-                    "warning", "below-vacuum", subject.source(name), message, remedy, "data"
+                    "warning",
+                    "below-vacuum",
+                    subject.source(name),
+                    f"{_first_of(subject, recording, found)}: {name} is {lowest}, {below}",
+                    "mend its `unit`, `scale` or `offset`, or leave them out, as `keep: "
+                    f"[{{quantity: {name}, above: {limit:.4g}}}]`",
+                    "data",
                 )
 
 

@@ -29,15 +29,15 @@ def computed_from(subject: Subject) -> Issues:
         ]
         known = np.array([slope for slope in slopes if slope is not None])
         if None not in slopes and np.ptp(known) <= ROUNDING * np.abs(known).max():
-            message = (
+            yield Issue(
+                "warning",
+                "computed-from",
+                subject.source(target),
                 f"{target} is {known[0]:.6g} times {name}, plus a constant of each recording, "
-                f"to {ROUNDING:g} of its range"
-            )
-            remedy = (
+                f"to {ROUNDING:g} of its range",
                 f"was it computed from {name}? Then it is no measurement: name the column of "
-                "a sensor, or `derive` it"
+                "a sensor, or `derive` it",
             )
-            yield Issue("warning", "computed-from", subject.source(target), message, remedy)
 
 
 def _slope_of_line(x: Array, y: Array) -> float | None:
@@ -63,9 +63,13 @@ def untold_difference(subject: Subject) -> Issues:
     if difference is not None:
         effects = "".join(f", {effect}: true" for effect in difference.effects)
         line = f"`data.groups: {{of: session{effects}}}` with " if effects else ""
-        remedy = (
-            f"say {line}`set: {{session: 1}}` beside the files of each session, or correct a name"
-        )
         severity: Severity = "warning" if difference.is_large else "hint"
         place = subject.source(target)
-        yield Issue(severity, "untold-difference", place, difference.words(), remedy, "data")
+        yield Issue(
+            severity,
+            "untold-difference",
+            place,
+            difference.words(),
+            f"say {line}`set: {{session: 1}}` beside the files of each session, or correct a name",
+            "data",
+        )

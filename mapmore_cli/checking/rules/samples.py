@@ -27,14 +27,12 @@ def constant(subject: Subject) -> Issues:
         low, high = subject.span(name)
         if low == high and sum(one.rows_kept for one in subject.recordings) > 1:
             target = name == subject.spec.target_quantity
-            message = f"{name} is {low:g} in every sample"
-            remedy = "name another column" if target else "name another column, or leave it out"
             yield Issue(
                 "error" if target else "warning",
                 "constant",
                 subject.source(name),
-                message,
-                remedy,
+                f"{name} is {low:g} in every sample",
+                "name another column" if target else "name another column, or leave it out",
                 "data",
             )
 
@@ -54,9 +52,13 @@ def offset(subject: Subject) -> Issues:
     mean = sum(float(x.sum()) for x in blocks) / sum(map(len, blocks))
     if abs(mean) > FAR_FROM_ZERO * (high - low) > 0:
         ends = f"{low:.6g} to {high:.6g} {subject.units[name]}"
-        message = f"{name} runs from {ends}, far from zero: its NRMSE is small, whatever the model"
-        remedy = "take what it starts from off by `offset`, or say `validate: {normaliser: range}`"
-        yield Issue("hint", "offset", subject.source(name), message, remedy)
+        yield Issue(
+            "hint",
+            "offset",
+            subject.source(name),
+            f"{name} runs from {ends}, far from zero: its NRMSE is small, whatever the model",
+            "take what it starts from off by `offset`, or say `validate: {normaliser: range}`",
+        )
 
 
 def same_signal(subject: Subject) -> Issues:
@@ -68,19 +70,13 @@ def same_signal(subject: Subject) -> Issues:
         told = " and ".join(names[place] for place in family)
         # two inputs may be so, as the muscles of one joint
         target = subject.spec.target_quantity in (names[place] for place in family)
-        remedy = (
-            "keep the one of them that was measured; another sensor has to tell the other quantity"
-        )
-        message = (
-            f"{told} are one signal: each is the other times a constant, plus one "
-            f"(correlation {1 - evidence.ROUNDING:g} or more)"
-        )
         yield Issue(
             "error" if target else "hint",
             "same-signal",
             subject.source(names[family[-1]]),
-            message,
-            remedy,
+            f"{told} are one signal: each is the other times a constant, plus one "
+            f"(correlation {1 - evidence.ROUNDING:g} or more)",
+            "keep the one of them that was measured; another sensor has to tell the other quantity",
         )
 
 
@@ -114,13 +110,16 @@ def _clipped(
     at = f"{end:.6g} {subject.units[name]}"
     exactly = f"{count} of {recording.rows_kept} samples have {name} at exactly {at}"
     leave_out = f"leave them out, as `keep: [{{quantity: {name}, {side}: {end:.6g}}}]`"
-    remedy = (
-        f"where the sensor is at its end, {leave_out}; where {name} itself stops there (a stop, a "
-        "full tank), keep them"
-    )
-    message = f"{recording.name}: {exactly}: clipped, or a limit that it has"
     severity: Severity = "warning" if name in FROM_SENSORS else "hint"
-    return Issue(severity, "clipped", subject.source(name), message, remedy, "data")
+    return Issue(
+        severity,
+        "clipped",
+        subject.source(name),
+        f"{recording.name}: {exactly}: clipped, or a limit that it has",
+        f"where the sensor is at its end, {leave_out}; where {name} itself stops there (a stop, a "
+        "full tank), keep them",
+        "data",
+    )
 
 
 def force_never_pulls(subject: Subject) -> Issues:
@@ -128,15 +127,12 @@ def force_never_pulls(subject: Subject) -> Issues:
     if subject.has("force"):
         low, high = subject.span("force")
         if high <= 0 and low < 0:
-            message = (
-                f"the force is never positive (it runs from {low:.4g} to {high:.4g}): its "
-                "sign looks turned"
-            )
             yield Issue(
                 "warning",
                 "force-never-positive",
                 subject.source("force"),
-                message,
+                f"the force is never positive (it runs from {low:.4g} to {high:.4g}): its "
+                "sign looks turned",
                 "say `scale: -1`, so that pull is positive",
             )
 
@@ -156,12 +152,16 @@ def recorded_twice(subject: Subject) -> Issues:
         if twin is recording:
             continue
         leak = (twin.id in held_out) != (recording.id in held_out)
-        message = f"it has the same samples as {twin.name}" + (
-            ", and one of them validates the other" if leak else ""
-        )
         severity: Severity = "error" if leak else "warning"
-        remedy = "leave one of them out"
-        yield Issue(severity, "recorded-twice", recording.name, message, remedy, "data")
+        yield Issue(
+            severity,
+            "recorded-twice",
+            recording.name,
+            f"it has the same samples as {twin.name}"
+            + (", and one of them validates the other" if leak else ""),
+            "leave one of them out",
+            "data",
+        )
 
 
 def unsettled(subject: Subject) -> Issues:
@@ -178,13 +178,13 @@ def unsettled(subject: Subject) -> Issues:
     found = evidence.settling(subject.recordings, subject.units["time"])
     if found is not None and found.share < MUCH:
         unit = f"{subject.units['pressure']}/s"
-        message = (
-            f"the pressure changes by more than {found.limit:g} {unit} in "
-            f"{1 - found.share:.0%} of the samples: hardly static"
-        )
         window = f"{1000 * found.window:g} ms"
-        remedy = (
+        yield Issue(
+            "hint",
+            "unsettled",
+            subject.where("data"),
+            f"the pressure changes by more than {found.limit:g} {unit} in "
+            f"{1 - found.share:.0%} of the samples: hardly static",
             f"derive `pressure_rate: {{rate_of: pressure, window: {window}, order: 2}}` and "
-            f"`keep: [{{quantity: pressure_rate, abs_below: {found.limit:g} {unit}}}]`"
+            f"`keep: [{{quantity: pressure_rate, abs_below: {found.limit:g} {unit}}}]`",
         )
-        yield Issue("hint", "unsettled", subject.where("data"), message, remedy)

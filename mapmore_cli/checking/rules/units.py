@@ -15,12 +15,14 @@ def strain_in_per_cent(subject: Subject) -> Issues:
         return
     largest = convert(subject.span("strain")[1], subject.units["strain"], "1")
     if largest > 1:
-        message = (
+        yield Issue(
+            "error",
+            "strain-in-per-cent",
+            subject.source("strain"),
             f"strain reaches {largest:.3g}, which is {100 * largest:.4g} % of the length: it looks "
-            "like per cent read as a fraction"
+            "like per cent read as a fraction",
+            'say `unit: "%"`; an elongation needs another name, or `scale: -1`',
         )
-        remedy = 'say `unit: "%"`; an elongation needs another name, or `scale: -1`'
-        yield Issue("error", "strain-in-per-cent", subject.source("strain"), message, remedy)
 
 
 def unit_in_the_name(subject: Subject) -> Issues:
@@ -32,14 +34,11 @@ def unit_in_the_name(subject: Subject) -> Issues:
             and label.quantity == name
             and (declared := _contradicted(subject, name, label.unit))
         ):
-            message = (
-                f"column '{column.column}' is read in {declared}, but its name says {label.unit}"
-            )
             yield Issue(
                 "warning",
                 "unit-in-name",
                 subject.source(name),
-                message,
+                f"column '{column.column}' is read in {declared}, but its name says {label.unit}",
                 f'say `unit: "{label.unit}"`, or rename the column',
             )
 
@@ -75,15 +74,12 @@ def _units_below(subject: Subject, names: list[str], below: list[list[str]]) -> 
         units = (unit_of(text, column.unit or subject.units[name]) for text in texts)
         unit = next((unit for unit in units if unit is not None), None)
         if declared := _contradicted(subject, name, unit):
-            message = (
-                f"column '{column.column}' is read in {declared}, but the line under its name "
-                f"says {unit}"
-            )
             yield Issue(
                 "warning",
                 "unit-line",
                 subject.source(name),
-                message,
+                f"column '{column.column}' is read in {declared}, but the line under its name "
+                f"says {unit}",
                 f'say `unit: "{unit}"`, or `scale` if the line is wrong',
             )
 

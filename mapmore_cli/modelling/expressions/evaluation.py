@@ -22,6 +22,7 @@ from mapmore_cli.modelling.expressions.syntax import (
     Power,
     Product,
     Sum,
+    names_in,
     with_parts,
 )
 
@@ -128,7 +129,7 @@ def dictionary_blocks(
 def _needed(terms: Sequence[Expression], columns: Columns, n: int) -> dict[str, Array]:
     """Return the columns that the terms are evaluated on."""
     needed: dict[str, Array] = {}
-    for name in sorted(frozenset[str]().union(*(term.names for term in terms))):
+    for name in sorted(names_in(terms)):
         if name not in columns:
             raise DataError(
                 f"there is no column `{name}`", f"there are: {', '.join(columns) or 'none'}"

@@ -96,15 +96,9 @@ def count_products(states: int, order: int, partners: int) -> int:
     """How many products `products` gives of so many states, of which so many are partners, the
     constant included.
     """
-    of_partners = math.comb(partners + order, order)
-    with_another = sum(
-        math.comb(partners + order - degree, order - degree) for degree in range(1, order + 1)
-    )
-    return (
-        math.comb(states + order, order)
-        if partners == states
-        else of_partners + (states - partners) * with_another
-    )
+    whole = partners + order
+    # of partners alone, and with a power of one of the others
+    return math.comb(whole, order) + (states - partners) * math.comb(whole, partners + 1)
 
 
 SHARE = 0.5  # of the installed memory, what one fit may take: other programs need some as well

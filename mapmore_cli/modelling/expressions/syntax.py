@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, TypeVar, Union, dataclass_transform
@@ -71,7 +71,7 @@ class Expression:
             case Name(name):
                 return frozenset({name})
             case Sum(parts) | Product(parts):
-                return frozenset[str]().union(*(part.names for part in parts))
+                return names_in(parts)
             case Power(part) | Call(_, part):
                 return part.names
         return frozenset()
@@ -248,6 +248,11 @@ def call(function: str, argument: Expression) -> Expression:
 def negate(expression: Expression) -> Expression:
     """`-expression`."""
     return multiply(Number(-1.0), expression)
+
+
+def names_in(expressions: Iterable[Expression]) -> frozenset[str]:
+    """Return every name that occurs in any of the expressions."""
+    return frozenset[str]().union(*(one.names for one in expressions))
 
 
 def with_parts(expression: Expression, change: Callable[[Expression], Expression]) -> Expression:

@@ -11,7 +11,7 @@ from typing import ClassVar, Self
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import Array, Columns
+from mapmore_cli.domain.arrays import Array, Columns, row_count
 from mapmore_cli.domain.errors import DataError, SpecError
 from mapmore_cli.domain.fits import FormulaFit, Optimum
 from mapmore_cli.modelling.expressions import (
@@ -192,7 +192,7 @@ class Formula:
         """Return the formula on every row, `(n,)`; NaN with the parameters of a failed fit."""
         values = {name: columns[name] for name in self.inputs if name in columns}
         values |= {name: np.asarray(parameters[name]) for name in self.parameters}
-        return evaluate(self.expression, values, len(next(iter(columns.values()), ())))
+        return evaluate(self.expression, values, row_count(columns))
 
     def equations(self, fit: FormulaFit) -> dict[str, Expression]:
         """`equation`, by the name of the formula; of some formulas, one for each of their parts."""

@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import Array, Columns
+from mapmore_cli.domain.arrays import Array, Columns, row_count
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.fits import FormulaFit, SegmentedCurve
 from mapmore_cli.domain.models import CurveRange, Equation, Formula, Model
@@ -100,7 +100,7 @@ def where_finite(
 ) -> Array:
     """Return a function of the inputs; NaN where an input is not finite, (n,)."""
     given = {one.name: np.asarray(columns[one.name], dtype=np.float64) for one in inputs}
-    n = len(next(iter(columns.values())))
+    n = row_count(columns)
     finite = np.logical_and.reduce([np.ones(n, dtype=np.bool_), *map(np.isfinite, given.values())])
     # a term may overflow far outside, and what follows from a NaN is replaced
     with np.errstate(all="ignore"):

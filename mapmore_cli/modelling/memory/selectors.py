@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from itertools import pairwise
 
 import numpy as np
@@ -37,25 +37,16 @@ class Regressors:
     y: Array
     uncertainty: Array | None = None
 
-    @property
-    def samples(self) -> int:
-        """Number of samples, n."""
-        return len(self.y)
-
-    def rows(self, part: slice) -> Regressors:
-        """Return some of the samples."""
-        return Regressors(
-            self.terms, {name: values[part] for name, values in self.states.items()}, self.y[part]
-        )
-
-    def of_terms(self, among: IntArray) -> Regressors:
-        """Return the same with some of the terms."""
-        return replace(self, terms=tuple(self.terms[i] for i in among))
-
-    def blocks(self) -> Iterator[tuple[Array, Array]]:
-        """Yield the dictionary and the output, block by block."""
-        for rows, P in dictionary_blocks(self.terms, self.states, self.samples):
-            yield P, self.y[rows]
+    def blocks(
+        self, among: IntArray | None = None, part: slice = slice(None)
+    ) -> Iterator[tuple[Array, Array]]:
+        """Yield the dictionary and the output, block by block; some of the terms, or the samples,
+        alone.
+        """
+        terms = self.terms if among is None else [self.terms[i] for i in among]
+        states, y = {name: values[part] for name, values in self.states.items()}, self.y[part]
+        for rows, P in dictionary_blocks(terms, states, len(y)):
+            yield P, y[rows]
 
 
 def regressors(
@@ -110,9 +101,9 @@ def problem_of(data: Regressors, recipe: MemoryRecipe, among: IntArray | None = 
     """Return candidates and output as FROLS reads them, of some candidates where that is said."""
     every = np.arange(len(data.terms)) if among is None else among
     return Problem(
-        data.of_terms(every).blocks,
+        partial(data.blocks, every),
         Weighing(data.uncertainty, recipe.loss, recipe.known_scale),
-        lambda chosen: data.of_terms(every[chosen]).blocks,
+        lambda chosen: partial(data.blocks, every[chosen]),
     )
 
 
@@ -121,18 +112,16 @@ class _Plain:
 
     def __init__(self, data: Regressors, recipe: MemoryRecipe) -> None:
         self.data, self.recipe, self.whole = data, recipe, None
-        if fits_whole(data.samples, len(data.terms)):
-            self.whole = dictionary_matrix(data.terms, data.states, data.samples)
+        if fits_whole(len(data.y), len(data.terms)):
+            self.whole = dictionary_matrix(data.terms, data.states, len(data.y))
         else:
             refuse_beyond_memory(len(data.terms))
 
     def best(self) -> TermChoice:
         """Return the model whose number of terms the recipe's rule prefers."""
-        recipe = self.recipe
-        every = np.arange(len(self.data.terms))
-        if recipe.stop == "free_run":
-            return self._selected(every, recipe.max_terms)
-        return self._selected(every, recipe.max_terms, recipe.tolerance, recipe.stop)
+        recipe, every = self.recipe, np.arange(len(self.data.terms))
+        rule = () if recipe.stop == "free_run" else (recipe.tolerance, recipe.stop)
+        return self._selected(every, recipe.max_terms, *rule)
 
     @cached_property
     def sizes(self) -> list[IntArray]:
@@ -182,9 +171,9 @@ class _Ridged:
         total = moments(self.blocks)
         ridge = recipe.ridge
         if ridge == "auto":
-            edges = np.linspace(0, data.samples, min(FOLDS, data.samples) + 1).astype(np.int64)
-            parts = [data.rows(slice(begin, end)) for begin, end in pairwise(edges)]
-            folds = [moments(standardised(part.blocks, self.standard)) for part in parts]
+            edges = np.linspace(0, len(data.y), min(FOLDS, len(data.y)) + 1).astype(np.int64)
+            parts = [partial(data.blocks, part=slice(*ends)) for ends in pairwise(edges)]
+            folds = [moments(standardised(blocks, self.standard)) for blocks in parts]
             ridge = choose_ridge(total, folds, recipe.forward_terms, recipe.max_terms)
         self.data = Regularised(total.covariance, total.samples, ridge)
         self.forward = select(self.data, recipe.forward_terms).chosen

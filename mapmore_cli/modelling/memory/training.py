@@ -199,9 +199,9 @@ class TrainingData:
         for term in self.terms:
             parted(term, fed_back)  # refuses what no free run could feed back
         self.data = regressors(records, self.states, self.terms, recipe.target)
-        if self.data.samples <= recipe.max_terms:
+        if len(self.data.y) <= recipe.max_terms:
             raise DataError(
-                f"{self.data.samples} training sample(s) with a history, too few for "
+                f"{len(self.data.y)} training sample(s) with a history, too few for "
                 f"{recipe.max_terms} term(s)",
                 "keep more samples, or lower fit.max_terms",
             )

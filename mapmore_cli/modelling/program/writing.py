@@ -18,6 +18,7 @@ from mapmore_cli.modelling.expressions.syntax import (
     Product,
     Sum,
     expression,
+    names_in,
 )
 from mapmore_cli.modelling.kinds import limits
 from mapmore_cli.modelling.program.statements import (
@@ -200,7 +201,7 @@ def pruned(model: Program) -> Program:
     """Return the program with only the statements that its results and its memory depend on."""
     body = pruned_block(
         model.body,
-        _names(side for limit in model.limits for side in (limit.value, limit.at or ZERO)),
+        names_in(side for limit in model.limits for side in (limit.value, limit.at or ZERO)),
     )
     used, functions = names_used_in(body), list[Function]()
     for function in reversed(model.functions):  # each uses earlier ones only
@@ -214,7 +215,7 @@ def pruned_block(block: Block, also: Set[str] = frozenset()) -> Block:
     """Return the block with only the statements that its results, its memory and the names in
     `also` depend on.
     """
-    used = _names(block.results) | also
+    used = names_in(block.results) | also
     kept: list[Statement] = []
     for statement in reversed(block.statements):
         found = _used(statement, used)
@@ -224,15 +225,15 @@ def pruned_block(block: Block, also: Set[str] = frozenset()) -> Block:
     return Block(tuple(reversed(kept)), block.results)
 
 
-def names_used_by(statement: Statement) -> set[str]:
+def names_used_by(statement: Statement) -> Set[str]:
     """Return every name that a statement uses, those of functions included."""
     match statement:
         case Let(_, value) | Keep(_, value) | Queue(_, value):
             return set(value.names)
         case Use(_, function, arguments):
-            return {function, *_names(arguments)}
+            return {function, *names_in(arguments)}
         case Choose(_, cases):
-            conditions = _names(
+            conditions = names_in(
                 side for condition, _ in cases for side in (condition.left, condition.right)
             )
             return conditions.union(*map(names_used_in, statement.blocks))
@@ -240,12 +241,12 @@ def names_used_by(statement: Statement) -> set[str]:
             return set()
 
 
-def names_used_in(block: Block) -> set[str]:
+def names_used_in(block: Block) -> Set[str]:
     """Return every name that a block uses."""
-    return _names(block.results).union(*map(names_used_by, block.statements))
+    return names_in(block.results).union(*map(names_used_by, block.statements))
 
 
-def _used(statement: Statement, used: set[str]) -> Statement | None:
+def _used(statement: Statement, used: Set[str]) -> Statement | None:
     """Return the part of a statement that is used; None where nothing is."""
     match statement:
         case Let(name) | Recall(name):
@@ -266,7 +267,3 @@ def _used(statement: Statement, used: set[str]) -> Statement | None:
                 last,
             )
     return statement
-
-
-def _names(expressions: Iterable[Expression]) -> set[str]:
-    return {name for expression in expressions for name in expression.names}

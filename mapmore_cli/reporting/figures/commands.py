@@ -232,13 +232,12 @@ def campaign_figures(scores: CampaignScores) -> list[Drawing]:
         rows, across = np.arange(len(runs)), ax.get_yaxis_transform()
         ax.hlines(rows, 0.0, 1.0, transform=across, colors=style.LIGHT, linewidth=0.4, zorder=0)
         for place, model in enumerate(drawn):
-            size = {"markersize": 4.0 + looks[model].width, "markeredgewidth": 0}
-            dots = {"marker": looks[model].marker, "color": looks[model].colour, **size}
-            dots = FLOOR if model == REPEATABILITY else dots
+            look, known = looks[model], np.isfinite(errors[model])
+            dots: dict[str, Any] = {"marker": look.marker, "markersize": 4.0 + look.width}
+            dots |= {"color": look.colour, "markeredgewidth": 0}
             # the own dots over the others
-            on_top = {"zorder": 3 - 0.1 * place, "linestyle": "none", "label": model}
-            known = np.isfinite(errors[model])
-            ax.plot(errors[model][known], rows[known], **dots, **on_top)
+            dots = (FLOOR if model == REPEATABILITY else dots) | {"zorder": 3 - 0.1 * place}
+            ax.plot(errors[model][known], rows[known], linestyle="none", label=model, **dots)
         panels.label_rows(ax, panels.told_apart(runs, 40))
         panels.plain_logarithm(ax.xaxis, (1.0, 2.0, 5.0))
 

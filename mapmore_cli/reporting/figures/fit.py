@@ -20,6 +20,7 @@ from mapmore_cli.domain.models import Formula, Pieces
 from mapmore_cli.domain.recording import Curve, Quantity
 from mapmore_cli.domain.scores import OWN
 from mapmore_cli.modelling.signals.sampling import envelope
+from mapmore_cli.modelling.validation.intervals import INTERVAL
 from mapmore_cli.reporting.figures import panels, style
 from mapmore_cli.reporting.figures.drawing import DOUBLE, Drawing, Layout, Panel, Values
 from mapmore_cli.reporting.figures.style import ModelStyle
@@ -94,7 +95,7 @@ class CurveFit:
                 own, look = next(iter(self.looks.items()))
                 for ax, base in ((top, 0.0), (bottom, self.predictions[own][rows])):
                     ends = [end[rows] - base for end in self.interval]
-                    label = f"{panels.INTERVAL:.0%} interval"
+                    label = f"{INTERVAL:.0%} interval"
                     panels.shade_between(ax, x, ends, look.colour, label)
         for low, high in self.shaded:
             label = "plateau" if self.pieces else ""

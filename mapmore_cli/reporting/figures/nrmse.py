@@ -44,20 +44,27 @@ def draw(inputs: ReportInputs) -> list[Drawing]:
     if paper is not None and splits[0] == "validate":  # they are of such data alone
         published = {m: 100 * paper.nrmse[m] for m in inputs.models if m in paper.nrmse}
     floor, looks = errors.get((REPEATABILITY, splits[0])), looks_of(inputs)
+    rows = [
+        (
+            *(model, split, errors.get((model, split), math.nan)),
+            published.get(model, "") if split == "validate" else "",
+        )
+        for model in inputs.models
+        for split in splits
+    ]
 
     def on(ax: Axes) -> None:
-        first = (1 - len(splits)) / 2 * BAR
-        for j, split in enumerate(splits):
-            for place, model in enumerate(inputs.models):
-                at, error = place + first + j * BAR, errors.get((model, split))
-                text = "failed" if error is None else f"{error:.2f}"
-                if error is not None:
-                    look = _bar_look(looks[model].colour, j == 0)
-                    ax.barh(at, error, BAR * 0.9, linewidth=0.8, **look)
-                if j == 0 and model in published:
-                    ax.plot(published[model], at, zorder=5, clip_on=False, **DIAMOND)
-                    text += f" (published {published[model]:.3g})"
-                write_beside(ax, at, text)
+        for model, split, error, printed in rows:
+            solid, beside = split == splits[0], splits.index(split) - (len(splits) - 1) / 2
+            at = inputs.models.index(model) + beside * BAR
+            text = "failed" if math.isnan(error) else f"{error:.2f}"
+            if printed != "":
+                ax.plot(printed, at, zorder=5, clip_on=False, **DIAMOND)
+                text += f" (published {printed:.3g})"
+            if math.isfinite(error):
+                look = _bar_look(looks[model].colour, solid)
+                ax.barh(at, error, BAR * 0.9, linewidth=0.8, **look)
+            write_beside(ax, at, text)
         if floor is not None:
             ax.axvline(floor, zorder=4, **FLOOR)
         label_rows(ax, titles([title_of(model) for model in inputs.models], 18))
@@ -80,14 +87,6 @@ def draw(inputs: ReportInputs) -> list[Drawing]:
         )
     if paper is not None and published:
         caption += f" Diamonds: {paper.source}."
-    rows = [
-        (
-            *(model, split, errors.get((model, split), math.nan)),
-            published.get(model, "") if split == "validate" else "",
-        )
-        for model in inputs.models
-        for split in splits
-    ]
     headings = ("model", "data", "NRMSE [%]", "published NRMSE [%]")
     data = dict(zip(headings, zip(*rows, strict=True), strict=True))
     panel = Panel("", on, "NRMSE (%)", ("",), data)

@@ -75,7 +75,8 @@ def draw_band(ax: Axes, x: Array, y: Array, sets_scale: bool = True, **look: Any
 
 def shade_between(ax: Axes, x: Array, ends: Iterable[Array], colour: Any, label: str = "") -> None:
     """Shade what lies between two ends, (n,) each."""
-    ax.fill_between(x, *ends, color=colour, alpha=PALE, linewidth=0, zorder=1, label=label)
+    low, high = ends
+    ax.fill_between(x, low, high, color=colour, alpha=PALE, linewidth=0, zorder=1, label=label)
 
 
 def looks_of(inputs: ReportInputs) -> dict[str, ModelStyle]:

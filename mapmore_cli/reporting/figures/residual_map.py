@@ -27,8 +27,8 @@ def draw(inputs: ReportInputs) -> list[Drawing]:
     if not len(rows):
         return []
     rows = rows[evenly(len(rows), 2 * DOTS)]
-    every = (plane.x, plane.y, error, inputs.pooled_held_out)
-    x, y, error, held = (values[rows] for values in every)
+    x, y, error = (values[rows] for values in (plane.x, plane.y, error))
+    held = inputs.pooled_held_out[rows]
     largest = float(np.quantile(np.abs(error), 0.98)) or 1.0
     label = f"Predicted less measured ({inputs.target.unit or '–'})"
 

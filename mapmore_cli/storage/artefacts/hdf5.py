@@ -60,22 +60,14 @@ def put_array(
 ) -> None:
     """Store an array under a path, and take it into a checksum; a huge one by blocks."""
     dtype = TYPES[value.dtype.type]
-    if value.size < HUGE:
-        packed: dict[str, Any] = (
-            {"compression": "gzip", "shuffle": True} if value.size >= LONG else {}
-        )
-        dataset = file.create_dataset(
-            path, data=np.asarray(value, dtype), track_times=False, **packed
-        )
-        add_to_hash(digest, path, value, dtype)
-    else:
-        dataset = file.create_dataset(path, value.shape, dtype, track_times=False)
-        digest.update(head_of_array(path, value, dtype))
-        for rows in row_blocks(len(value)):
-            block = np.ascontiguousarray(value[rows], dtype=dtype)
-            digest.update(block.data)
-            dataset[rows] = block
-            give_back(value)
+    packed = {"compression": "gzip", "shuffle": True} if LONG <= value.size < HUGE else {}
+    dataset = file.create_dataset(path, value.shape, dtype, track_times=False, **packed)
+    digest.update(head_of_array(path, value, dtype))
+    for rows in row_blocks(len(value)):
+        block = np.ascontiguousarray(value[rows], dtype=dtype)
+        digest.update(block.data)
+        dataset[rows] = block
+        give_back(value)
     dataset.attrs.update({"description": description, "unit": unit})
 
 

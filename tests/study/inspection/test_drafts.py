@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import gzip
+from collections import Counter
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -18,6 +20,7 @@ from mapmore_cli.annexes.drafting.sources import patterns
 from mapmore_cli.annexes.drafting.start import start
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.pipeline.runner import bring_up_to_date
+from mapmore_cli.storage.readers import READERS
 
 PLAIN = "1,10\n2,20\n3,30\n4,40\n"
 
@@ -115,9 +118,15 @@ def isobaric(folder, name="pull_{:g}.csv", percent=1.0):
         write(folder / name.format(level), columns)
 
 
-def test_an_isobaric_campaign(tmp_path):
+@pytest.mark.usefixtures("quick_families")
+def test_an_isobaric_campaign(tmp_path, monkeypatch):
+    """Every recording is read for its columns, for the draft, and for search and run together."""
     isobaric(tmp_path)
+    read, csv = [], READERS["csv"]
+    counted = replace(csv, read=lambda path, *how: read.append(path) or csv.read(path, *how))
+    monkeypatch.setitem(READERS, "csv", counted)
     (draft,) = start(tmp_path, tmp_path).drafts
+    assert Counter(read) == dict.fromkeys(tmp_path.glob("pull_*.csv"), 3)
     data = checked(draft, tmp_path).spec.data
     assert (data.levels.of, data.levels.at) == ("pressure", [100, 200, 300, 400])
     assert data.files == ["pull_*.csv"]
