@@ -4,13 +4,15 @@ samples.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import partial
 from importlib.util import find_spec
 
 import numpy as np
 
-from mapmore_cli.annexes.search.bench import Bench
+from mapmore_cli.annexes.search.situation import Situation
 from mapmore_cli.domain.arrays import Array, BoolArray
+from mapmore_cli.domain.recording import Dataset
 from mapmore_cli.fitting.baselines import DELAYS, MOST_SAMPLES, even_share, features, learned
 
 MOST_IN_A_FOLD = 1_500
@@ -30,7 +32,9 @@ Left = tuple[Array, BoolArray]
 """Errors of a structure on the samples of a fold, (n,), and which of them it predicts."""
 
 
-def black_boxes(bench: Bench) -> dict[str, list[Left]]:
+def black_boxes(
+    dataset: Dataset, folds: Sequence[BoolArray], situation: Situation
+) -> dict[str, list[Left]]:
     """Errors of each black box on the left-out samples of every fold, by its name; without
     scikit-learn of a Gaussian process alone.
 
@@ -39,19 +43,19 @@ def black_boxes(bench: Bench) -> dict[str, list[Left]]:
     """
     from mapmore_cli.modelling.validation.gaussian_process import smooth
 
-    curves, inputs = bench.dataset.curves, bench.situation.inputs
+    curves, inputs = dataset.curves, situation.inputs
     if not inputs:
         return {}
-    delays = DELAYS if bench.situation.timed else (0,)
+    delays = DELAYS if situation.timed else (0,)
     known = np.concatenate([curve.training for curve in curves])
     x = np.concatenate([features(curve, inputs, delays) for curve in curves])
-    y = np.concatenate([curve.columns[bench.dataset.target] for curve in curves])
+    y = np.concatenate([curve.columns[dataset.target] for curve in curves])
     learners = {"gaussian_process": smooth} if x.shape[1] <= MOST_INPUTS else {}
     if known.sum() >= FEWEST and find_spec("sklearn") is not None:
         # a network takes as long as the rest of a search
         learners["gradient_boosting"] = partial(learned, "gradient_boosting")
     errors: dict[str, list[Left]] = {name: [] for name in learners}
-    for out in bench.folds:
+    for out in folds:
         rest = np.flatnonzero(known & ~out)
         for name, learner in learners.items():
             learnt = even_share(rest, min(MOST_IN_A_FOLD, MOST_SAMPLES[name] // 2))

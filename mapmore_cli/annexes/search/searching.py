@@ -121,7 +121,7 @@ def search(
     bench = Bench.of(training, situation, part, dataset)
     budget = Budget(part.model.budget)
     jobs: list[Callable[[], Any]] = [partial(_try_structure, one, bench, budget) for one in listed]
-    jobs.append(partial(black_boxes, bench) if beside else dict)
+    jobs.append(partial(black_boxes, training, bench.folds, situation) if beside else dict)
     *done, boxes = shared_out(call, jobs, partial(progress, "structures"))
     outcomes: list[Outcome] = [one for one in done if one is not None]
     cut = len(listed) - len(outcomes)
