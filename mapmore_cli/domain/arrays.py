@@ -36,6 +36,9 @@ Numbers = Annotated[Array, FINITE]
 IntArray = np.ndarray[_Shape, np.dtype[np.int64]]
 """Row numbers and identifiers."""
 
+Rows = range | IntArray
+"""Row numbers; those that follow each other take no room."""
+
 BoolArray = np.ndarray[_Shape, np.dtype[np.bool_]]
 """Masks over samples."""
 
@@ -58,6 +61,10 @@ ROWS, WIDE = 1 << 14, 1 << 17
 """Samples of a block: of 128 KB of a column, so that what is computed of it stays in the
 processor's cache; and of one for work that costs much to begin, as a model does.
 """
+
+
+ALONE = 512
+"""Rows of a long column that are taken at one time where they lie far apart."""
 
 
 def row_blocks(size: int, rows: int = ROWS) -> Iterator[slice]:
@@ -166,26 +173,24 @@ def chosen(values: Any, mask: BoolArray) -> Any:
     return values[mask]
 
 
-def picked(values: Any, rows: IntArray | BoolArray) -> Any:
+def picked(values: Any, rows: Rows | BoolArray) -> Any:
     """Return the values at some rows, by their numbers or by a mask, (n,), in parts that touch
     little of a long column each.
     """
+    if isinstance(rows, range):
+        return values[rows.start : rows.stop]
     if rows.dtype == np.bool_:
         return by_blocks(chosen, values, rows)
-    if len(rows) and rows[-1] - rows[0] == len(rows) - 1 and _ascends_by_one(rows):
-        return values[rows[0] : rows[-1] + 1]
 
     def parts() -> Iterator[list[Any]]:
-        for part in np.array_split(rows, -(-len(values) // WIDE) or 1):
+        # a row that stands alone brings a page of the column into memory, and its neighbours
+        few = min(len(values) // WIDE, len(rows) // ALONE) + 1
+        for part in np.array_split(rows, few):
             yield [values[part]]
             give_back(values)
             give_back(rows)
 
     return stacked(parts())[0]
-
-
-def _ascends_by_one(rows: Any) -> bool:
-    return all((np.diff(block) == 1).all() for (block,) in in_blocks(rows, overlap=1))
 
 
 def joined(columns: Sequence[Any]) -> Any:
@@ -194,9 +199,20 @@ def joined(columns: Sequence[Any]) -> Any:
     return columns[0] if len(columns) == 1 else stacked(blocks)[0]
 
 
-def row_numbers(rows: IntArray | range) -> IntArray:
+def row_numbers(rows: Rows) -> IntArray:
     """Return row numbers, (n,), of which those that follow each other need not be in memory."""
     return np.arange(rows.start, rows.stop, rows.step) if isinstance(rows, range) else rows
+
+
+def rows_where(mask: BoolArray) -> Rows:
+    """Return the numbers of the rows where `mask`, (n,)."""
+    first, count = int(mask.argmax()), int(np.count_nonzero(mask))
+    if mask[first : first + count].all():
+        return range(first, first + count)
+    found: IntArray = by_blocks(
+        lambda rows, on: row_numbers(rows)[on], range(len(mask)), mask, rows=WIDE
+    )
+    return found
 
 
 def give_back(column: Any) -> None:

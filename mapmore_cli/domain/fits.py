@@ -19,6 +19,7 @@ from mapmore_cli.domain.arrays import (
     Number,
     Numbers,
     Ranges,
+    Rows,
     Span,
 )
 from mapmore_cli.domain.declared import Checked, Count, Label, QuantityName, TermName, one_of
@@ -143,7 +144,12 @@ class Segment:
     id: Annotated[Label, "identifier of the segment, as `pressure=150/strain:2`"]
     curve: Annotated[Label, "identifier of its curve"]
     cell: Annotated[tuple[int, ...], "place along each segmented variable, from 1", "-"]
-    rows: Annotated[IntArray, "row numbers within the curve's training samples, from 0", "-"]
+    rows: Annotated[
+        Rows,
+        "row numbers within the curve's training samples, from 0; the first of those that follow "
+        "each other, and the last plus 1",
+        "-",
+    ]
 
 
 @dataclass(frozen=True)

@@ -38,8 +38,8 @@ from mapmore_cli.storage.run_record import (
     Origin,
     StageRecord,
     load_origin,
-    take_stamp,
 )
+from mapmore_cli.storage.stamps import take_stamp
 
 KEPT = (MODEL, "scores.json", "scores.csv", "experiment.yaml", RUN_RECORD)
 FROZEN = "frozen.json"

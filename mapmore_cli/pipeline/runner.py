@@ -47,9 +47,9 @@ from mapmore_cli.storage.run_record import (
     load_origin,
     load_records,
     save_records,
-    stamps_of,
     tool_versions,
 )
+from mapmore_cli.storage.stamps import stamps_of
 
 RESOLVED_SPEC = "experiment.yaml"
 FOUND = "found.yaml"

@@ -113,7 +113,7 @@ def segment(part: ModelChoices, workspace: Workspace) -> None:
 
 
 SEGMENT = Stage(
-    name="segment", revision=6, outputs=(SEGMENTATION,), reads=segment_slice, run=segment
+    name="segment", revision=7, outputs=(SEGMENTATION,), reads=segment_slice, run=segment
 )
 
 

@@ -11,7 +11,6 @@ paths, users, hosts or environment.
 from __future__ import annotations
 
 import csv
-import hashlib
 import io
 import json
 import math
@@ -34,43 +33,13 @@ from mapmore_cli.storage.atomic import write_text
 
 @dataclass(frozen=True)
 class Stamp:
-    """What a file was: its size in bytes, its modification time and the SHA-256 of its content."""
+    """What a file was: its size in bytes, its modification time and the SHA-256 of its content (of
+    a long result file, its own checksum).
+    """
 
     size: int
     mtime_ns: int
     sha256: str
-
-
-def take_stamp(path: Path, known: Stamp | None = None, rehash: bool = False) -> Stamp:
-    """Return the stamp of a file; the hash is `known`'s where size and time are too, unless
-    `rehash`. OSError where it cannot be read.
-    """
-    # Looked at before it is read: a file that changes meanwhile has another time than its stamp,
-    # and is read again next time.
-    state = path.stat()
-    if (
-        known is not None
-        and not rehash
-        and (state.st_size, state.st_mtime_ns) == (known.size, known.mtime_ns)
-    ):
-        return known
-    with path.open("rb") as file:
-        return Stamp(
-            state.st_size, state.st_mtime_ns, hashlib.file_digest(file, "sha256").hexdigest()
-        )
-
-
-def stamps_of(folder: Path, outputs: tuple[str, ...]) -> dict[str, Stamp]:
-    """Return the stamps of every file of `outputs` (files or folders in `folder`), by POSIX path
-    relative to `folder`.
-    """
-    places = [folder / output for output in outputs]
-    files = (
-        path
-        for place in places
-        for path in (sorted(filter(Path.is_file, place.rglob("*"))) if place.is_dir() else [place])
-    )
-    return {path.relative_to(folder).as_posix(): take_stamp(path) for path in files}
 
 
 def refuse_newer(path: Path, found: str, known: str) -> None:

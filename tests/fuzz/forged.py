@@ -209,6 +209,8 @@ def forged(part, chance, mark):
             )
         case np.ndarray():
             return _other_array(part, chance)
+        case range():
+            return range(chance.choice([-1, 0, part.stop]), chance.choice([0, part.stop, 2**40]))
         case tuple():
             more = (*part, *part[:1]), part[:-1], part[::-1], (), part * 2, part[1:]
             return chance.choice(more)

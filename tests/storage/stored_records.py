@@ -101,6 +101,8 @@ def _plain(own, letters, known, above):
         return st.integers(0, 2**40)
     if kind is bool:
         return st.booleans()
+    if kind is range:
+        return st.tuples(*[st.integers(0, 2**40)] * 2).map(lambda ends: range(*sorted(ends)))
     return _compound(own, finite, letters, known, above)
 
 

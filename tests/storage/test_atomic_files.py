@@ -18,7 +18,7 @@ from mapmore_cli.storage.atomic import (
     write_text,
 )
 from mapmore_cli.storage.run_folder import open_run_folder, recover, run_lock, stage_folder, swap_in
-from mapmore_cli.storage.run_record import stamps_of, take_stamp
+from mapmore_cli.storage.stamps import stamps_of, take_stamp
 from mapmore_cli.storage.tables.lines import replaced
 
 

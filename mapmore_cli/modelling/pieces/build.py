@@ -21,10 +21,13 @@ from mapmore_cli.domain.arrays import (
     Array,
     Columns,
     IntArray,
+    Rows,
     by_blocks,
     extremes,
     give_back,
+    picked,
     row_blocks,
+    row_numbers,
 )
 from mapmore_cli.domain.declared import taken
 from mapmore_cli.domain.errors import DataError
@@ -215,13 +218,18 @@ def fit(
     return tuple(zip(*fits, strict=True))
 
 
-def _labels_of_curves(rows: IntArray, curves: Sequence[Curve], curve: Curve) -> IntArray | None:
+def _labels_of_curves(rows: Rows, curves: Sequence[Curve], curve: Curve) -> IntArray | None:
     """Return which residuals go together, (n,): those of a curve where several are pooled, else
     those of a recording; None where all are of one.
     """
     if all(one.id != curve.id for one in curves):
-        return np.searchsorted(np.cumsum([one.size for one in curves]), rows, side="right")
-    return None if curve.origin is None or len(curve.recordings) < 2 else curve.origin[rows]
+        ends = np.cumsum([one.size for one in curves])
+        labels: IntArray = by_blocks(
+            lambda some: np.searchsorted(ends, row_numbers(some), side="right"), rows
+        )
+        return labels
+    alone = curve.origin is None or len(curve.recordings) < 2
+    return None if alone else np.asarray(picked(curve.origin, rows))
 
 
 def fit_together(
@@ -317,7 +325,7 @@ def _samples_of(
     unsure = uncertainty_of(recipe.target)
     given = [unsure] if unsure in columns else []
     samples = samples_at(columns, segment.rows, (*variables, recipe.target, *given))
-    if segment.rows.nbytes <= LONG:
+    if samples[recipe.target].nbytes <= LONG:
         order = np.lexsort([samples[name] for name in (*given, recipe.target, *variables[::-1])])
         samples = {name: values[order] for name, values in samples.items()}
         origin = None if origin is None else origin[order]

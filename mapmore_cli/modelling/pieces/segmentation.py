@@ -13,11 +13,12 @@ from mapmore_cli.domain.arrays import (
     BoolArray,
     Columns,
     IntArray,
+    Rows,
     blocks_where,
     by_blocks,
     extremes,
     picked,
-    row_numbers,
+    rows_where,
 )
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.fits import Scaling, Segment, SegmentedCurve
@@ -125,7 +126,7 @@ def optimal_partition(
     return tuple(reversed(places))
 
 
-def samples_at(columns: Columns, rows: IntArray, names: Iterable[str]) -> dict[str, Array]:
+def samples_at(columns: Columns, rows: Rows, names: Iterable[str]) -> dict[str, Array]:
     """Return some columns of a curve at the given rows."""
     return {name: picked(columns[name], rows) for name in names}
 
@@ -285,17 +286,14 @@ def segment_curve(
         place, sides = tuple(i for i, _ in cell), [ends for _, ends in cell]
 
         def inside(
-            rows: range,
-            trains: BoolArray,
-            *values: Array,
-            limits: Sequence[tuple[float, float]] = sides,
-        ) -> IntArray:
+            trains: BoolArray, *values: Array, limits: Sequence[tuple[float, float]] = sides
+        ) -> BoolArray:
             within = [
                 (x >= low) & (x <= high) for x, (low, high) in zip(values, limits, strict=True)
             ]
-            return row_numbers(rows)[np.logical_and.reduce([trains, *within])]
+            return np.asarray(np.logical_and.reduce([trains, *within]))
 
-        rows = by_blocks(inside, range(curve.size), training, *inputs)
+        rows = rows_where(by_blocks(inside, training, *inputs) if inputs else training)
         segments.append(Segment(segment_id(curve.id, tuple(cuts), place), curve.id, place, rows))
     if empty := [segment.id for segment in segments if not len(segment.rows)]:
         remedy = "use fewer segments, move the breakpoints, or keep more samples of this curve"

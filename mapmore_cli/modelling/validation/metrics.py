@@ -270,12 +270,13 @@ def bands(dataset: Dataset, predictions: Mapping[str, tuple[Array, ...]]) -> tup
         said = {model: every[place] for model, every in predictions.items()}
         for of, wanted, *values in in_blocks(y, mask, *said.values()):
             inside = np.digitize(np.abs(of), edges[1:-1], right=True)
-            samples += np.bincount(inside[wanted], minlength=count)
+            samples += (every := np.bincount(inside[wanted], minlength=count))
             for model, own in zip(said, values, strict=True):
                 error = own - of
                 rows: Any = wanted & np.isfinite(error)
-                rows = slice(None) if rows.all() else rows  # a copy costs more than the sums
-                known[model] += np.bincount(inside[rows], minlength=count)
+                whole = rows.all()
+                rows = slice(None) if whole else rows  # a copy costs more than the sums
+                known[model] += every if whole else np.bincount(inside[rows], minlength=count)
                 squares[model] += np.bincount(inside[rows], error[rows] ** 2, count)
     with np.errstate(invalid="ignore"):
         rmse = {model: np.sqrt(total / known[model]) for model, total in squares.items()}

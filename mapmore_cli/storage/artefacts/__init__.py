@@ -9,7 +9,8 @@ accepts the last, and `warn` is told of it, and of files without a checksum.
 
 `units` of `write_segmentation` and `write_fit` are those of `units_of(dataset)`: the types written
 there do not know them. A new major format is refused by older programs, a new minor only adds
-fields. Format 3.0 is the first that was released.
+fields. Format 3.0 is the first that was released; in
+3.1 rows of a segment that follow each other are two numbers.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -59,7 +60,8 @@ from mapmore_cli.storage.artefacts.schema import (
 from mapmore_cli.storage.atomic import replacing
 from mapmore_cli.storage.run_record import refuse_newer
 
-FORMAT_VERSION = "3.0"
+KNOWN_VERSIONS = ("3.0", "3.1")
+FORMAT_VERSION = KNOWN_VERSIONS[-1]
 
 CHECKSUM = "checksum"
 """Attribute of the root: SHA-256 (hexadecimal) of all arrays and of the document."""
@@ -68,9 +70,9 @@ _ALTERED = "its values are not those that were written: the checksum does not ma
 _GIVE_OURS = "give a file out of a run folder, as runs/NAME/model.h5"
 _GET_ANOTHER = "get a fresh copy, or make it again with `mapmore run CONFIG`"
 
-_as_written = set[tuple[int, ...]]()
-"""Marks of the files that this process wrote, or found to be as they were written: of a long one,
-the checksum is not computed again.
+_as_written: dict[tuple[int, ...], str] = {}
+"""Checksums of the files that this process wrote, or found to be as they were written, by their
+marks: of a long one, it is not computed again.
 """
 
 Warn = Callable[[str], None]
@@ -117,7 +119,7 @@ class FileKind(Generic[T]):
                 put_text(file, f"provenance/{name}", text, "where the file comes from")
             digest.update(document.encode())
             file.attrs.update(about | {CHECKSUM: digest.hexdigest()})
-        _as_written.add(_mark(path))
+        _as_written[_mark(path)] = digest.hexdigest()
 
     def read(self, path: Path, warn: Warn = lambda _message: None, unverified: bool = False) -> T:
         """Return the record in a file; `warn` is told where nothing says that it is as it was
@@ -132,7 +134,7 @@ class FileKind(Generic[T]):
                     f"{path}: is a {kind} file, not a {self.name} file",
                     f"give a file that `mapmore {self.stage}` wrote",
                 )
-            record, doubt = self._record(file, path.stat().st_size, version != FORMAT_VERSION)
+            record, doubt = self._record(file, path.stat().st_size, version not in KNOWN_VERSIONS)
             if doubt == _ALTERED and not unverified:
                 raise DataError(
                     f"{path}: {_ALTERED}", f"{_GET_ANOTHER}; `--unverified` reads it all the same"
@@ -147,7 +149,8 @@ class FileKind(Generic[T]):
         """Return what a file holds, and why its values may not be those that were written."""
         look_over(file, size, self.ratio)
         digest, (text, document) = hashlib.sha256(), take_document(file)
-        known = size > LONG and _mark(Path(file.filename)) in _as_written
+        mark = _mark(Path(file.filename))
+        known = size > LONG and mark in _as_written
         once: dict[int | None, str] = {}
         # one map for all arrays: each keeps a file open
         mapped = cache(lambda: np.memmap(file.filename, np.uint8, "r"))
@@ -173,10 +176,11 @@ class FileKind(Generic[T]):
             )
         if newer:
             return record, "is of a newer format: its checksum cannot be verified here"
-        if known or root_text(file, CHECKSUM) == digest.hexdigest():
-            _as_written.add(_mark(Path(file.filename)))
-            return record, ""
-        return record, _ALTERED
+        found = _as_written[mark] if known else digest.hexdigest()
+        if root_text(file, CHECKSUM) != found:
+            return record, _ALTERED
+        _as_written[mark] = found
+        return record, ""
 
 
 DATASET_FILE = FileKind("dataset", "ingest", Dataset)
@@ -197,6 +201,20 @@ def kind_of(path: Path) -> str:
     """`dataset`, `segmentation`, `fit`, `model` or `validation`; DataError for anything else."""
     with _opened_file(path) as (_, kind, _version):
         return kind
+
+
+def checksum_of(path: Path, anew: bool = False) -> str | None:
+    """Return the checksum of a file of ours that holds what was written, computed `anew` where this
+    process knows it; None of any other.
+    """
+    if anew:
+        _as_written.pop(_mark(path), None)
+    with suppress(DataError):
+        if _mark(path) not in _as_written:
+            kind = kind_of(path)
+            next(one for one in KINDS if one.name == kind).read(path)
+        return _as_written.get(_mark(path))
+    return None
 
 
 def units_of(dataset: Dataset) -> dict[str, str]:

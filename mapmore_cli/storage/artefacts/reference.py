@@ -21,7 +21,7 @@ from mapmore_cli.storage.artefacts.schema import (
     taken_apart,
 )
 
-WORDS = {str: "text", Literal: "text", types.NoneType: "null"}
+WORDS = {str: "text", Literal: "text", types.NoneType: "null", range: "[int, int]"}
 """What the reference calls types."""
 
 

@@ -215,6 +215,8 @@ def encoded(
             if not _same(one := getattr(value, name), default):
                 document[name] = encoded(one, inner, put, units, f"{path}/{name}")
         return document
+    if isinstance(value, range):
+        return [value.start, value.stop]
     if isinstance(value, Mapping | tuple):
         parts = value if isinstance(value, Mapping) else dict(enumerate(value))
         document = {

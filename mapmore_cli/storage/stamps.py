@@ -1,0 +1,55 @@
+"""Are files still the ones that were read or written?
+
+A long result file holds a checksum of its values, made while they were written. It stands for that
+of the file, which need not be read again; a file with other values than this says is hashed as it
+is, and so has another.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from pathlib import Path
+
+from mapmore_cli.domain.arrays import LONG
+from mapmore_cli.storage.run_record import Stamp
+
+SUFFIX = ".h5"
+
+
+def take_stamp(path: Path, known: Stamp | None = None, rehash: bool = False) -> Stamp:
+    """Return the stamp of a file; the hash is `known`'s where size and time are too, unless
+    `rehash`. OSError where it cannot be read.
+    """
+    # Looked at before it is read: a file that changes meanwhile has another time than its stamp,
+    # and is read again next time.
+    state = path.stat()
+    if (
+        known is not None
+        and not rehash
+        and (state.st_size, state.st_mtime_ns) == (known.size, known.mtime_ns)
+    ):
+        return known
+    return Stamp(state.st_size, state.st_mtime_ns, _hash_of(path, state.st_size, rehash))
+
+
+def _hash_of(path: Path, size: int, rehash: bool) -> str:
+    if size > LONG and path.suffix == SUFFIX:
+        from mapmore_cli.storage.artefacts import checksum_of
+
+        if checksum := checksum_of(path, rehash):
+            return checksum
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def stamps_of(folder: Path, outputs: tuple[str, ...]) -> dict[str, Stamp]:
+    """Return the stamps of every file of `outputs` (files or folders in `folder`), by POSIX path
+    relative to `folder`.
+    """
+    places = [folder / output for output in outputs]
+    files = (
+        path
+        for place in places
+        for path in (sorted(filter(Path.is_file, place.rglob("*"))) if place.is_dir() else [place])
+    )
+    return {path.relative_to(folder).as_posix(): take_stamp(path) for path in files}
