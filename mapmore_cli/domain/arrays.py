@@ -63,10 +63,6 @@ processor's cache; and of one for work that costs much to begin, as a model does
 """
 
 
-ALONE = 512
-"""Rows of a long column that are taken at one time where they lie far apart."""
-
-
 def row_blocks(size: int, rows: int = ROWS) -> Iterator[slice]:
     """Slices of so many `rows` that follow each other over `size` rows, at least one."""
     return (slice(start, min(start + rows, size)) for start in range(0, max(size, 1), rows))
@@ -168,24 +164,17 @@ def row_by_row(function: Callable[[dict[str, Any]], Any], columns: Mapping[str, 
     )
 
 
-def chosen(values: Any, mask: BoolArray) -> Any:
-    """Return the values where `mask`, of one block."""
-    return values[mask]
-
-
 def picked(values: Any, rows: Rows | BoolArray) -> Any:
-    """Return the values at some rows, by their numbers or by a mask, (n,), in parts that touch
-    little of a long column each.
+    """Return the values, or the row numbers, at some rows, by their numbers or by a mask, (n,), in
+    parts that touch little of a long column each.
     """
     if isinstance(rows, range):
         return values[rows.start : rows.stop]
     if rows.dtype == np.bool_:
-        return by_blocks(chosen, values, rows)
+        return by_blocks(lambda part, here: row_numbers(part)[here], values, rows)
 
     def parts() -> Iterator[list[Any]]:
-        # a row that stands alone brings a page of the column into memory, and its neighbours
-        few = min(len(values) // WIDE, len(rows) // ALONE) + 1
-        for part in np.array_split(rows, few):
+        for part in np.array_split(rows, -(-len(values) // WIDE) or 1):
             yield [values[part]]
             give_back(values)
             give_back(rows)
@@ -209,9 +198,7 @@ def rows_where(mask: BoolArray) -> Rows:
     first, count = int(mask.argmax()), int(np.count_nonzero(mask))
     if mask[first : first + count].all():
         return range(first, first + count)
-    found: IntArray = by_blocks(
-        lambda rows, on: row_numbers(rows)[on], range(len(mask)), mask, rows=WIDE
-    )
+    found: IntArray = picked(range(len(mask)), mask)
     return found
 
 

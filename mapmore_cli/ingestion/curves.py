@@ -16,7 +16,7 @@ from mapmore_cli.domain.arrays import (
     Array,
     BoolArray,
     Columns,
-    IntArray,
+    Rows,
     by_blocks,
     extremes,
     joined,
@@ -172,7 +172,7 @@ class LevelPart:
     recording: Recording
     level: float | None
     columns: Columns
-    places: IntArray | range
+    places: Rows
     whole: int
     log: int
     measured: Mapping[str, tuple[float, float]] = field(default_factory=dict)
@@ -234,7 +234,7 @@ def cut_by_level(
                     columns = {
                         name: picked(values, mask) for name, values in recording.columns.items()
                     }
-                    there = by_blocks(lambda part, on: row_numbers(part)[on], places, mask)
+                    there = picked(places, mask)
                     parts.append(LevelPart(kept, value, columns, there, whole, number))
     for level in [] if levels is None else levels.at:
         if not any(part.level == level for part in parts):

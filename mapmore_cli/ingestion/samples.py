@@ -50,13 +50,12 @@ class Samples(RawTable):
         """Return the samples where `mask`, the others noted under `reason`."""
         if mask.all():
             return self
-        rows = by_blocks(lambda numbers, kept: row_numbers(numbers)[~kept], self.rows, mask)
         before = self.left_out.get(reason, np.zeros(0, dtype=np.int64))
         return replace(
             self,
             columns={name: picked(x, mask) for name, x in self.columns.items()},
-            rows=by_blocks(lambda numbers, kept: row_numbers(numbers)[kept], self.rows, mask),
-            left_out={**self.left_out, reason: np.concatenate([before, rows])},
+            rows=picked(self.rows, mask),
+            left_out={**self.left_out, reason: np.concatenate([before, picked(self.rows, ~mask)])},
         )
 
     def some(self) -> Samples:

@@ -53,7 +53,7 @@ RESULTS: Mapping[str, str] = MappingProxyType(
 
 
 @lru_cache(maxsize=6)
-def _remembered(kind: str, path: Path, _inode: int, _time: int, _size: int) -> Any:
+def _remembered(kind: str, path: Path, _mark: object) -> Any:
     from mapmore_cli.storage import artefacts
 
     return getattr(artefacts, f"read_{kind}")(path)
@@ -72,10 +72,8 @@ class RunFiles:
 
     def _read(self, kind: str, name: str) -> Any:
         path = self.folder / name
-        if not path.is_file():
-            return _remembered.__wrapped__(kind, path, 0, 0, 0)
-        state = path.stat()
-        return _remembered(kind, path, state.st_ino, state.st_mtime_ns, state.st_size)
+        state = path.stat() if path.is_file() else None  # reading raises, which is not remembered
+        return _remembered(kind, path, state and (state.st_ino, state.st_mtime_ns, state.st_size))
 
     def dataset(self) -> Dataset:
         """Return what `ingest` handed on."""

@@ -13,8 +13,6 @@ from pathlib import Path
 from mapmore_cli.domain.arrays import LONG
 from mapmore_cli.storage.run_record import Stamp
 
-SUFFIX = ".h5"
-
 
 def take_stamp(path: Path, known: Stamp | None = None, rehash: bool = False) -> Stamp:
     """Return the stamp of a file; the hash is `known`'s where size and time are too, unless
@@ -29,17 +27,15 @@ def take_stamp(path: Path, known: Stamp | None = None, rehash: bool = False) -> 
         and (state.st_size, state.st_mtime_ns) == (known.size, known.mtime_ns)
     ):
         return known
-    return Stamp(state.st_size, state.st_mtime_ns, _hash_of(path, state.st_size, rehash))
-
-
-def _hash_of(path: Path, size: int, rehash: bool) -> str:
-    if size > LONG and path.suffix == SUFFIX:
+    digest = None
+    if state.st_size > LONG:
         from mapmore_cli.storage.artefacts import checksum_of
 
-        if checksum := checksum_of(path, rehash):
-            return checksum
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
+        digest = checksum_of(path, rehash)
+    if digest is None:
+        with path.open("rb") as file:
+            digest = hashlib.file_digest(file, "sha256").hexdigest()
+    return Stamp(state.st_size, state.st_mtime_ns, digest)
 
 
 def stamps_of(folder: Path, outputs: tuple[str, ...]) -> dict[str, Stamp]:

@@ -224,10 +224,7 @@ def _labels_of_curves(rows: Rows, curves: Sequence[Curve], curve: Curve) -> IntA
     """
     if all(one.id != curve.id for one in curves):
         ends = np.cumsum([one.size for one in curves])
-        labels: IntArray = by_blocks(
-            lambda some: np.searchsorted(ends, row_numbers(some), side="right"), rows
-        )
-        return labels
+        return np.searchsorted(ends, row_numbers(rows), side="right")
     alone = curve.origin is None or len(curve.recordings) < 2
     return None if alone else np.asarray(picked(curve.origin, rows))
 

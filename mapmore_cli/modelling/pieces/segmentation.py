@@ -293,7 +293,7 @@ def segment_curve(
             ]
             return np.asarray(np.logical_and.reduce([trains, *within]))
 
-        rows = rows_where(by_blocks(inside, training, *inputs) if inputs else training)
+        rows = rows_where(by_blocks(inside, training, *inputs))
         segments.append(Segment(segment_id(curve.id, tuple(cuts), place), curve.id, place, rows))
     if empty := [segment.id for segment in segments if not len(segment.rows)]:
         remedy = "use fewer segments, move the breakpoints, or keep more samples of this curve"

@@ -60,8 +60,7 @@ from mapmore_cli.storage.artefacts.schema import (
 from mapmore_cli.storage.atomic import replacing
 from mapmore_cli.storage.run_record import refuse_newer
 
-KNOWN_VERSIONS = ("3.0", "3.1")
-FORMAT_VERSION = KNOWN_VERSIONS[-1]
+FORMAT_VERSION = "3.1"
 
 CHECKSUM = "checksum"
 """Attribute of the root: SHA-256 (hexadecimal) of all arrays and of the document."""
@@ -134,7 +133,9 @@ class FileKind(Generic[T]):
                     f"{path}: is a {kind} file, not a {self.name} file",
                     f"give a file that `mapmore {self.stage}` wrote",
                 )
-            record, doubt = self._record(file, path.stat().st_size, version not in KNOWN_VERSIONS)
+            record, doubt = self._record(
+                file, path.stat().st_size, version not in ("3.0", FORMAT_VERSION)
+            )
             if doubt == _ALTERED and not unverified:
                 raise DataError(
                     f"{path}: {_ALTERED}", f"{_GET_ANOTHER}; `--unverified` reads it all the same"
@@ -207,14 +208,13 @@ def checksum_of(path: Path, anew: bool = False) -> str | None:
     """Return the checksum of a file of ours that holds what was written, computed `anew` where this
     process knows it; None of any other.
     """
+    mark = _mark(path)
     if anew:
-        _as_written.pop(_mark(path), None)
+        _as_written.pop(mark, None)
     with suppress(DataError):
-        if _mark(path) not in _as_written:
-            kind = kind_of(path)
-            next(one for one in KINDS if one.name == kind).read(path)
-        return _as_written.get(_mark(path))
-    return None
+        if mark not in _as_written:
+            {one.name: one for one in KINDS}[kind_of(path)].read(path)
+    return _as_written.get(mark)
 
 
 def units_of(dataset: Dataset) -> dict[str, str]:

@@ -6,6 +6,7 @@ import math
 import types
 from collections.abc import Callable, Mapping
 from dataclasses import MISSING, dataclass, is_dataclass
+from sys import maxsize
 from typing import Any, Literal, Union
 
 import numpy as np
@@ -30,9 +31,6 @@ from mapmore_cli.storage.artefacts.schema import (
 
 Sizes = dict[str, int]
 """Dimensions, and the lengths of those seen so far in an object."""
-
-MOST_ROWS = 1 << 53
-"""Rows of a table that has any: more than every reader counts."""
 
 Take = Callable[[str, str, int], Any]
 """Returns the array under a path, of a type and number of dimensions."""
@@ -90,7 +88,11 @@ class Decoder:
             return self._record(inner, bodies(kind)[word], path, sizes)
         if is_dataclass(kind) and isinstance(node, dict):
             return self._record(node, kind, path, sizes)
-        if kind is range and _are_ends(node):
+        if (
+            kind is range
+            and [*map(type, node)] == [int, int]
+            and 0 <= node[0] <= node[1] <= maxsize
+        ):
             return range(*node)
         if kind is tuple and isinstance(node, list) and (many or len(node) == len(own.inner)):
             if many:
@@ -152,12 +154,6 @@ class Decoder:
         _compare_lengths(path, values.shape, letters, sizes)
         values.setflags(write=False)  # several stages may be given the same
         return values
-
-
-def _are_ends(node: Any) -> bool:
-    """Whether a node is the first row, and the last plus 1, of rows that follow each other."""
-    ints = isinstance(node, list) and [*map(type, node)] == [int, int]
-    return ints and 0 <= node[0] <= node[1] < MOST_ROWS
 
 
 def _plain_value(node: Any, own: Hint, path: str) -> Any:

@@ -11,7 +11,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from mapmore_cli.domain.arrays import Array, IntArray
+from mapmore_cli.domain.arrays import Array, Rows
 from mapmore_cli.domain.errors import DataError, MapmoreError
 from mapmore_cli.storage.tables.cells import CellReader
 
@@ -99,7 +99,7 @@ class RawTable:
     """
 
     columns: Mapping[Any, Array]
-    rows: IntArray | range
+    rows: Rows
     label: str
     place: str = "row"
     element: int | str | None = None
