@@ -67,7 +67,13 @@ def schema(
 
 def figure(
     run: RunOrName,
-    name: Annotated[str, Argument(metavar="FIGURE", help=f"One of {', '.join(FIGURES)}.")],
+    name: Annotated[
+        str,
+        Argument(
+            metavar="FIGURE",
+            help=f"One of {', '.join(FIGURES)}; of several outputs as OUTPUT.FIGURE.",
+        ),
+    ],
     out: Annotated[
         Path | None,
         Option(

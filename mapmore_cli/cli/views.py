@@ -241,7 +241,7 @@ def _of_fit(result: FitResult) -> View:
     theta is in scaled coordinates.
     """
     if isinstance(result.body, OutputsFit):
-        whole, every = _of_outputs(result.body.outputs, map(_of_fit, result.each))
+        whole, every = _of_outputs(result.body.fits, map(_of_fit, result.each))
         return View({**whole, "notes": result.notes}, every, result.notes)
     memory, tables, page = result.memory, list[Table](), page_of(result.body)
     document: Document = {
@@ -270,7 +270,7 @@ def _of_fit(result: FitResult) -> View:
     return View(document, tuple(tables), (*_formula_lines(result.formula), *result.notes))
 
 
-def _of_outputs(names: Sequence[str], views: Iterable[View]) -> tuple[Document, tuple[Table, ...]]:
+def _of_outputs(names: Iterable[str], views: Iterable[View]) -> tuple[Document, tuple[Table, ...]]:
     """Return the documents of outputs by their names, and their tables, titled by these."""
     own = dict(zip(names, views, strict=True))
     tables = (

@@ -51,7 +51,7 @@ class FitResult:
     @property
     def each(self) -> tuple[FitResult, ...]:
         """The fit of each output."""
-        return self.body.fits if isinstance(self.body, OutputsFit) else (self,)
+        return (*self.body.fits.values(),) if isinstance(self.body, OutputsFit) else (self,)
 
     @property
     def pieces(self) -> tuple[SegmentFit, ...]:
@@ -93,8 +93,7 @@ class FitResult:
 class OutputsFit:
     """The fits of several outputs, which share segments and terms."""
 
-    outputs: Annotated[tuple[QuantityName, ...], "names of the outputs"]
-    fits: Annotated[tuple[FitResult, ...], "the fit of each"]
+    fits: Annotated[Mapping[QuantityName, FitResult], "the fit of each output"]
 
 
 @dataclass(frozen=True)

@@ -143,20 +143,16 @@ class TestFit:
             np.testing.assert_array_equal(named(bottom, model)[1], force - curve.columns["force"])
 
     def test_samples_are_put_in_order(self, inputs):
-        curve = inputs.dataset.curves[2]
-        shuffle = np.random.default_rng(1).permutation(curve.size)
-        mixed_up = replace(
-            curve, columns={name: values[shuffle] for name, values in curve.columns.items()}
-        )
+        shuffle = np.random.default_rng(1).permutation(200)
+        curves = tuple(curve.at(shuffle) for curve in inputs.dataset.curves)
         predictions = {
-            name: tuple(y[shuffle] if i == 2 else y for i, y in enumerate(of))
+            name: tuple(y[shuffle] for y in of)
             for name, of in inputs.validation.predictions.items()
         }
-        dataset = replace(
-            inputs.dataset, curves=(*inputs.dataset.curves[:2], mixed_up, inputs.dataset.curves[3])
-        )
         changed = replace(
-            inputs, whole=dataset, validation=replace(inputs.validation, predictions=predictions)
+            inputs,
+            whole=replace(inputs.dataset, curves=curves),
+            validation=replace(inputs.validation, predictions=predictions),
         )
         panel, same = curve_fit(inputs, 2), curve_fit(changed, 2)
         np.testing.assert_array_equal(panel.y, same.y)

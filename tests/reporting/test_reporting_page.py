@@ -301,7 +301,7 @@ def test_forty_levels(tmp_path):
         levels=list(range(60, 460, 10)),
         held_out=lambda _level, strain: np.arange(len(strain)) % 5 == 0,
     )
-    page = page_of(inputs, tmp_path, ("fit", *OF_SEGMENTS))
+    page = page_of(inputs, tmp_path, ("fit",))
     assert len(page.named("details")) >= 4  # long tables are folded
     assert "6 of 40 held-out curves are drawn" in page.text
     chosen = whole_curves(inputs.fit.segments, 40)

@@ -79,7 +79,7 @@ def test_numbers_as_they_are_written(number, shown, tmp_path):
     assert repr(row["rmse"]) == repr(shown)
 
 
-@settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=25, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(scores=st.lists(records(Score), max_size=3))
 def test_digits_survive(scores, tmp_path):
     for score, row in zip(scores, written(tmp_path, *scores), strict=True):

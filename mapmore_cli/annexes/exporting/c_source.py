@@ -8,9 +8,7 @@ wrappers.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
-from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 from mapmore_cli.annexes.exporting.dialect import DOUBLE, SINGLE, Dialect, program_words
 from mapmore_cli.annexes.exporting.templates import (
@@ -95,93 +93,83 @@ def c_source(model: Model, single: bool = False) -> CSource:
             f"{MOST_INPUTS}",
             "export its parts",
         )
-    return CSource(model, program_of(model), identifier(model.name), SINGLE if single else DOUBLE)
+    name, program = identifier(model.name), program_of(model)
+    dialect = SINGLE if single else DOUBLE
+    names, prefix = names_of_inputs(model.inputs), word(name.upper())
+    outputs = names_of_inputs(model.outputs) if len(model.each) > 1 else {}
+    words = {
+        "model": model,
+        "name": name,
+        "prefix": prefix,
+        "places": {one: code("{}_IN_{}", prefix, own.upper()) for one, own in names.items()},
+        "outputs": [code("{}_OUT_{}", prefix, own.upper()) for own in outputs.values()],
+        "into": [code("out[{}]", i) for i in range(len(outputs))] or [code("*out")],
+        "notes": notes_of(model, names),
+        "number": dialect.number,
+        "tolerance": dialect.number(OUTSIDE_TOLERANCE),
+        "real": word("float" if single else "double"),
+        "single": single,
+        "f": Code("f" * single),
+        "function": "eval" if program.step is None else "step",
+        "inverses": (),
+        "inverse": None,
+    }
+    return CSource(name, program, dialect, words | program_words(program, dialect, apart=False))
 
 
-@dataclass(frozen=True)
-class CSource:
-    """A model as the text of its files; `name` is that of its functions."""
+class CSource(NamedTuple):
+    """A model in C: the `name` of its functions, its program, how that is written, and the `words`
+    that templates know of it.
+    """
 
-    model: Model
-    code: Program
     name: Code
+    program: Program
     dialect: Dialect
+    words: dict[str, Any]
 
-    @cached_property
-    def words(self) -> dict[str, Any]:
-        """What templates know of the model."""
-        names, single = names_of_inputs(self.model.inputs), self.dialect is SINGLE
-        outputs = names_of_inputs(self.model.outputs) if len(self.model.each) > 1 else {}
-        prefix = word(self.name.upper())
-        return {
-            **program_words(self.code, self.dialect, apart=False),
-            "model": self.model,
-            "name": self.name,
-            "prefix": prefix,
-            "places": {name: code("{}_IN_{}", prefix, own.upper()) for name, own in names.items()},
-            "outputs": [code("{}_OUT_{}", prefix, own.upper()) for own in outputs.values()],
-            "into": [code("out[{}]", i) for i in range(len(outputs))] or [code("*out")],
-            "notes": notes_of(self.model, names),
-            "number": self.dialect.number,
-            "tolerance": self.dialect.number(OUTSIDE_TOLERANCE),
-            "real": word("float" if single else "double"),
-            "single": single,
-            "f": Code("f" * single),
-            "function": "eval" if self.code.step is None else "step",
-            "inverses": (),
-            "inverse": None,
-        }
-
-    @cached_property
+    @property
     def files(self) -> dict[str, str]:
         """Header, source and a small program to try the model with, by name; of one output without
         memory also its derivatives, and the input for a wanted output where ranges are known.
         """
         name, words = self.name, self.words
-        files = {f"{name}.h": self.header(), f"{name}.c": _source(words)}
+        files = {f"{name}.h": rendered_template("model.h", **words), f"{name}.c": functions(words)}
         files[f"{name}_main.c"] = rendered_template("main.c", **words)
         if words["memory"] or words["outputs"]:
             return files
-        slopes = program_words(with_slopes(self.code), self.dialect, apart=False)
-        inverses = list(self._inverses())
+        slopes = program_words(with_slopes(self.program), self.dialect, apart=False)
+        inverses = list(_inverses(words))
         ends = max([one["ends"] for one in inverses], default=0) + 2 * DIVIDED
         into = [*words["into"], *(code("slopes[{}]", i) for i in range(len(words["places"])))]
         words = {**words, **slopes, **SEARCH, "inverses": inverses, "ends": ends, "into": into}
-        words["function"] = "derivatives"
-        words["coarser"] = COARSER if words["single"] else 1.0
+        words |= {"function": "derivatives", "coarser": COARSER if words["single"] else 1.0}
         files[f"{name}_inverse.h"] = rendered_template("inverse.h", **words)
-        files[f"{name}_inverse.c"] = _source(words)
+        files[f"{name}_inverse.c"] = functions(words)
         return files
 
-    def header(self) -> str:
-        """Return the declarations, with names and units."""
-        return rendered_template("model.h", **self.words)
 
-    def source(self) -> str:
-        """Return the functions."""
-        return _source(self.words)
-
-    def _inverses(self) -> Iterator[dict[str, Any]]:
-        """Yield what the function that solves for an input needs, for every one whose training
-        range is known.
-        """
-        for name, own in names_of_inputs(self.model.inputs).items():
-            try:
-                places = knots(self.model, name)
-            except UsageError:
-                continue
-            parts = parts_between(places)
-            yield {
-                "own": own,
-                "place": self.words["places"][name],
-                "knots": [self.dialect.number(place) for place in places.tolist()],
-                "parts": parts,
-                "ends": 2 * (len(places) - 1) * (parts + 1) + 1,
-            }
-
-
-def _source(words: Mapping[str, Any]) -> str:
+def functions(words: Mapping[str, Any]) -> str:
+    """Return the functions of a model."""
     return rendered_template("model.c", **words, body=rendered_template("body.c", **words))
+
+
+def _inverses(words: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
+    """Yield what the function that solves for an input needs, for every one whose training range is
+    known.
+    """
+    for name, own in names_of_inputs(words["model"].inputs).items():
+        try:
+            places = knots(words["model"], name)
+        except UsageError:
+            continue
+        parts = parts_between(places)
+        yield {
+            "own": own,
+            "place": words["places"][name],
+            "knots": list(map(words["number"], places.tolist())),
+            "parts": parts,
+            "ends": 2 * (len(places) - 1) * (parts + 1) + 1,
+        }
 
 
 # Around the C of a model: an actuator of MuJoCo, and a function for Simulink's C Caller

@@ -13,7 +13,7 @@ from typing import NamedTuple
 from uuid import UUID
 
 from mapmore_cli import __version__
-from mapmore_cli.annexes.exporting.c_source import CSource, c_source
+from mapmore_cli.annexes.exporting.c_source import CSource, c_source, functions
 from mapmore_cli.annexes.exporting.templates import Wanted, rendered_template, source
 from mapmore_cli.annexes.exporting.verifying import (
     CompilerMissing,
@@ -106,8 +106,9 @@ def fmu_sources(model: Model, tool: str, standard: int = 2) -> UnitSources:
     written = c_source(model)
     wrapper = WRAPPERS[standard]
     name, compiled = written.name, (f"{written.name}.c", wrapper[-1])
-    texts = {f"{name}.h": written.header(), f"{name}.c": written.source()}
-    texts |= {one: source(one) for one in wrapper}
+    texts = {one: source(one) for one in wrapper}
+    header = rendered_template("model.h", **written.words)
+    texts = {f"{name}.h": header, f"{name}.c": functions(written.words), **texts}
     about = repr([model.name, model.inputs, model.output, tool, *texts.values()])
     # the same for the same unit, another one for any other
     guid = str(UUID(bytes=hashlib.sha256(about.encode()).digest()[:16]))
@@ -136,7 +137,7 @@ def input_names(model: Model) -> list[str]:
 
 
 def _about(written: CSource) -> str:
-    step = written.code.step
+    step = written.program.step
     if step is None:
         return "The output answers to the present inputs"
     text = (
@@ -144,7 +145,7 @@ def _about(written: CSource) -> str:
         "that of the last sample"
     )
     return text + "; tell it the measured output until it has a value" * bool(
-        written.code.kept.fed_back
+        written.program.kept.fed_back
     )
 
 
@@ -160,9 +161,9 @@ def _variables(written: CSource, taken: list[str]) -> Iterator[Variable]:
     """Yield inputs, the measured output that the model goes on from, the output, and the bits; none
     of the first has a name that is `taken`.
     """
-    model, memory = written.model, written.code.step is not None
+    model, memory = written.words["model"], written.words["memory"]
     measured = [
-        Quantity(f"{name}_measured", model.output.unit) for name in written.code.kept.fed_back
+        Quantity(f"{name}_measured", model.output.unit) for name in written.program.kept.fed_back
     ]
     given, told = (*model.inputs, *measured), training_ends(model)
     names = identifiers([*(one.name for one in given), model.output.name], taken)

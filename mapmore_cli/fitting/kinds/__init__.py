@@ -53,8 +53,9 @@ def fit(part: ModelChoices, given: Given) -> FitResult:
     """
     result: FitResult
     if given.dataset.also:
-        names = tuple(one.target for one in given.dataset.each)
-        result = FitResult(OutputsFit(names, _module_of(part).fit_together(part, given)))
+        names = [one.target for one in given.dataset.each]
+        fits = _module_of(part).fit_together(part, given)
+        result = FitResult(OutputsFit(dict(zip(names, fits, strict=True))))
     else:
         result = _module_of(part).fit(part, given)
     return result

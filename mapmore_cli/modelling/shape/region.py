@@ -69,7 +69,8 @@ class Region:
         from scipy.interpolate import LinearNDInterpolator, NearestNDInterpolator
         from scipy.spatial import QhullError
 
-        found = [NearestNDInterpolator(self.places, self.values, rescale=True)]
+        nearest = NearestNDInterpolator(self.places, self.values, rescale=True)
+        found: list[Callable[[Array], Array]] = [nearest]
         with suppress(QhullError):  # all samples on a line
             found.append(LinearNDInterpolator(self.places, self.values, rescale=True))
         return found

@@ -35,6 +35,9 @@ POINTS = 72
 DOUBLE = 7.16
 """Width of two columns of a journal page, inches."""
 
+LEGEND_SCALE = 1.4
+"""How much larger than on the axes the marks of a legend are that is made of what is drawn."""
+
 BESIDE = 0.5
 """Inches of a panel's width that its y axis takes."""
 
@@ -231,7 +234,8 @@ def compose(
         # as many entries side by side as fit, by the longest, and rows of nearly one length
         most = max(1, int(width / (letter * (max(map(len, labels)) + 7.6))))
         ncols = math.ceil(len(labels) / math.ceil(len(labels) / most))
-        figure.legend(handles, labels, loc="outside upper left", ncols=ncols, markerscale=1.4)
+        scale = 1.0 if drawing.legend else LEGEND_SCALE
+        figure.legend(handles, labels, loc="outside upper left", ncols=ncols, markerscale=scale)
     figure.align_ylabels()
     # once, so that the places are the same in every format
     ConstrainedLayoutEngine().execute(figure)

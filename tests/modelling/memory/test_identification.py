@@ -66,7 +66,7 @@ def identified(operator, u, y):
 
 @pytest.mark.parametrize(("operator", "numbers"), [("wen", (3.0, 12.0)), ("dahl", (25.0,))])
 def test_a_hysteretic_oscillator_is_found_again(operator, numbers):
-    u = wandering(500, 2) + np.random.default_rng(2).normal(0, 1, 500)
+    u = wandering(320, 2) + np.random.default_rng(2).normal(0, 1, 320)
     y = oscillator(operator, numbers, u)
     fit = identified(operator, u, y)
     np.testing.assert_allclose(fit.identified.numbers, numbers, rtol=0.01)
@@ -116,7 +116,7 @@ def test_open_numbers_follow_terms_whatever_order_they_are_chosen_in():
 
 
 def test_a_number_at_its_bound_is_told():
-    u = wandering(500, 4) + np.random.default_rng(4).normal(0, 1, 500)
+    u = wandering(320, 4) + np.random.default_rng(4).normal(0, 1, 320)
     fit = identified("wen", u, oscillator("wen_stiffening", (-1.5, 6.0), u))
     assert fit.identified.held.tolist() == [True, False]
     assert np.isnan(fit.identified.errors[0])

@@ -59,27 +59,3 @@ def test_the_buck_converter_beside_the_peer(folder, peer):
         free, one_step = scored(fit, dict(zip("xy", validation, strict=True)))
         assert free == pytest.approx(theirs["rrse_free"], rel=1e-6)
         assert one_step == pytest.approx(theirs["rrse_one"], rel=1e-6)
-
-
-@pytest.fixture(scope="module")
-def generator(folder):
-    """Input and output of the DC motor-generator."""
-    return tuple(np.loadtxt(folder / f"{name}_cc.csv.gz") for name in "xy")
-
-
-def test_the_motor_generator_beside_the_peer(generator, peer):
-    x, y = (values[::500] for values in generator)
-    theirs = peer["generator_dec500_deg2_lag2_n8"]
-    fit = fit_with_memory([record(x=x[:800], y=y[:800])], narx(8))
-    # the input is 0 or 5, so that x and x^2 are one column: the first of the dictionary wins, and
-    # the tie is on record
-    words = [in_our_words(term) for term, _, _ in theirs["terms"]]
-    assert list(fit.model.terms) == [{"x[k-2]^2": "x[k-2]"}.get(word, word) for word in words]
-    assert fit.selection.tied[
-        [fit.model.terms.index("x[k-1]"), fit.model.terms.index("x[k-2]")]
-    ].tolist() == [1, 1]
-    free, one_step = scored(fit, {"x": x[800:], "y": y[800:]})
-    assert (free, one_step) == (
-        pytest.approx(theirs["rrse_free"], rel=1e-4),
-        pytest.approx(theirs["rrse_one"], rel=1e-4),
-    )

@@ -62,10 +62,10 @@ def test_two_thousand_inequalities_take_less_than_a_second():
     rng = np.random.default_rng(0)
     A, y = rng.normal(size=(1000, 60)), rng.normal(size=1000)
     D = rng.normal(size=(2000, 60)) + 3 * np.eye(60)[0]
-    begun = time.perf_counter()
+    begun = time.process_time()
     Q, R = np.linalg.qr(A)
     found = least_squares_under(R, Q.T @ y, D, np.full(2000, 0.01))
-    assert time.perf_counter() - begun < 1.0
+    assert time.process_time() - begun < 1.0
     assert (D @ found.theta).min() > 0.01 - 1e-9
 
 
