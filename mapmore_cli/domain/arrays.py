@@ -100,10 +100,9 @@ def _ends_of(blocks: Iterable[Array]) -> tuple[float, float]:
     return float(ends[:, 0].min()), float(ends[:, 1].max())
 
 
-def blocks_where(column: Array, mask: BoolArray | None = None) -> Iterator[Array]:
-    """Yield the values of a column where `mask`, all without one, block by block."""
-    columns = (column,) if mask is None else (column, mask)
-    return (values[where[0]] if where else values for values, *where in in_blocks(*columns))
+def blocks_where(column: Array, mask: BoolArray) -> Iterator[Array]:
+    """Yield the values of a column where `mask`, block by block."""
+    return (values[where] for values, where in in_blocks(column, mask))
 
 
 LONG = 8_000_000

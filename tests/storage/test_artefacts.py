@@ -271,6 +271,27 @@ def test_segmentation_holds_rows_and_no_samples(tmp_path):
         assert file["curves/000/boundaries/000"].compression is None
 
 
+def test_rows_that_follow_each_other_are_two_numbers(tmp_path):
+    """A file of 3.0 has them all, and is read as well."""
+    path, every = tmp_path / "s.h5", np.arange(2, 9)
+    for rows, stored in (
+        (every, {"array": "/curves/000/segments/000/rows"}),
+        (range(2, 9), [2, 9]),
+    ):
+        curve = replace(examples()["segmentation"][0], segments=(Segment("s", "c", (1,), rows),))
+        artefacts.write_segmentation(path, (curve,))
+        with h5py.File(path, "a") as file:
+            document = json.loads(file["document"].asstr()[()])
+            file.attrs["format_version"] = "3.1" if rows is not every else "3.0"
+        assert document["curves"][0]["segments"][0]["rows"] == stored
+        told = []
+        read = artefacts.read_segmentation(path, told.append)[0].segments[0].rows
+        assert (list(read), told) == (list(rows), [])
+    changed(path, put("curves/000/segments/000/rows", [3, 2]))
+    with pytest.raises(DataError, match="rows, is no range"):
+        artefacts.read_segmentation(path)
+
+
 def test_model_carries_long_provenance(tmp_path):
     spec = "fit: {max_terms: 1}\n" * 10_000  # more than an attribute can hold
     artefacts.write_model(tmp_path / "m.h5", examples()["model"], {"experiment.yaml": spec})

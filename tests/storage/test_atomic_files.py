@@ -5,10 +5,13 @@ import os
 import signal
 from pathlib import Path
 
+import h5py
+import numpy as np
 import pytest
 
 from mapmore_cli.domain.errors import WriteError
-from mapmore_cli.storage import atomic, run_folder
+from mapmore_cli.domain.recording import Dataset, Quantity, Recording
+from mapmore_cli.storage import artefacts, atomic, run_folder
 from mapmore_cli.storage.atomic import (
     is_special,
     refusals_told,
@@ -100,6 +103,27 @@ def test_stamp_is_taken_again_when_size_or_time_changed(tmp_path):
     assert take_stamp(path, first, rehash=True).sha256 != first.sha256
     os.utime(path, ns=(1, 1))
     assert take_stamp(path, first).sha256 != first.sha256
+
+
+def test_a_long_result_file_is_known_by_its_values(tmp_path, monkeypatch):
+    """Its own checksum is taken from the writer, and computed by any other process."""
+    monkeypatch.setattr("mapmore_cli.storage.stamps.LONG", 0)
+    path, force = tmp_path / "ingest.h5", np.arange(5000.0)
+    recording = Recording("r", "r.csv", {"force": force}, force.size, {})
+    artefacts.write_dataset(
+        path, Dataset("force", None, {"force": Quantity("force", "N")}, (recording,), ())
+    )
+    written = take_stamp(path)
+    with h5py.File(path) as file:
+        assert file.attrs["checksum"] == written.sha256
+    os.utime(path, ns=(1, 1))
+    assert take_stamp(path, written).sha256 == written.sha256
+
+    with h5py.File(path, "a") as file:
+        file["recordings/000/columns/force"][17] = 0.0
+    assert take_stamp(path, written).sha256 != written.sha256
+    os.utime(path, ns=(1, 1))  # as if nothing had happened
+    assert take_stamp(path, written, rehash=True).sha256 != written.sha256
 
 
 def test_stamps_of_folders_name_every_file(tmp_path):

@@ -187,10 +187,10 @@ def cut_points(
 
 
 def joined_segments(
-    boundaries: Array, x: Array, least: int, training: BoolArray | None = None
+    boundaries: Array, x: Array, least: int, training: BoolArray
 ) -> Array:
     """Return the boundaries of one variable without those that must go for every segment to hold
-    `least` samples, of those in `training` where it is given.
+    `least` samples, of those in `training`.
 
     The segment with the fewest is joined to the neighbour that has fewest, the left one of equals,
     until none has too few: a curve may be sparse somewhere.

@@ -99,7 +99,7 @@ def test_without_levels_all_recordings_are_one_training_curve():
 def test_joined_segments_hold_enough_samples(values, count, least):
     x = np.array(values)
     boundaries = np.linspace(x.min(), x.max(), count + 1)
-    found = joined_segments(boundaries, x, least)
+    found = joined_segments(boundaries, x, least, np.ones(len(x), dtype=bool))
     assert set(found) <= set(boundaries)
     assert (found[0], found[-1]) == (boundaries[0], boundaries[-1])
     counts = [np.sum((x >= low) & (x <= high)) for low, high in pairwise(found)]
