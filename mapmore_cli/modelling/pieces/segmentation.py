@@ -186,9 +186,7 @@ def cut_points(
             )
 
 
-def joined_segments(
-    boundaries: Array, x: Array, least: int, training: BoolArray
-) -> Array:
+def joined_segments(boundaries: Array, x: Array, least: int, training: BoolArray) -> Array:
     """Return the boundaries of one variable without those that must go for every segment to hold
     `least` samples, of those in `training`.
 
