@@ -24,15 +24,13 @@ from mapmore_cli.modelling.pieces.definition import pieces_program
 from mapmore_cli.modelling.pieces.recipe import Recipe
 from mapmore_cli.modelling.pieces.segmentation import samples_at, scaled_inputs, training_curves
 from mapmore_cli.modelling.program.values import evaluator
-from mapmore_cli.modelling.shape.exchange import Exchange
+from mapmore_cli.modelling.shape.exchange import Exchange, Values
 from mapmore_cli.modelling.shape.region import refuse_unsupported, region_of
 from mapmore_cli.modelling.shape.stencils import asked_of
 from mapmore_cli.modelling.shape.violations import verified, with_shape
 
-# step of a coefficient for a derivative (`Surface`)
+# step of a coefficient for a derivative (`Exchange`)
 STEPS = {"linear": 1.0, "pchip": 1e-4}
-# coefficients whose derivatives are computed together
-TOGETHER = 16
 
 
 def shaped(
@@ -52,8 +50,14 @@ def shaped(
         return model
     if region is not None:
         refuse_unsupported(model, curves, recipe.fit, fewest=0)
-    R, bounds = _factor(body, curves, segmentation, recipe), _bounds(body, recipe.bounds)
-    exchange = Exchange(_Fused(model, body), R, *bounds)
+    exchange = Exchange(
+        model,
+        _values(model, body),
+        np.concatenate([one.theta for one in body.segments]),
+        _factor(body, curves, segmentation, recipe),
+        STEPS[body.fusion.levels],
+        _bounds(body, recipe.bounds),
+    )
     if region is not None:
         exchange.until_kept(region.asks(asked), region)
     kept = replace(model, body=_with_coefficients(body, exchange.theta))
@@ -125,36 +129,18 @@ def _of_coefficients(body: Pieces, names: Sequence[str]) -> Pieces:
     return replace(body, curves=tuple(curves), fusion=replace(body.fusion, extrapolation=sides))
 
 
-class _Fused:
-    """The fused model as its coefficients make it: a program with them as inputs."""
+def _values(model: Model, body: Pieces) -> Values:
+    """Return the fused output as coefficients make it: a program with them as inputs."""
+    inputs = [one.name for one in model.inputs]
+    names = [f"coefficient_{number}" for number in range(sum(len(s.theta) for s in body.segments))]
+    program = evaluator(pieces_program(_of_coefficients(body, names), [*inputs, *names]))
 
-    def __init__(self, model: Model, body: Pieces) -> None:
-        self.model, self.body, self.step = model, body, STEPS[body.fusion.levels]
-        self.start = np.concatenate([one.theta for one in body.segments])
-        self.names = [f"coefficient_{number}" for number in range(len(self.start))]
-        inputs = [one.name for one in model.inputs]
-        self.value = evaluator(
-            pieces_program(_of_coefficients(body, self.names), [*inputs, *self.names])
-        )
-
-    def values(self, theta: Array, columns: Columns) -> Array:
-        """Return the output at inputs, (n,) each."""
+    def value(theta: Array, columns: Columns) -> Array:
         n = len(next(iter(columns.values())))
-        found = self.value({**columns, **dict(zip(self.names, theta, strict=True))})[0]
-        return np.asarray(found + backbone_values(self.body.backbone, columns, n))
+        found = program({**columns, **dict(zip(names, theta, strict=True))})[0]
+        return np.asarray(found + backbone_values(body.backbone, columns, n))
 
-    def derivatives(self, theta: Array, columns: Columns, steps: Array) -> Array:
-        """Return the derivatives of the output by the coefficients, (n, k)."""
-        at, parts = dict(zip(self.names, theta, strict=True)), []
-        start = self.value({**columns, **at})[0]
-        for first in range(0, len(self.names), TOGETHER):
-            own = slice(first, first + TOGETHER)
-            apart = np.repeat(np.diag(steps[own]), len(start), axis=1)
-            moved = dict(zip(self.names[own], theta[own, None] + apart, strict=True))
-            tiled = {name: np.tile(x, len(apart)) for name, x in columns.items()}
-            found = self.value({**tiled, **at, **moved})[0].reshape(len(apart), len(start))
-            parts.append(found - start)
-        return np.asarray(np.vstack(parts).T / steps)
+    return value
 
 
 def _bounds(body: Pieces, bounds: Mapping[str, tuple[float, float]]) -> tuple[Array, Array]:

@@ -9,7 +9,6 @@ about the last solution.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import Protocol
 
 import numpy as np
 
@@ -31,42 +30,40 @@ ROUNDS, ADDED = 60, 200
 ROUNDING = 1e-11
 # root of a ridge, as a part of each column, for terms that the data hardly tell apart
 RIDGE = 1e-5
+# coefficients whose derivatives are computed together
+TOGETHER = 16
 # part of the output below which coefficients count for nothing at a place
 NOTHING = 1e-12
 
 
-class Surface(Protocol):
-    """An output over inputs that coefficients make.
-
-    `start`, (k,), are those of least squares. `step` is that of a coefficient for a derivative, as
-    a part of what would change the output by its size; an output that is linear in them may go as
-    far as it likes.
-    """
-
-    model: Model
-    start: Array
-    step: float
-
-    def values(self, theta: Array, columns: Columns) -> Array:
-        """Return the output at inputs, (n,) each."""
-
-    def derivatives(self, theta: Array, columns: Columns, steps: Array) -> Array:
-        """Return the derivatives of the output by the coefficients, (n, k)."""
+Values = Callable[[Array, Columns], Array]
+"""The output with coefficients, (k,) or (k, n), at inputs, (n,) each."""
 
 
 class Exchange:
-    """The inequalities so far, `D theta >= d`, and the coefficients `theta` that meet them: of
-    least `|R (theta - start)|`.
+    """The inequalities so far, `D theta >= d`, and the coefficients `theta` that meet them, of
+    least `|R (theta - start)|`; a `model` has the `start`, and its output follows by `value`.
 
-    `stencils` has those of the shape, each with the row of D that it begins at.
+    `step` is that of a coefficient for a derivative, as a part of what would change the output by
+    its size; an output that is linear in them may go as far as it likes. `stencils` has the
+    inequalities of the shape, each with the row of D that it begins at.
     """
 
-    def __init__(self, surface: Surface, R: Array, D: Array, d: Array) -> None:
-        self.surface, self.start, self.D, self.d = surface, surface.start, D, d
-        self.inputs = [one.name for one in surface.model.inputs]
+    def __init__(
+        self,
+        model: Model,
+        value: Values,
+        start: Array,
+        R: Array,
+        step: float = 1.0,
+        bounds: tuple[Array, Array] | None = None,
+    ) -> None:
+        self.model, self.value, self.start = model, value, start
+        self.inputs = [one.name for one in model.inputs]
+        self.D, self.d = bounds or (np.empty((0, len(start))), np.empty(0))
         y, lengths = R @ self.start, np.linalg.norm(R, axis=0)
         lengths[lengths == 0] = 1.0
-        self.steps = surface.step * (np.linalg.norm(y) or 1.0) / lengths
+        self.steps = step * (np.linalg.norm(y) or 1.0) / lengths
         Q, self.R = np.linalg.qr(np.vstack([R, RIDGE * np.diag(lengths)]))
         self.f = Q.T @ np.append(y, 0 * y)
         self.stencils: list[tuple[int, Stencils]] = []
@@ -103,17 +100,24 @@ class Exchange:
         return found
 
     def _values(self, columns: Columns) -> Array:
-        return self.surface.values(self.theta, columns)
+        return self.value(self.theta, columns)
 
     def _slopes(self, columns: Columns) -> Array:
-        return self.surface.derivatives(self.theta, columns, self.steps)
+        """Return the derivatives of the output by the coefficients, (n, k)."""
+        start, parts = self._values(columns), []
+        for first in range(0, len(self.theta), TOGETHER):
+            moves = np.diag(self.steps)[:, first : first + TOGETHER]
+            moved = np.repeat(self.theta[:, None] + moves, len(start), axis=1)
+            tiled = {name: np.tile(x, moves.shape[1]) for name, x in columns.items()}
+            parts.append(self.value(moved, tiled).reshape(-1, len(start)) - start)
+        return np.asarray(np.vstack(parts).T / self.steps)
 
     def until_kept(self, asked: Sequence[Asked], region: Region) -> None:
         """Add inequalities until the shape is kept on a fine grid, and close to the places where it
         binds.
         """
         axes, cells = (
-            region.axes(program_of(self.surface.model).knots, FINE),
+            region.axes(program_of(self.model).knots, FINE),
             region.nodes_along(FINE),
         )
         clear = _widened(axes, region.holds(nodes_of(axes)))

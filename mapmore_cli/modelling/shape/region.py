@@ -15,7 +15,7 @@ from mapmore_cli.domain.arrays import Array, BoolArray, Columns
 from mapmore_cli.domain.errors import FitError
 from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.recording import Curve
-from mapmore_cli.modelling.kinds import OUTSIDE_TOLERANCE, InputRange, limits
+from mapmore_cli.modelling.kinds import OUTSIDE_TOLERANCE, InputRange, limits, runs_over_time
 from mapmore_cli.modelling.literature.backbone import pooled_training
 from mapmore_cli.modelling.selection import Fit
 from mapmore_cli.modelling.shape.stencils import Asked, asked_of, nodes_of, stencils_on
@@ -120,9 +120,10 @@ class Region:
 
 def region_of(model: Model, curves: Sequence[Curve], fit: Fit) -> Region | None:
     """Return the region of a model in which training `curves` vary; None where nothing does, or the
-    model does not know its range.
+    model does not know its range. Of a model with memory, rates are zero: its inputs stand still.
     """
-    samples = pooled_training(curves)
+    rates = {one.name for one in model.signals if one.kind == "rate" and runs_over_time(model)}
+    samples = {name: x for name, x in pooled_training(curves).items() if name not in rates}
     ranges = tuple(limits(getattr(model.body, "ranges", ()), model.level))
     varied = tuple(one for one in ranges if (one.high > one.low).any() and one.name in samples)
     names, y = tuple(one.name for one in varied), samples[model.output.name]
@@ -133,7 +134,8 @@ def region_of(model: Model, curves: Sequence[Curve], fit: Fit) -> Region | None:
     cells = ((X - X.min(axis=0)) / width * max(4, CELLS ** (1 / len(names)))).astype(int)
     _, number, count = np.unique(cells, axis=0, return_inverse=True, return_counts=True)
     *places, values = (np.bincount(number.ravel(), x) / count for x in (*X.T, y))
-    fixed = {one.name: samples[one.name][:1] for one in model.inputs if one.name not in names}
+    still = [one.name for one in model.inputs if one.name not in names]
+    fixed = {name: samples.get(name, np.zeros(1))[:1] for name in still}
     return Region(names, np.column_stack(places), values, fixed, varied, fit)
 
 
@@ -145,7 +147,7 @@ def refuse_unsupported(
     the data, only for the contradiction.
 
     Differences are of the interpolated training output, between neighbouring values of the
-    quantity, at the values of the other inputs.
+    quantity, at the values of the other inputs. With memory they say nothing of the output at rest.
     """
     region, asked = region_of(model, curves, fit), asked_of(fit)
     known = [] if region is None else region.asks(asked)
@@ -154,7 +156,8 @@ def refuse_unsupported(
             f"fit.shape: `{unknown[0]}` is no input of the model that varies in training",
             f"name one of {', '.join(region.names if region else ())}",
         )
-    assert region is not None
+    if region is None or runs_over_time(model):
+        return
     axes = dict(region.fixed)
     for name, x in zip(region.names, region.places.T, strict=True):
         own = region.ranges[0].levels if name == model.level else np.unique(x)
