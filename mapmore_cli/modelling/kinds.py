@@ -148,8 +148,7 @@ def settled(model: Model, columns: Columns) -> Array:
 
     Raises FitError where it does not.
     """
-    values: Array = kind_of(model).verb("settled", predict)(model, columns)
-    return values
+    return np.asarray(kind_of(model).verb("settled", predict)(model, columns))
 
 
 def running(model: Model) -> Callable[[Columns], Run] | None:

@@ -84,5 +84,4 @@ def build(part: ModelChoices, given: Given, result: FitResult) -> Model:
     from mapmore_cli.modelling.memory.shaped import shaped
 
     records, recipe = _asked(part, given.dataset, result.backbone)
-    model = replace(model, signals=part.signals)
     return shaped(model, result.memory, given.dataset.curves, records, recipe)

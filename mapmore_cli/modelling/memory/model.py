@@ -109,7 +109,8 @@ def settled(model: Model, columns: Columns) -> Array:
     """
     from scipy.optimize import fixed_point
 
-    memory, terms = _memory_of(model).model, [*map(parse, _memory_of(model).model.terms)]
+    memory = _memory_of(model).model
+    terms = list(map(parse, memory.terms))
     start = np.full(len(next(iter(columns.values()))), memory.limits[1])
 
     def following(y: Array) -> Array:

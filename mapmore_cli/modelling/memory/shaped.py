@@ -64,6 +64,7 @@ def shaped(
         lambda theta, columns: settled(with_coefficients(theta), columns),
         memory.theta,
         np.asarray(np.linalg.qr(P, mode="r")),
+        (P[:0], P[:0, 0]),
     )
     exchange.until_kept(region.asks(asked_of(recipe)), region)
     kept = with_coefficients(exchange.theta)

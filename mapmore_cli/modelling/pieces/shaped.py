@@ -50,13 +50,14 @@ def shaped(
         return model
     if region is not None:
         refuse_unsupported(model, curves, recipe.fit, fewest=0)
+    start = np.concatenate([one.theta for one in body.segments])
     exchange = Exchange(
         model,
-        _values(model, body),
-        np.concatenate([one.theta for one in body.segments]),
+        _values(model, body, len(start)),
+        start,
         _factor(body, curves, segmentation, recipe),
-        STEPS[body.fusion.levels],
         _bounds(body, recipe.bounds),
+        STEPS[body.fusion.levels],
     )
     if region is not None:
         exchange.until_kept(region.asks(asked), region)
@@ -129,10 +130,10 @@ def _of_coefficients(body: Pieces, names: Sequence[str]) -> Pieces:
     return replace(body, curves=tuple(curves), fusion=replace(body.fusion, extrapolation=sides))
 
 
-def _values(model: Model, body: Pieces) -> Values:
-    """Return the fused output as coefficients make it: a program with them as inputs."""
+def _values(model: Model, body: Pieces, count: int) -> Values:
+    """Return the fused output as so many coefficients make it: a program with them as inputs."""
     inputs = [one.name for one in model.inputs]
-    names = [f"coefficient_{number}" for number in range(sum(len(s.theta) for s in body.segments))]
+    names = [f"coefficient_{number}" for number in range(count)]
     program = evaluator(pieces_program(_of_coefficients(body, names), [*inputs, *names]))
 
     def value(theta: Array, columns: Columns) -> Array:
@@ -146,7 +147,7 @@ def _values(model: Model, body: Pieces) -> Values:
 def _bounds(body: Pieces, bounds: Mapping[str, tuple[float, float]]) -> tuple[Array, Array]:
     """Return the inequalities of bounds of coefficients in the target's unit, by term."""
     terms = [(term, one.scaling.y_slope) for one in body.segments for term in one.terms]
-    of_all = np.array([bounds.get(term, (-np.inf, np.inf)) for term, _ in terms])
+    low, high = np.array([bounds.get(term, (-np.inf, np.inf)) for term, _ in terms]).T
     slopes = np.diag([slope for _, slope in terms])
-    D, d = np.vstack([slopes, -slopes]), np.append(of_all[:, 0], -of_all[:, 1])
+    D, d = np.vstack([slopes, -slopes]), np.append(low, -high)
     return D[np.isfinite(d)], d[np.isfinite(d)]

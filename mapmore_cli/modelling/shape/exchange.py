@@ -55,12 +55,12 @@ class Exchange:
         value: Values,
         start: Array,
         R: Array,
+        bounds: tuple[Array, Array],
         step: float = 1.0,
-        bounds: tuple[Array, Array] | None = None,
     ) -> None:
         self.model, self.value, self.start = model, value, start
         self.inputs = [one.name for one in model.inputs]
-        self.D, self.d = bounds or (np.empty((0, len(start))), np.empty(0))
+        self.D, self.d = bounds
         y, lengths = R @ self.start, np.linalg.norm(R, axis=0)
         lengths[lengths == 0] = 1.0
         self.steps = step * (np.linalg.norm(y) or 1.0) / lengths

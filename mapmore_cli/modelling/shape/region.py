@@ -120,10 +120,9 @@ class Region:
 
 def region_of(model: Model, curves: Sequence[Curve], fit: Fit) -> Region | None:
     """Return the region of a model in which training `curves` vary; None where nothing does, or the
-    model does not know its range. Of a model with memory, rates are zero: its inputs stand still.
+    model does not know its range.
     """
-    rates = {one.name for one in model.signals if one.kind == "rate" and runs_over_time(model)}
-    samples = {name: x for name, x in pooled_training(curves).items() if name not in rates}
+    samples = pooled_training(curves)
     ranges = tuple(limits(getattr(model.body, "ranges", ()), model.level))
     varied = tuple(one for one in ranges if (one.high > one.low).any() and one.name in samples)
     names, y = tuple(one.name for one in varied), samples[model.output.name]
@@ -134,8 +133,7 @@ def region_of(model: Model, curves: Sequence[Curve], fit: Fit) -> Region | None:
     cells = ((X - X.min(axis=0)) / width * max(4, CELLS ** (1 / len(names)))).astype(int)
     _, number, count = np.unique(cells, axis=0, return_inverse=True, return_counts=True)
     *places, values = (np.bincount(number.ravel(), x) / count for x in (*X.T, y))
-    still = [one.name for one in model.inputs if one.name not in names]
-    fixed = {name: samples.get(name, np.zeros(1))[:1] for name in still}
+    fixed = {one.name: samples[one.name][:1] for one in model.inputs if one.name not in names}
     return Region(names, np.column_stack(places), values, fixed, varied, fit)
 
 
