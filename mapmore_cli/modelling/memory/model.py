@@ -5,6 +5,7 @@ program.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
 
 import numpy as np
 
@@ -109,9 +110,8 @@ def settled(model: Model, columns: Columns) -> Array:
     """
     from scipy.optimize import fixed_point
 
-    memory = _memory_of(model).model
-    terms = list(map(parse, memory.terms))
-    start = np.full(len(next(iter(columns.values()))), memory.limits[1])
+    memory, base = _memory_of(model).model, _base(model, columns)
+    terms, start = list(map(parse, memory.terms)), np.full(len(base), memory.limits[1])
 
     def following(y: Array) -> Array:
         """Return the next output after one that has always been y."""
@@ -119,14 +119,14 @@ def settled(model: Model, columns: Columns) -> Array:
         parts = dictionary_matrix(terms, states, len(y)) * memory.theta.T
         return np.asarray(parts.sum(axis=1) + memory.constant)
 
-    try:
+    with suppress(NotFinite, RuntimeError), np.errstate(all="ignore"):
         rest = fixed_point(following, start) if fed_back(model) else following(start)
-    except (NotFinite, RuntimeError) as fault:
-        raise FitError(
-            "fit.shape: with inputs that stand still, the fitted model comes to no rest",
-            "use fewer delays of the output, or remove it",
-        ) from fault
-    return _base(model, columns) + rest
+        if (np.clip(rest, *bounds_of(memory.limits)) == rest).all():
+            return np.asarray(base + rest)
+    raise FitError(
+        "fit.shape: with inputs that stand still, the fitted model comes to no rest",
+        "use fewer delays of the output, or remove it",
+    )
 
 
 def equations(model: Model, units: Mapping[str, float]) -> tuple[Equation, ...]:

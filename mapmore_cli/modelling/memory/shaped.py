@@ -63,7 +63,7 @@ def shaped(
         model,
         lambda theta, columns: settled(with_coefficients(theta), columns),
         memory.theta,
-        np.asarray(np.linalg.qr(P, mode="r")),
+        np.linalg.qr(P)[1],
         (P[:0], P[:0, 0]),
     )
     exchange.until_kept(region.asks(asked_of(recipe)), region)
