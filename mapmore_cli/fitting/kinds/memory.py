@@ -81,7 +81,7 @@ def build(part: ModelChoices, given: Given, result: FitResult) -> Model:
     )
     if part.fit.shape is None:
         return model
-    from mapmore_cli.modelling.memory.shaped import shaped
+    from mapmore_cli.modelling.memory.shaped import with_signed_gain
 
     records, recipe = _asked(part, given.dataset, result.backbone)
-    return shaped(model, result.memory, given.dataset.curves, records, recipe)
+    return with_signed_gain(model, result.memory, given.dataset.curves, records, recipe)

@@ -32,7 +32,7 @@ REMEDY = (
 )
 
 
-def shaped(
+def with_signed_gain(
     model: Model,
     fit: MemoryFit,
     curves: Sequence[Curve],

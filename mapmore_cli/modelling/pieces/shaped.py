@@ -53,7 +53,7 @@ def shaped(
     start = np.concatenate([one.theta for one in body.segments])
     exchange = Exchange(
         model,
-        _values(model, body, len(start)),
+        _fused_output(model, body, len(start)),
         start,
         _factor(body, curves, segmentation, recipe),
         _bounds(body, recipe.bounds),
@@ -130,7 +130,7 @@ def _of_coefficients(body: Pieces, names: Sequence[str]) -> Pieces:
     return replace(body, curves=tuple(curves), fusion=replace(body.fusion, extrapolation=sides))
 
 
-def _values(model: Model, body: Pieces, count: int) -> Values:
+def _fused_output(model: Model, body: Pieces, count: int) -> Values:
     """Return the fused output as so many coefficients make it: a program with them as inputs."""
     inputs = [one.name for one in model.inputs]
     names = [f"coefficient_{number}" for number in range(count)]
