@@ -89,7 +89,7 @@ def _of_run(run_dir: Path) -> View:
     if not (run_dir / RESULTS["validate"]).is_file():
         return View(document, run.tables, lines)
     scores = of_stage("validate", run_dir)
-    tables = (*run.tables, *scores.tables[:1])
+    tables = (*run.tables, *of_scores(RunFiles(run_dir).scores()).tables)
     return View({**document, **scores.document}, tables, (*lines, *page_lines(run_dir)))
 
 
