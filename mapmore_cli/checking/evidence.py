@@ -9,9 +9,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.ndimage import median_filter
 
-from mapmore_cli.domain.arrays import Array, IntArray, extremes
+from mapmore_cli.domain.arrays import Array, IntArray, extremes, row_blocks
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.recording import Recording, united
 from mapmore_cli.modelling.signals.rates import rate
@@ -239,11 +238,11 @@ def spikes(values: Array) -> IntArray:
     none = np.zeros(0, dtype=np.int64)
     if len(values) < FEWEST:
         return none
-    height = np.abs(values - median_filter(values, size=3, mode="nearest"))
-    apart = np.abs(np.pad(values[2:] - values[:-2], 1))
-    lone = np.flatnonzero(
-        (height > 0) & (height >= STANDS_OUT * apart) & (height >= height.max() / STANDS_OUT)
-    )
+    height = np.zeros(len(values))
+    for rows in row_blocks(len(values) - 2):
+        height[rows.start + 1 : rows.stop + 1] = _heights(values[rows.start : rows.stop + 2])
+    lone = np.flatnonzero(height >= (height.max() / STANDS_OUT or np.inf))
+    lone = lone[height[lone] >= STANDS_OUT * np.abs(values[lone + 1] - values[lone - 1])]
     if not 0 < lone.size <= max(1, LITTLE * len(values)):
         return none
     span = float(np.ptp(np.delete(values, lone)))
@@ -251,3 +250,13 @@ def spikes(values: Array) -> IntArray:
     usual = max(STANDS_OUT * float(steps.max(initial=0.0)), span / STANDS_OUT)
     # where a record rests, nothing says what is far
     return lone[height[lone] > usual] if span else none
+
+
+def _heights(x: Array) -> Array:
+    """Return how far each sample but the ends lies from its nearest neighbour, (n - 2,); below zero
+    where it lies between both.
+    """
+    steps = np.diff(x)
+    before, after = steps[:-1], steps[1:]
+    height: Array = np.maximum(np.minimum(before, -after), np.minimum(-before, after))
+    return height

@@ -14,7 +14,7 @@ from contextlib import ExitStack
 from contextvars import ContextVar
 from itertools import chain
 from typing import Annotated, Any
-from weakref import WeakSet
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -54,31 +54,45 @@ def row_count(columns: Columns) -> int:
     return len(next(iter(columns.values()), ()))
 
 
-ROWS = 1 << 17
-"""Samples of a block: one megabyte of a column."""
+ROWS, WIDE = 1 << 14, 1 << 17
+"""Samples of a block: of 128 KB of a column, so that what is computed of it stays in the
+processor's cache; and of one for work that costs much to begin, as a model does.
+"""
 
 
-def row_blocks(size: int) -> Iterator[slice]:
-    """Slices that follow each other over `size` rows, at least one."""
-    return (slice(start, min(start + ROWS, size)) for start in range(0, max(size, 1), ROWS))
+def row_blocks(size: int, rows: int = ROWS) -> Iterator[slice]:
+    """Slices of so many `rows` that follow each other over `size` rows, at least one."""
+    return (slice(start, min(start + rows, size)) for start in range(0, max(size, 1), rows))
 
 
-def in_blocks(*columns: Any, overlap: int = 0) -> Iterator[tuple[Any, ...]]:
+def in_blocks(*columns: Any, overlap: int = 0, rows: int = ROWS) -> Iterator[tuple[Any, ...]]:
     """Blocks of columns of one length, `(n, ...)` each, at least one.
 
     Every block but the first begins with the last `overlap` rows of the one before.
     """
-    for part in row_blocks(len(columns[0])):
+    for part in row_blocks(len(columns[0]), rows):
         yield tuple(column[max(0, part.start - overlap) : part.stop] for column in columns)
-        for column in columns:
-            give_back(column)
+        if part.stop % WIDE == 0 or part.stop == len(columns[0]):
+            for column in columns:
+                give_back(column)
 
 
 def extremes(column: Array, mask: BoolArray | None = None) -> tuple[float, float]:
     """Return the least and the largest value of a column, (n,), or of those where `mask`; NaN where
     one is NaN. Raises ValueError where there is no value.
     """
-    blocks = blocks_where(column, mask)
+    if mask is not None and not mask.all():
+        return _ends_of(blocks_where(column, mask))
+    # what is in a file does not change
+    of = _map_of(column)
+    known = {} if of is None else _mapped.setdefault(of, {})
+    place = (column.__array_interface__["data"][0], column.shape, column.strides)
+    if place not in known:
+        known[place] = _ends_of(x for (x,) in in_blocks(column, rows=WIDE))
+    return known[place]
+
+
+def _ends_of(blocks: Iterable[Array]) -> tuple[float, float]:
     ends = np.array([(x.min(), x.max()) for x in blocks if x.size]).reshape(-1, 2)
     return float(ends[:, 0].min()), float(ends[:, 1].max())
 
@@ -100,7 +114,8 @@ SCRATCH: ContextVar[str | None] = ContextVar("SCRATCH", default=None)
 None for that of the system.
 """
 
-_mapped: WeakSet[mmap.mmap] = WeakSet()
+_mapped: WeakKeyDictionary[mmap.mmap, dict[Any, tuple[float, float]]] = WeakKeyDictionary()
+"""The ends of columns that are in files, as far as they are known."""
 
 
 def stacked(blocks: Iterable[Sequence[Any]]) -> list[Any]:
@@ -128,19 +143,21 @@ def _in_files(blocks: Iterable[Sequence[Any]], kinds: Sequence[Any]) -> list[Any
         for file in files:
             file.flush()
         contents = [mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) for file in files]
-    _mapped.update(contents)
+    _mapped.update((one, {}) for one in contents)
     return list(map(np.frombuffer, contents, kinds))
 
 
-def by_blocks(function: Callable[..., Any], *columns: Any) -> Any:
+def by_blocks(function: Callable[..., Any], *columns: Any, rows: int = ROWS) -> Any:
     """`function(*columns)`, where each row, or each choice of rows, depends on these rows alone."""
-    return stacked([function(*block)] for block in in_blocks(*columns))[0]
+    return stacked([function(*block)] for block in in_blocks(*columns, rows=rows))[0]
 
 
 def row_by_row(function: Callable[[dict[str, Any]], Any], columns: Mapping[str, Any]) -> Any:
     """`function(columns)`, (n,), where each row depends on this row of the columns alone."""
     return by_blocks(
-        lambda *block: function(dict(zip(columns, block, strict=True))), *columns.values()
+        lambda *block: function(dict(zip(columns, block, strict=True))),
+        *columns.values(),
+        rows=WIDE,
     )
 
 
@@ -155,14 +172,20 @@ def picked(values: Any, rows: IntArray | BoolArray) -> Any:
     """
     if rows.dtype == np.bool_:
         return by_blocks(chosen, values, rows)
+    if len(rows) and rows[-1] - rows[0] == len(rows) - 1 and _ascends_by_one(rows):
+        return values[rows[0] : rows[-1] + 1]
 
     def parts() -> Iterator[list[Any]]:
-        for part in np.array_split(rows, -(-len(values) // ROWS) or 1):
+        for part in np.array_split(rows, -(-len(values) // WIDE) or 1):
             yield [values[part]]
             give_back(values)
             give_back(rows)
 
     return stacked(parts())[0]
+
+
+def _ascends_by_one(rows: Any) -> bool:
+    return all((np.diff(block) == 1).all() for (block,) in in_blocks(rows, overlap=1))
 
 
 def joined(columns: Sequence[Any]) -> Any:
@@ -180,9 +203,13 @@ def give_back(column: Any) -> None:
     """Let go of the memory that a column mapped from a file takes; its values are read from the
     file again where they are needed.
     """
-    owner = column
-    while isinstance(owner, np.ndarray):
-        owner = owner.base
-    owner = owner.obj if isinstance(owner, memoryview) else owner
-    if isinstance(owner, mmap.mmap) and hasattr(mmap, "MADV_DONTNEED"):
+    if (owner := _map_of(column)) is not None and hasattr(mmap, "MADV_DONTNEED"):
         owner.madvise(mmap.MADV_DONTNEED)
+
+
+def _map_of(column: Any) -> mmap.mmap | None:
+    """Return the file that a column is mapped from; None of one in memory."""
+    while isinstance(column, np.ndarray):
+        column = column.base
+    column = column.obj if isinstance(column, memoryview) else column
+    return column if isinstance(column, mmap.mmap) else None

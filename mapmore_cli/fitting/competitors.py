@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
+from functools import cached_property, partial
 from math import comb
 from pathlib import Path
 from typing import Any
@@ -132,10 +132,15 @@ class Contest:
         if name == "arx":
             said = simple.arx(self.dataset, self._inputs)
         elif name != "backbone":
-            said = simple.polynomial_fit(simple.DEGREES[name], self.dataset, self._inputs)
+            degree, names = simple.DEGREES[name], self._inputs
+            said = simple.polynomial_fit(degree, self.dataset, names, self._rows if names else None)
         elif self._backbone is not None:
             said = _formula_says(self._backbone, self.dataset.curves)
         return said or [np.full(curve.size, np.nan) for curve in self.dataset.curves]
+
+    @cached_property
+    def _rows(self) -> simple.Rows:
+        return simple.training_rows(self.dataset, self._inputs)
 
     @property
     def _inputs(self) -> list[str]:

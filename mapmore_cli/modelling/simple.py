@@ -12,7 +12,7 @@ from math import comb
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import Array, IntArray, by_blocks, in_blocks, stacked
+from mapmore_cli.domain.arrays import WIDE, Array, IntArray, by_blocks, in_blocks, stacked
 from mapmore_cli.domain.recording import Curve, Dataset
 
 # total degree of each polynomial, every monomial up to it included
@@ -26,30 +26,43 @@ MOST_ROWS = 50_000  # training rows that a fit takes, an even share
 LARGEST = 1e3  # times the largest measured output, from which a free run has diverged
 
 
-def polynomial_fit(degree: int, dataset: Dataset, names: Sequence[str]) -> list[Array] | None:
-    """Least-squares polynomial in the quantities `names`, of every curve: (n_c,) each.
+Rows = tuple[Array, Array]
+"""Inputs, (n, m), and outputs, (n,), that a polynomial is fitted to."""
 
-    Inputs are scaled to [-1, 1] on the training samples; where these leave coefficients open, the
-    solution of least norm is taken. None where there are fewer training samples than coefficients,
-    or no inputs.
+
+def training_rows(dataset: Dataset, names: Sequence[str]) -> Rows:
+    """Return known inputs and outputs of training samples, in an order that does not depend on that
+    of the samples; of many, an even share.
     """
-    if not names:
-        return None
     *inputs, y = _training_samples(dataset, [*names, dataset.target])
     x = np.column_stack(inputs)
     known = np.isfinite(x).all(axis=1) & np.isfinite(y)
     x, y = x[known], y[known]
     order = np.lexsort([y, *x.T])  # the order of the rows must not change a digit
-    x, y = _even_rows(x[order]), _even_rows(y[order])
+    return _even_rows(x[order]), _even_rows(y[order])
+
+
+def polynomial_fit(
+    degree: int, dataset: Dataset, names: Sequence[str], rows: Rows | None = None
+) -> list[Array] | None:
+    """Least-squares polynomial in the quantities `names`, of every curve: (n_c,) each.
+
+    Inputs are scaled to [-1, 1] on the training samples; where these leave coefficients open, the
+    solution of least norm is taken. It is fitted to `rows`, the `training_rows` where they are
+    left out. None where there are fewer of them than coefficients, or no inputs.
+    """
+    if not names:
+        return None
+    x, y = rows or training_rows(dataset, names)
     if len(y) < comb(len(names) + degree, degree):
         return None
     low, high = x.min(axis=0), x.max(axis=0)
     middle, half = (low + high) / 2, np.where(high > low, (high - low) / 2, 1.0)
-    theta = np.linalg.lstsq(_monomial_columns((x - middle) / half, degree), y, rcond=None)[0]
+    theta = np.linalg.lstsq(_monomials(((x - middle) / half).T, degree).T, y, rcond=None)[0]
 
     def polynomial(*at: Array) -> Array:
-        scaled = (np.column_stack(at) - middle) / half
-        return np.asarray(_monomial_columns(scaled, degree) @ theta)
+        ends = zip(at, middle, half, strict=True)
+        return np.asarray(theta @ _monomials([(x - m) / h for x, m, h in ends], degree))
 
     return [by_blocks(polynomial, *(one.columns[name] for name in names)) for one in dataset.curves]
 
@@ -85,7 +98,9 @@ def _training_samples(dataset: Dataset, names: Sequence[str]) -> list[Array]:
     parts = [
         [column[np.flatnonzero(training)[::every]] for column in columns]
         for curve in dataset.curves
-        for training, *columns in in_blocks(curve.training, *map(curve.columns.get, names))
+        for training, *columns in in_blocks(
+            curve.training, *map(curve.columns.get, names), rows=WIDE
+        )
     ]
     return [np.concatenate(columns) for columns in zip(*parts, strict=True)]
 
@@ -104,13 +119,13 @@ def _even_rows(rows: Array) -> Array:
     )
 
 
-def _monomial_columns(x: Array, degree: int) -> Array:
-    """Every monomial of the columns of `x`, (n, m), of total degree up to `degree`."""
-    columns: dict[tuple[int, ...], Array] = {(): np.ones(len(x))}
+def _monomials(x: Sequence[Array] | Array, degree: int) -> Array:
+    """Every monomial of `m` inputs, (n,) each, of total degree up to `degree`: (k, n)."""
+    values: dict[tuple[int, ...], Array] = {(): np.ones(len(x[0]))}
     for total in range(1, degree + 1):
-        for of in combinations_with_replacement(range(x.shape[1]), total):
-            columns[of] = columns[of[:-1]] * x[:, of[-1]]
-    return np.column_stack([*columns.values()])
+        for of in combinations_with_replacement(range(len(x)), total):
+            values[of] = values[of[:-1]] * x[of[-1]]
+    return np.array([*values.values()])
 
 
 def _past(values: Array, order: int, first: int) -> Array:
@@ -129,7 +144,9 @@ def _one_step_fit(dataset: Dataset, names: Sequence[str], order: int) -> Array |
     for curve in dataset.curves:
         for rows in curve.stretches:
             columns = [curve.columns[name][rows] for name in (dataset.target, *names)]
-            for training, y, *inputs in in_blocks(curve.training[rows], *columns, overlap=order):
+            for training, y, *inputs in in_blocks(
+                curve.training[rows], *columns, overlap=order, rows=WIDE
+            ):
                 past = [_past(y, order, 1), *(_past(x, order, 0) for x in inputs)]
                 train = np.flatnonzero(training & (np.arange(len(y)) >= order))[::every]
                 tables.append(np.hstack([np.ones((len(y), 1)), *past])[train])

@@ -218,6 +218,8 @@ class _Run:
         is at work, the lock decides.
         """
         records, runs = known_records(self.run_dir), self.run_dir.parent
+        if until not in records:  # sources need not be looked at twice
+            return None
         plans = list(self.planned(until, records))
         whole = (
             plans[-1].stage.name == until

@@ -191,7 +191,7 @@ def test_a_long_log_takes_the_memory_of_its_blocks(tmp_path, spooled, monkeypatc
     monkeypatch.setattr(arrays, "ROWS", rows)
     monkeypatch.setattr(arrays, "LONG", 8 * rows)
     monkeypatch.setattr(hdf5, "HUGE", rows)
-    monkeypatch.setattr("mapmore_cli.storage.readers.csv.CHUNK", rows // 4)
+    monkeypatch.setattr("mapmore_cli.storage.tables.lines.CHUNK", rows // 4)
     monkeypatch.setattr("mapmore_cli.modelling.signals.sampling.PART", rows // 8)
     # what is imported, and kept for the next time
     write_dataset(tmp_path / "ingest.h5", build_dataset(part, tmp_path))

@@ -49,7 +49,10 @@ def short_segments(subject: Subject) -> Issues:
     )
     if spec.model.type != "mapmore" or fits_decide:
         return
-    by_level = level_of(spec.data.levels, spec.segment) is not None
+    by_level, least = level_of(spec.data.levels, spec.segment) is not None, spec.fit.max_terms
+    counts = [np.count_nonzero(curve.training) for curve in dataset.curves]
+    if not spec.segment and all(count > least for count in counts if count):
+        return
     try:
         cut = cut_by_course(dataset.curves, by_level, cuts_of(spec.segment), dataset.target)
     except DataError as error:
@@ -62,7 +65,6 @@ def short_segments(subject: Subject) -> Issues:
             "data",
         )
         return
-    least = spec.fit.max_terms
     for curve in cut:
         short = [piece for piece in curve.segments if len(piece.rows) <= least]
         if short:

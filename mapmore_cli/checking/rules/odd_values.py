@@ -8,7 +8,7 @@ import numpy as np
 
 from mapmore_cli.checking.evidence import spikes
 from mapmore_cli.checking.rules import Issue, Issues, Subject
-from mapmore_cli.domain.arrays import IntArray, by_blocks, in_blocks, row_blocks
+from mapmore_cli.domain.arrays import WIDE, IntArray, by_blocks, in_blocks
 from mapmore_cli.domain.errors import SpecError
 from mapmore_cli.domain.recording import Recording
 from mapmore_cli.spec.units import convert
@@ -23,8 +23,8 @@ def spikes_in(subject: Subject) -> Issues:
         for recording in (one for one in subject.recordings if name in one.columns):
             values = recording.columns[name]
             # block by block: a long record may change its ways
-            blocks = zip(row_blocks(values.size), in_blocks(values), strict=True)
-            found = np.concatenate([rows.start + spikes(x) for rows, (x,) in blocks])
+            blocks = enumerate(in_blocks(values, rows=WIDE))
+            found = np.concatenate([number * WIDE + spikes(x) for number, (x,) in blocks])
             limit = _vacuum(subject, name)
             found = found if limit is None else found[values[found] >= limit]
             if not found.size:

@@ -6,6 +6,7 @@ from mapmore_cli.modelling.expressions.calculus import affine, derivative, expon
 from mapmore_cli.modelling.expressions.evaluation import (
     NotFinite,
     compiled,
+    dictionary_block,
     dictionary_blocks,
     dictionary_matrix,
     evaluate,
@@ -37,6 +38,7 @@ __all__ = [
     "candidate",
     "compiled",
     "derivative",
+    "dictionary_block",
     "dictionary_blocks",
     "dictionary_matrix",
     "evaluate",

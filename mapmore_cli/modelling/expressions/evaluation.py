@@ -102,28 +102,39 @@ def dictionary_blocks(
     """Yield the rows of `dictionary_matrix` in blocks, `(b, M)`, with where they stand; the whole
     is never there. Raises as it does.
     """
-    values = _needed(terms, columns, n)
-    program = compiled(tuple(terms))
+    values, block_of = _needed(terms, columns, n), dictionary_block(terms)
     for start in range(0, n, BLOCK):
         rows = slice(start, min(start + BLOCK, n))
-        block = np.empty((rows.stop - start, len(terms)), order="F")
         held = {name: value[rows] if value.ndim else value for name, value in values.items()}
+        yield rows, block_of(held, rows)
+
+
+def dictionary_block(terms: Sequence[Expression]) -> Callable[[Mapping[str, Array], slice], Array]:
+    """Return what makes a block of the dictionary, `(b, M)`, of columns at these `rows` of the
+    whole, which errors name; best of few thousand rows.
+    """
+    program = compiled(tuple(terms))
+
+    def block_of(columns: Mapping[str, Array], rows: slice) -> Array:
+        block = np.empty((rows.stop - rows.start, len(terms)), order="F")
         with np.errstate(all="ignore"):
-            for column, value in zip(block.T, program(held), strict=True):
+            for column, value in zip(block.T, program(columns), strict=True):
                 column[:] = value
         for term, column in zip(terms, block.T, strict=True):
             if not np.isfinite(column).all():
-                row = start + int(np.argmin(np.isfinite(column)))
+                row = int(np.argmin(np.isfinite(column)))
                 inputs = {
-                    name: values[name][row] if values[name].ndim else values[name]
+                    name: columns[name][row] if columns[name].ndim else columns[name]
                     for name in sorted(term.names)
                 }
                 raise NotFinite(
                     to_text(term),
-                    row,
+                    rows.start + row,
                     ", ".join(f"{name} = {value:.6g}" for name, value in inputs.items()),
                 )
-        yield rows, block
+        return block
+
+    return block_of
 
 
 def _needed(terms: Sequence[Expression], columns: Columns, n: int) -> dict[str, Array]:

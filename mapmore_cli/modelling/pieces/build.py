@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import partial, reduce
 from itertools import product
 from typing import Any
 
@@ -17,13 +17,13 @@ from numpy.typing import ArrayLike
 
 from mapmore_cli.domain.arrays import (
     LONG,
+    WIDE,
     Array,
     Columns,
     IntArray,
     by_blocks,
     extremes,
     give_back,
-    joined,
     row_blocks,
 )
 from mapmore_cli.domain.declared import taken
@@ -44,7 +44,7 @@ from mapmore_cli.modelling.expressions import (
     Expression,
     NotFinite,
     candidate,
-    dictionary_blocks,
+    dictionary_block,
     dictionary_matrix,
     parse,
 )
@@ -79,10 +79,14 @@ Middle = Callable[[Array], Any]
 
 
 def placements(
-    rule: str, X: Array, y: Array, variables: Sequence[str], middle: Middle = np.mean
+    rule: str,
+    inputs: Sequence[Array],
+    y: Array,
+    variables: Sequence[str],
+    middle: Middle = np.mean,
 ) -> tuple[Scaling, ...]:
-    """Return all scalings of the samples `X`, (n, v), and `y`, (n,), that satisfy a rule; the
-    caller keeps the one that errs least. `middle` makes one anchor of several samples.
+    """Return all scalings of the samples of v `inputs` and of `y`, (n,) each, that satisfy a rule;
+    the caller keeps the one that errs least. `middle` makes one anchor of several samples.
 
     - `unit_square`: x and y span one unit and the trend passes through the origin, which lies at
       the left or at the right end of each
@@ -92,40 +96,48 @@ def placements(
     - `none`: data as they are.
     """
     names, count = tuple(variables), len(variables)
+    ends = np.array([extremes(x) for x in (*inputs, y)])
     if rule == "unit_square":
         every = (
             product((False, True), repeat=count)
             if count <= EVERY_CORNER_UP_TO
             else [(False,) * count, (True,) * count]
         )
-        return tuple(_anchored(X, y, names, right, middle) for right in every)
+        return tuple(_anchored(inputs, y, names, right, middle, ends) for right in every)
     slope, y_slope = np.ones(count), 1.0
     if rule == "max_abs":
-        slope, y_slope = 1 / _span(np.abs(X).max(axis=0)), float(_span(np.abs(y).max()))
+        sizes = _span(np.abs(ends).max(axis=1))
+        slope, y_slope = 1 / sizes[:-1], float(sizes[-1])
     elif rule != "none":
         raise ValueError(f"unknown scaling rule {rule!r}: unit_square, max_abs or none")
     return (Scaling(rule, "-", names, slope, np.zeros(count), y_slope, 0.0),)
 
 
 def _anchored(
-    X: Array, y: Array, variables: tuple[str, ...], right: tuple[bool, ...], middle: Middle
+    inputs: Sequence[Array],
+    y: Array,
+    variables: tuple[str, ...],
+    right: tuple[bool, ...],
+    middle: Middle,
+    ends: Array,
 ) -> Scaling:
-    low, high = np.array([extremes(x) for x in X.T]).reshape(-1, 2).T
+    low, high = ends[:-1].T
     slope, anchor = 1 / _span(high - low), np.where(right, high, low)
     y_anchor = 0.0
     # middle of the samples nearest to the anchor; all at the same distance count, so the order of
     # rows does not matter
     if variables:
 
-        def farthest(*inputs: Array) -> Array:
-            return np.asarray(np.max(np.abs(inputs - anchor[:, None]) * slope[:, None], axis=0))
+        def farthest(*x: Array) -> Array:
+            away = (np.abs(x - a) * m for x, a, m in zip(x, anchor, slope, strict=True))
+            return reduce(np.maximum, away)
 
-        far = farthest(*(X.T if y.nbytes <= LONG else map(even_share, X.T)))
+        far = farthest(*(inputs if y.nbytes <= LONG else map(even_share, inputs)))
         nearest = max(1, int(np.ceil(END_FRACTION * len(far))))
         limit = np.partition(far, nearest - 1)[nearest - 1]
-        y_anchor = float(middle(by_blocks(lambda y, *x: y[farthest(*x) <= limit], y, *X.T)))
+        y_anchor = float(middle(by_blocks(lambda y, *x: y[farthest(*x) <= limit], y, *inputs)))
     place = ",".join("right" if r else "left" for r in right) or "-"
-    y_span = float(_span(np.ptp(extremes(y))))
+    y_span = float(_span(np.ptp(ends[-1])))
     return Scaling("unit_square", place, variables, slope, -slope * anchor, y_span, y_anchor)
 
 
@@ -242,12 +254,11 @@ def fit_together(
     robust = recipe.fit.loss != "squares"
     middle = np.median if robust else np.mean
     rule, errs = recipe.fit.scaling, "scale" if robust else "sse"  # weighted squares do not compare
+    inputs = outputs[0].inputs
+    ends = {name: np.array(extremes(x)) for name, x in zip(variables, inputs, strict=True)}
     for scalings in zip(
-        *(placements(rule, one.X, one.y, variables, middle) for one in outputs), strict=True
+        *(placements(rule, inputs, one.y, variables, middle) for one in outputs), strict=True
     ):
-        ends = {
-            name: np.array(extremes(x)) for name, x in zip(variables, outputs[0].X.T, strict=True)
-        }
         written = placed(
             recipe.dictionary,
             tuple((name, *z.tolist()) for name, z in scaled_inputs(scalings[0], ends).items()),
@@ -271,9 +282,9 @@ def fit_together(
 
 @dataclass(frozen=True)
 class _Samples:
-    """The n samples of a segment, `X` (n, v) and one output `y` (n,), and how they weigh."""
+    """The samples of a segment, of `inputs` and one output `y`, (n,) each, and how they weigh."""
 
-    X: Array
+    inputs: Sequence[Array]
     y: Array
     weighing: Weighing
 
@@ -281,16 +292,16 @@ class _Samples:
         self, terms: Sequence[Expression], scaling: Scaling
     ) -> Iterator[tuple[Array, Array]]:
         """Yield terms and output in scaled coordinates, block by block."""
+        block_of = dictionary_block(terms)
         for rows in row_blocks(len(self.y)):
             z, target = self.scaled(rows, scaling)
-            for part, P in dictionary_blocks(terms, z, len(target)):
-                yield P, target[part]
-            for column in (self.y, *self.X.T):
+            yield block_of(z, rows), target
+            for column in (self.y, *self.inputs) if rows.stop % WIDE == 0 else ():
                 give_back(column)
 
     def scaled(self, rows: slice, scaling: Scaling) -> tuple[dict[str, Array], Array]:
         """Return inputs by name and output of some rows in scaled coordinates."""
-        inputs = {name: x[rows] for name, x in zip(scaling.variables, self.X.T, strict=True)}
+        inputs = {name: x[rows] for name, x in zip(scaling.variables, self.inputs, strict=True)}
         return scaled_inputs(scaling, inputs), (
             self.y[rows] - scaling.y_intercept
         ) / scaling.y_slope
@@ -310,8 +321,6 @@ def _samples_of(
         order = np.lexsort([samples[name] for name in (*given, recipe.target, *variables[::-1])])
         samples = {name: values[order] for name, values in samples.items()}
         origin = None if origin is None else origin[order]
-    y, parts = samples[recipe.target], [samples[name] for name in variables]
-    X = joined(parts).reshape(-1, len(y)).T if parts else np.empty((len(y), 0))
     weighing = Weighing(
         samples[unsure] if given else None,
         recipe.fit.loss,
@@ -319,7 +328,7 @@ def _samples_of(
         origin,
         recipe.fit.weight == "curve",
     )
-    return _Samples(X, y, weighing)
+    return _Samples([samples[name] for name in variables], samples[recipe.target], weighing)
 
 
 def _selected_terms(

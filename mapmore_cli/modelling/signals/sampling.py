@@ -8,6 +8,7 @@ from bisect import bisect_right
 from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 
@@ -242,23 +243,24 @@ def longest_ascent(time: Array) -> BoolArray:
     return kept
 
 
-def envelope(y: Array, limit: int) -> IntArray:
+def envelope(y: Array, limit: int, less: Array | None = None) -> IntArray:
     """Row numbers that draw a trace with at most `limit` points: the lowest and the highest sample
-    of each of `limit // 2` runs.
+    of each of `limit // 2` runs; of `y - less` where this is given.
 
     All rows where there are no more than `limit`.
     """
     if len(y) <= limit:
         return np.arange(len(y))
-    rows = []
+    rows: list[int] = []
     edges = np.linspace(0, len(y), limit // 2 + 1).astype(int)
     for number, (start, end) in enumerate(pairwise(edges.tolist())):
-        run = y[start:end]
-        known = np.flatnonzero(~np.isnan(run))
-        if len(known):
-            rows += [start + known[np.argmin(run[known])], start + known[np.argmax(run[known])]]
-        else:
-            rows.append(start)  # a gap stays one
+        run = y[start:end] if less is None else y[start:end] - less[start:end]
+        ends: Any = [run.argmin(), run.argmax()]
+        if np.isnan(run[ends[0]]):  # a gap stays one
+            known = np.flatnonzero(~np.isnan(run))
+            ends = known[[run[known].argmin(), run[known].argmax()]] if len(known) else [0]
+        rows += [start + int(end) for end in ends]
         if number % 100 == 0:
-            give_back(y)
+            for column in (y, less):
+                give_back(column)
     return np.unique(rows)

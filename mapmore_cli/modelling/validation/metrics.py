@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial as partial_of
-from functools import reduce
 from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from mapmore_cli.domain.arrays import (
+    WIDE,
     Array,
     BoolArray,
     by_blocks,
@@ -24,6 +24,7 @@ from mapmore_cli.domain.arrays import (
 from mapmore_cli.domain.recording import DIRECTION, Curve, Dataset, uncertainty_of
 from mapmore_cli.domain.results import ErrorBand, Forecast
 from mapmore_cli.domain.scores import Score
+from mapmore_cli.modelling.frols.moments import LARGEST, SMALLEST, power_of_two
 from mapmore_cli.modelling.signals.rates import FALL, RISE
 
 
@@ -72,22 +73,29 @@ class Squares(NamedTuple):
     @classmethod
     def of(cls, values: Array, centred: bool = False) -> Squares:
         """Sum up values, (n,), about their mean where they are `centred`."""
-        unit, mean = _unit_of(values), float(values.mean()) if centred and len(values) else 0.0
-        return cls(len(values), mean, float(np.sum(((values - mean) / (unit or 1.0)) ** 2)), unit)
+        mean = float(values.mean()) if centred and len(values) else 0.0
+        apart, unit = values - mean if centred else values, 1.0
+        with np.errstate(over="ignore", invalid="ignore"):
+            total = float(apart @ apart)
+        if not SMALLEST < total < LARGEST:
+            unit = float(power_of_two(np.abs(values).max(initial=SMALLEST**2)))
+            apart = (values - mean) / unit
+            total = float(apart @ apart)
+        return cls(len(values), mean, total, unit)
 
-    def with_more(self, other: Squares) -> Squares:
-        """Return the sum of both (T. F. Chan, G. H. Golub, R. J. LeVeque 1983)."""
-        n, unit = self.n + other.n, max(self.unit, other.unit)
-        apart = (other.mean - self.mean) / (unit or 1.0)
-        between = apart**2 * self.n * other.n / max(n, 1)
-        of_each = (one.total * (one.unit / unit) ** 2 for one in (self, other) if one.unit)
-        mean = self.mean + apart * unit * other.n / max(n, 1)
-        return Squares(n, mean, sum(of_each) + between, unit)
+    @classmethod
+    def together(cls, parts: Iterable[Squares]) -> Squares:
+        """Return the sum of all parts (T. F. Chan, G. H. Golub, R. J. LeVeque 1983)."""
+        n, mean, total, unit = np.array([*parts]).T
+        whole, largest = float(n.sum()), float(unit.max())
+        middle = float(n @ mean) / max(whole, 1.0)
+        between = float(n @ ((mean - middle) / largest) ** 2)
+        return cls(int(whole), middle, float(total @ (unit / largest) ** 2) + between, largest)
 
     @property
     def about_zero(self) -> Squares:
         """The sum of squares about zero."""
-        shift = self.n * (self.mean / (self.unit or 1.0)) ** 2
+        shift = self.n * (self.mean / self.unit) ** 2
         return Squares(self.n, 0.0, self.total + shift, self.unit)
 
     @property
@@ -119,7 +127,7 @@ class Sums(NamedTuple):
     inside: int  # those within it
     chi2: float  # sum of squared errors over that of the uncertainty, NaN where none is known
     weight: float  # sum of the inverse of its square
-    widths: Array  # of all intervals, or of an even share
+    widths: tuple[Array, ...]  # of all intervals, or of an even share
 
     @classmethod
     def of(
@@ -128,41 +136,39 @@ class Sums(NamedTuple):
         """Sum up `measured` samples, (n,), of the uncertainty `sigma` where it is known, and what a
         model forecasts of them; one in `every` width of an interval is kept.
         """
-        known = forecast.ready
-        y, predicted = measured[known], forecast.values[known]
-        error = predicted - y
-        half = np.full(len(y), np.nan) if forecast.half is None else forecast.half[known]
-        ahead = np.empty(0) if forecast.one_step is None else forecast.one_step[known] - y
-        given = np.isfinite(half)
+        y, said = measured, forecast
+        if not said.ready.all():
+            y, said = measured[said.ready], forecast.at(forecast.ready)
+            sigma = None if sigma is None else sigma[forecast.ready]
+        error = said.values - y
+        given = inside = 0
+        widths = np.empty(0)
+        if said.half is not None:
+            known = np.flatnonzero(np.isfinite(said.half))
+            given, widths = len(known), said.half[known[::every]]
+            inside = int(np.count_nonzero(np.abs(error[known]) <= said.half[known]))
+        own = Squares.of(y, True)
         return cls(
-            Squares.of(measured, True),
-            Squares.of(y, True),
-            Squares.of(predicted),
+            own if said is forecast else Squares.of(measured, True),
+            own,
+            Squares.of(said.values),
             Squares.of(error),
-            Squares.of(ahead),
-            float(np.abs(error).max(initial=0.0)),
-            int(np.count_nonzero(given)),
-            int(np.count_nonzero(np.abs(error[given]) <= half[given])),
-            math.nan if sigma is None else float(np.sum((error / sigma[known]) ** 2)),
-            math.nan if sigma is None else float(np.sum(sigma[known] ** -2.0)),
-            half[np.flatnonzero(given)[::every]],
+            Squares.of(np.empty(0) if said.one_step is None else said.one_step - y),
+            float(np.maximum(error.max(initial=0.0), -error.min(initial=0.0))),
+            given,
+            inside,
+            math.nan if sigma is None else float(np.sum((error / sigma) ** 2)),
+            math.nan if sigma is None else float(np.sum(sigma**-2.0)),
+            (widths,),
         )
 
-    def with_more(self, other: Sums) -> Sums:
-        """Return the sums over both."""
-        return Sums(
-            self.all_measured.with_more(other.all_measured),
-            self.measured.with_more(other.measured),
-            self.predicted.with_more(other.predicted),
-            self.errors.with_more(other.errors),
-            self.one_step.with_more(other.one_step),
-            float(np.maximum(self.worst, other.worst)),
-            self.given + other.given,
-            self.inside + other.inside,
-            self.chi2 + other.chi2,
-            self.weight + other.weight,
-            np.concatenate([self.widths, other.widths]),
-        )
+    @classmethod
+    def together(cls, parts: Iterable[Sums]) -> Sums:
+        """Return the sums over all parts."""
+        *squares, worst, given, inside, chi2, weight, widths = zip(*parts, strict=True)
+        found: Any = [*map(Squares.together, squares), float(np.max(worst))]
+        found += [*map(sum, (given, inside, chi2, weight)), sum(widths, ())]
+        return cls(*found)
 
     @property
     def correlation(self) -> float:
@@ -210,7 +216,7 @@ def score(
         rrse_one_step=math.sqrt(sums.one_step.over(spread)) if sums.one_step.n else math.nan,
         r_uncentred=sums.correlation,
         interval_coverage=sums.inside / sums.given if given else math.nan,
-        interval_half_width=float(np.median(sums.widths)) if given else math.nan,
+        interval_half_width=float(np.median(np.concatenate(sums.widths))) if given else math.nan,
         nrmse_range=rmse / scale.extent if scale.extent > 0 else math.nan,
         rmse_weighted=math.sqrt(sums.chi2 / sums.weight),
         chi2_dof=sums.chi2 / (n - free) if n > free else math.nan,
@@ -233,17 +239,6 @@ def information_criteria(n: int, rmse: float, parameters: int) -> tuple[float, f
     """
     fit = 2 * n * math.log(rmse) if rmse > 0 else -math.inf
     return fit + 2 * parameters, fit + parameters * math.log(n)
-
-
-def _unit_of(values: Array) -> float:
-    """Return a power of two next to the largest value, in which squares neither vanish nor
-    overflow: dividing by it changes no digit. 0 where there is none but zeros, 1 where it is no
-    number.
-    """
-    largest = float(np.abs(values).max(initial=0.0))
-    if largest == 0.0:
-        return 0.0
-    return math.ldexp(0.5, math.frexp(largest)[1]) if largest < math.inf else 1.0
 
 
 EDGES = (0.0, 0.1, 0.25, 0.5, 1.0)
@@ -278,7 +273,8 @@ def bands(dataset: Dataset, predictions: Mapping[str, tuple[Array, ...]]) -> tup
             samples += np.bincount(inside[wanted], minlength=count)
             for model, own in zip(said, values, strict=True):
                 error = own - of
-                rows = wanted & np.isfinite(error)
+                rows: Any = wanted & np.isfinite(error)
+                rows = slice(None) if rows.all() else rows  # a copy costs more than the sums
                 known[model] += np.bincount(inside[rows], minlength=count)
                 squares[model] += np.bincount(inside[rows], error[rows] ** 2, count)
     with np.errstate(invalid="ignore"):
@@ -364,7 +360,7 @@ def score_rows(
         for name, own in [("all", whole), *(parts[place] for place in sorted(parts))]:
             if own:
                 fitted = free if split == "train" and own is whole else 0
-                sums = reduce(Sums.with_more, own)
+                sums = Sums.together(own)
                 yield score(model, target, split, name, sums, scale, fitted)
 
 
@@ -390,13 +386,14 @@ def summed(curve: Curve, target: str, said: Forecast, every: int, wanted: BoolAr
     """Return the sums over the `wanted` samples of a curve, (n,), block by block."""
     y, sigma = curve.columns[target], curve.columns.get(uncertainty_of(target))
     nothing = None if sigma is None else np.empty(0)
-    whole = Sums.of(np.empty(0), said.at(slice(0)), every, nothing)
+    parts = [Sums.of(np.empty(0), said.at(slice(0)), every, nothing)]
     for rows in row_blocks(curve.size):
-        where = wanted[rows]
+        where: Any = wanted[rows]
         if where.any():
+            where = slice(None) if where.all() else where
             unsure = None if sigma is None else sigma[rows][where]
-            block = Sums.of(y[rows][where], said.at(rows).at(where), every, unsure)
-            whole = whole.with_more(block)
-        give_back(y)
-        give_back(said.values)
-    return whole
+            parts.append(Sums.of(y[rows][where], said.at(rows).at(where), every, unsure))
+        if rows.stop % WIDE == 0:
+            give_back(y)
+            give_back(said.values)
+    return Sums.together(parts)

@@ -56,9 +56,9 @@ def residual_tests(
     residuals: list[Array] = []
     columns: dict[str, list[Array]] = {quantity.name: [] for quantity in model.inputs}
     for curve, values, wanted in zip(dataset.curves, predicted, judged(dataset), strict=True):
-        errors = by_blocks(np.subtract, values, curve.columns[dataset.target])
+        measured = curve.columns[dataset.target]
         for rows in _pieces(curve, wanted, order_by):
-            piece = picked(errors, rows)
+            piece = by_blocks(np.subtract, picked(values, rows), picked(measured, rows))
             if len(piece) and _finite([piece])[0]:
                 residuals.append(piece)
                 for name in columns.keys() & curve.columns.keys():
@@ -222,7 +222,7 @@ def alarms(
         )
     told += _bare(model, dataset.curves, predictions)
     every = count = 0
-    for curve in dataset.curves:
+    for curve in (one for one in dataset.curves if one.held_out.any()):
         outside = row_by_row(partial(outside_range, model), curve.columns)
         every += int(curve.held_out.sum())
         count += int((outside & curve.held_out).sum())

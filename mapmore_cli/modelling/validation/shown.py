@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import Array, IntArray, Ranges, by_blocks, extremes, picked
+from mapmore_cli.domain.arrays import Array, IntArray, Ranges, extremes, picked
 from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.recording import Dataset
 from mapmore_cli.domain.results import Validation
@@ -36,12 +36,12 @@ def for_report(validation: Validation, model: Model, dataset: Dataset) -> Valida
     if max([one.rows_kept for one in recordings] + [one.size for one in curves]) <= MANY:
         return made
     of_curves = [
-        _extremes([y := curve.columns[dataset.target], by_blocks(np.subtract, values, y)])
+        _extremes([(curve.columns[dataset.target],), (values, curve.columns[dataset.target])])
         for curve, values in zip(curves, own, strict=True)
     ]
     shown = replace(
         dataset,
-        recordings=tuple(one.at(_extremes([*one.columns.values()])) for one in recordings),
+        recordings=tuple(one.at(_extremes([*zip(one.columns.values())])) for one in recordings),
         curves=tuple(curve.at(rows) for curve, rows in zip(curves, of_curves, strict=True)),
     )
     kept = {
@@ -51,9 +51,11 @@ def for_report(validation: Validation, model: Model, dataset: Dataset) -> Valida
     return replace(made, predictions=kept, shown=shown)
 
 
-def _extremes(columns: Sequence[Array]) -> IntArray:
-    """Return the numbers of at most `MANY` rows, with the extremes of every column."""
-    rows = [envelope(values, MANY // len(columns)) for values in columns]
+def _extremes(columns: Sequence[tuple[Array, ...]]) -> IntArray:
+    """Return the numbers of at most `MANY` rows, with the extremes of every column, or of one less
+    another.
+    """
+    rows = [envelope(values[0], MANY // len(columns), *values[1:]) for values in columns]
     return np.unique(np.concatenate(rows))
 
 

@@ -16,14 +16,13 @@ from typing import Any, Literal
 
 import numpy as np
 from matplotlib import rc_context
-from matplotlib.backends.backend_pgf import RendererPgf
 from matplotlib.collections import PathCollection
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 
 from mapmore_cli.domain import plugins
 from mapmore_cli.domain.errors import UsageError
-from mapmore_cli.domain.foreign import tex_label, tex_text, xml_text
+from mapmore_cli.domain.foreign import xml_text
 from mapmore_cli.reporting.figures.panels import evenly, titles
 from mapmore_cli.reporting.figures.style import figure_style
 from mapmore_cli.reporting.inputs import SINGLE, FigureStyle, ReportInputs
@@ -319,39 +318,6 @@ def _hovered(figure: Figure) -> str:
     return f'<g fill-opacity="0">{"".join(circles)}</g>' if circles else ""
 
 
-class _Renderer(RendererPgf):
-    """Needs no TeX: letters are measured by the fonts of the other formats. Names are escaped, so
-    that TeX obeys none of them.
-    """
-
-    def get_text_width_height_descent(self, s, prop, ismath):  # type: ignore[no-untyped-def]
-        return super(RendererPgf, self).get_text_width_height_descent(s, prop, ismath)
-
-    def draw_text(  # type: ignore[no-untyped-def]
-        self, gc, x, y, s, prop, angle, ismath=False, mtext=None
-    ):
-        super().draw_text(
-            gc, x, y, tex_label(s) if ismath else tex_text(s), prop, angle, ismath, mtext
-        )  # type: ignore[no-untyped-call]
-
-
-def to_pgf(figure: Figure) -> str:
-    """Return a `pgfpicture` to be read with `\\input`; its letters are set in the fonts of the
-    document.
-    """
-    text = io.StringIO()
-    width, height = figure.get_size_inches()
-    text.write("% \\usepackage{pgf} in the preamble, then \\input this file\n")
-    text.write("\\begingroup\n\\makeatletter\n\\begin{pgfpicture}\n")
-    text.write(
-        f"\\pgfpathrectangle{{\\pgfpointorigin}}{{\\pgfqpoint{{{width:f}in}}{{{height:f}in}}}}\n"
-        f"\\pgfusepath{{use as bounding box, clip}}\n"
-    )
-    figure.draw(_Renderer(figure, text))  # type: ignore[no-untyped-call]
-    text.write("\\end{pgfpicture}\n\\makeatother\n\\endgroup\n")
-    return text.getvalue()
-
-
 def to_bytes(figure: Figure, suffix: str, name: str, alt: str) -> bytes:
     """Return a figure with its name and its description as a file that ends in `suffix`, within
     `figure_style`.
@@ -362,6 +328,8 @@ def to_bytes(figure: Figure, suffix: str, name: str, alt: str) -> bytes:
     if suffix == "svg":
         return (SVG_PROLOGUE + to_svg(figure, name, alt)).encode()
     if suffix == "pgf":
+        from mapmore_cli.reporting.figures.pgf import to_pgf  # a third of what figures import
+
         return to_pgf(figure).encode()
     unsaid = dict.fromkeys(("CreationDate", "Creator", "Producer"))
     metadata: dict[str, Any] = (

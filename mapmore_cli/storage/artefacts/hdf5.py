@@ -23,7 +23,7 @@ import numpy as np
 from h5py import h5a, h5d, h5g, h5l, h5o, h5t, h5z
 from numpy.typing import NDArray
 
-from mapmore_cli.domain.arrays import give_back, in_blocks, row_blocks
+from mapmore_cli.domain.arrays import WIDE, give_back, in_blocks, row_blocks
 from mapmore_cli.storage.artefacts.schema import (
     ARRAY,
     DEEPEST,
@@ -63,7 +63,7 @@ def put_array(
     packed = {"compression": "gzip", "shuffle": True} if LONG <= value.size < HUGE else {}
     dataset = file.create_dataset(path, value.shape, dtype, track_times=False, **packed)
     digest.update(head_of_array(path, value, dtype))
-    for rows in row_blocks(len(value)):
+    for rows in row_blocks(len(value), WIDE):
         block = np.ascontiguousarray(value[rows], dtype=dtype)
         digest.update(block.data)
         dataset[rows] = block
@@ -127,7 +127,7 @@ def head_of_array(path: str, value: Any, dtype: str) -> bytes:
 def add_to_hash(digest: Any, path: str, value: Any, dtype: str) -> None:
     """Take in an array, after its path, type and shape."""
     digest.update(head_of_array(path, value, dtype))
-    for (block,) in in_blocks(np.atleast_1d(value)):
+    for (block,) in in_blocks(np.atleast_1d(value), rows=WIDE):
         digest.update(np.ascontiguousarray(block, dtype=dtype).data)
 
 

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import csv
 import re
+from codecs import BOM_UTF8
 from collections import deque
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from io import BufferedReader, StringIO
+from io import BufferedReader
 from itertools import chain, islice, product
 from pathlib import Path
 from typing import Any
@@ -43,11 +44,6 @@ from mapmore_cli.storage.tables.rows import Wanted, values_of_rows, wanted_of
 WHITESPACE = "whitespace"
 DELIMITERS = {"tab": "\t"}
 MARKS = {";": "a semicolon", "\t": "a tab"}
-
-CHUNK = 1 << 19
-"""Characters that are read at a time; where one of them is out of order, all of them are read
-record by record.
-"""
 
 Numbered = tuple[int, list[str]]
 """Line number in the file, and the fields of the record that ends there."""
@@ -99,21 +95,21 @@ def read_csv(path: Path, request: TableRequest) -> list[RawTable]:
 
 
 def _parse(lines: Lines, raw: BufferedReader, request: TableRequest) -> RawTable:
-    zipped, last = is_zipped(raw), deque[str](maxlen=2)
+    zipped, last = is_zipped(raw), deque[bytes](maxlen=2)
     deque(islice(lines, request.skip_rows), maxlen=0)
     delimiter = DELIMITERS.get(request.delimiter, request.delimiter)
     split_at = None if delimiter == WHITESPACE else delimiter
-    records = _records(lines, split_at, request.label, request.skip_rows)
+    records = _records(lines, split_at, request.label)
     first = next((record for record in records if record[1]), None)
     if first is None:
         raise DataError(f"{request.label}: the file is empty")
     layout = _layout(first[1], request, split_at)
-    *_, (row, _) = [first, *islice(records, max(request.header - 1, 0))]
+    deque(islice(records, max(request.header - 1, 0)), maxlen=0)
     leading = [] if request.header else [values_of_records([first], layout)]
     numbers: list[Any] = []
 
     def values() -> Iterator[list[Any]]:
-        for rows, *block in chain(leading, _blocks_of(lines, row, layout, raw, last)):
+        for rows, *block in chain(leading, _blocks_of(lines, layout, raw, last)):
             numbers.append(rows)
             yield block
 
@@ -123,19 +119,15 @@ def _parse(lines: Lines, raw: BufferedReader, request: TableRequest) -> RawTable
     every = range(numbers[0][0], numbers[-1][-1] + 1)
     rows = every if len(every) == len(columns[0]) else np.concatenate(numbers)
     whole = RawTable(dict(zip(request.columns, columns, strict=True)), rows, request.label)
-    return whole if zipped else _without_cut_number(whole, "".join(last), layout)
+    return whole if zipped else _without_cut_number(whole, b"".join(last), layout)
 
 
-def _records(
-    lines: Iterator[str], delimiter: str | None, label: str, row: int
-) -> Iterator[Numbered]:
-    """Yield the records of lines, of which `row` came before; blank lines are records without
-    fields.
-    """
+def _records(lines: Lines, delimiter: str | None, label: str) -> Iterator[Numbered]:
+    """Yield the records of lines; blank lines are records without fields."""
     if delimiter is None:
-        yield from ((number, line.split()) for number, line in enumerate(lines, start=row + 1))
+        yield from ((lines.rows, line.split()) for line in lines)
         return
-    for _, record, number in csv_records(lines, delimiter, label, row):
+    for _, record, number in csv_records(lines, delimiter, label, lines.rows):
         yield number, record if len(record) > 1 or (record and record[0].strip()) else []
 
 
@@ -149,64 +141,58 @@ def _layout(first: Sequence[str], request: TableRequest, delimiter: str | None) 
 
 
 def _blocks_of(
-    lines: Lines, row: int, layout: Layout, raw: BufferedReader, last: deque[str]
+    lines: Lines, layout: Layout, raw: BufferedReader, last: deque[bytes]
 ) -> Iterator[list[Any]]:
-    """Yield numbers and values of the lines after `row`, (n,) each, block by block; `last` gets the
-    last blocks of text.
+    """Yield numbers and values of the lines that are left, (n,) each, block by block; `last` gets
+    the last blocks of text.
     """
-    while text := lines.block(CHUNK, row):
-        last.append(text)
-        values = values_of_text(text, layout)
+    while block := lines.block():
+        last.append(block)
+        values = values_of_text(block, layout)
         if values:
             for (_, _, read), column in zip(layout.wanted, values, strict=True):
                 if read.clock and np.isfinite(column).any():
                     read.form = NUMBER
-            yield [range(row + 1, row + len(values[0]) + 1), *values]
-            row += len(values[0])
+            row, n = lines.rows + 1, len(values[0])
+            lines.take(block, n)
+            yield [range(row, row + n), *values]
         else:
-            taken = _lines_in(text)
-            end, filled = row + len(taken), list[Numbered]()
-            later = _records(chain(taken, lines), layout.delimiter, layout.request.label, row)
-            for row, cells in later:
+            end, filled = lines.taken + len(block), list[Numbered]()
+            for row, cells in _records(lines, layout.delimiter, layout.request.label):
                 filled += [(row, cells)] if cells else []
-                if row >= end:
+                if lines.taken >= end:
                     break
             if filled:
                 yield values_of_records(filled, layout)
         layout.request.progress(raw.tell())
 
 
-def _lines_in(text: str) -> list[str]:
-    return StringIO(text, newline="").readlines()
-
-
-def values_of_text(text: str, layout: Layout) -> list[Array]:
-    """Return the wanted columns, (n,) each, where every line is one record of full width that has
-    only plain numbers and empty fields there; else none.
+def values_of_text(text: bytes, layout: Layout) -> list[Array]:
+    """Return the wanted columns, (n,) each, of text in UTF-8 where every line is one record of full
+    width that has only plain numbers and empty fields there; else none.
 
     PyArrow reads them in a thirtieth of the time of `values_of_records`, and gives the same doubles
     to the last bit. It takes blank lines for records and `nan(ind)` for a number, so that lines
     without any number, and NaN that no empty field explains, are left to the other.
     """
-    request, delimiter = layout.request, layout.delimiter
+    request, mark = layout.request, (layout.delimiter or "\t").encode()
     if (
         any(
             read.clock and (read.format or read.form not in ("", NUMBER))
             for _, _, read in layout.wanted
         )
-        or (request.thousands is not None and request.thousands in text)
-        or text.startswith("\ufeff")  # which PyArrow skips
+        or (request.thousands is not None and request.thousands.encode() in text)
+        or text.startswith(BOM_UTF8)  # which PyArrow skips
     ):
         return []
-    if delimiter is None:
-        delimiter = "\t"
-        text = re.sub(r"(?<![^\r\n])\t|\t(?![^\r\n])", "", re.sub(r"[ \t]+", delimiter, text))
-    if '"' in text:
-        mark = re.escape(delimiter)
-        text = re.sub(rf'(?<![^{mark}\r\n])"([^"{mark}\r\n]*)"(?![^{mark}\r\n])', r"\1", text)
-        if '"' in text:
+    if layout.delimiter is None:
+        text = re.sub(rb"(?<![^\r\n])\t|\t(?![^\r\n])", b"", re.sub(rb"[ \t]+", mark, text))
+    if b'"' in text:
+        cell = rb'(?<![^%b\r\n])"([^"%b\r\n]*)"(?![^%b\r\n])' % ((re.escape(mark),) * 3)
+        text = re.sub(cell, rb"\1", text)
+        if b'"' in text:
             return []
-    columns = _parsed_columns(text.encode(), delimiter, layout)
+    columns = _parsed_columns(text, mark.decode(), layout)
     values = list(map(_numbers_in, columns))
     absent = [np.isnan(column) for column in values]
     empty = sum(column.null_count for column in columns)
@@ -300,16 +286,16 @@ def separator_hint(record: Sequence[str]) -> str | None:
     return None
 
 
-def _without_cut_number(table: RawTable, end: str, layout: Layout) -> RawTable:
+def _without_cut_number(table: RawTable, end: bytes, layout: Layout) -> RawTable:
     """Return the table without a last line that has no end, and fewer digits in its last number
     than the lines before it, which have equally many: 254.126 was cut to 2.
 
     Raises DataError for such a line where missing values are errors.
     """
     request = layout.request
-    if not end or end.endswith(("\n", "\r")):
+    if not end or end.endswith((b"\n", b"\r")):
         return table
-    lines = _lines_in(end)[-50:]
+    lines = re.split("[\r\n]+", end.decode())[-50:]
     *before, last = [line.split(layout.delimiter)[-1].strip() for line in lines if line.strip()]
     digits = {len(cell.partition(request.decimal)[2]) for cell in before}
     few = len(before) < 10 or len(digits) != 1

@@ -27,6 +27,13 @@ from mapmore_cli.storage.tables.cells import holds_number
 LONGEST = 10_000_000
 """Characters of a line; a file of megabytes without a line end is no table."""
 
+CHUNK = 1 << 20
+"""Bytes that are read at a time; where one of them is out of order, all of them are read record by
+record.
+"""
+
+LINE = re.compile(rb"[^\r\n]*(?:\r\n?|\n)")
+
 TEXT_ERRORS = "surrogateescape"
 
 UNREADABLE = (OSError, EOFError, zlib.error, lzma.LZMAError)
@@ -61,15 +68,12 @@ def _unzipped(raw: BufferedReader) -> IO[bytes]:
 def open_lines(
     path: Path, encoding: str, label: str, errors: str = "strict"
 ) -> Iterator[tuple[Lines, BufferedReader]]:
-    """Open the lines of a file, plain or gzipped, which end in LF, CR LF or CR; and the file
+    """Open the lines of a file, plain or packed, which end in LF, CR LF or CR; and the file
     itself.
     """
-    # utf-8-sig swallows a byte order mark; newline="" leaves CR, LF and CRLF to the parser
-    encoding = "utf-8-sig" if codecs.lookup(encoding).name == "utf-8" else encoding
     with path.open("rb") as raw:
         packed = os.fstat(raw.fileno()).st_size if is_zipped(raw) else None
-        with io.TextIOWrapper(_unzipped(raw), encoding, errors, newline="") as text:
-            yield Lines(text, label, packed), raw
+        yield Lines(_unzipped(raw), encoding, errors, label, packed), raw
 
 
 def lines_of(
@@ -98,45 +102,76 @@ def as_text(binary: IO[bytes]) -> TextIO:
 
 
 class Lines(Iterator[str]):
-    """The lines of a text with their ends, one by one or many at a time; `packed` is the size of a
-    packed file.
+    """The lines of a text with their ends, one by one or many at a time; a byte order mark is
+    swallowed. `taken` and `rows` count the bytes of UTF-8 and the lines so far.
 
     Raises DataError for a line that is too long for a table, and for text that is hundreds of times
-    larger than its file.
+    larger than its file, of which `packed` is the size.
     """
 
-    def __init__(self, text: TextIO, label: str, packed: int | None = None) -> None:
-        self._text, self._label, self._packed = text, label, packed
-        self._size = self._row = 0
+    def __init__(
+        self, stream: Any, encoding: str, errors: str, label: str, packed: int | None
+    ) -> None:
+        self._stream, self._label, self._packed = stream, label, packed
+        self._plain = codecs.lookup(encoding).name == "utf-8"
+        self._decoder = codecs.getincrementaldecoder(encoding)(errors)
+        self._held, self._at, self._ended, self._size = b"", 0, False, 0
+        self.taken = self.rows = 0
 
     def __next__(self) -> str:
-        if line := self._line():
-            self._row += 1
-            return self._counted(line)
-        raise StopIteration
+        line = self._line()
+        if not line:
+            raise StopIteration
+        text = line.decode("utf-8", TEXT_ERRORS)
+        text = text if self.taken else text.removeprefix("\ufeff")
+        self.take(line, 1)
+        return text
 
-    def block(self, characters: int, row: int) -> str:
-        """Return so many characters behind line `row`, and the rest of the last line; no text at
-        the end.
+    def block(self) -> bytes:
+        """Return the next lines in UTF-8, about `CHUNK` bytes; none at the end. They are not
+        taken yet.
         """
-        self._row, begin = row, self._text.read(characters)
-        return self._counted(begin + self._line(begin))
+        line = self._line()
+        while not self._ended and len(self._held) - self._at < CHUNK:
+            self._more()
+        # a CR that ends what is held may be half of a line end
+        ends = (self._held.rfind(b"\n", self._at), self._held.rfind(b"\r", self._at, -1))
+        end = len(self._held) if self._ended else max(1 + max(ends), self._at + len(line))
+        return self._held[self._at : end]
 
-    def _line(self, before: str = "") -> str:
-        line = self._text.readline(LONGEST)
-        if len(line) == LONGEST:
-            row = self._row + before.count("\n") + 1
+    def take(self, lines: bytes, count: int) -> None:
+        """Go on behind these lines, so many of them."""
+        self._at += len(lines)
+        self.taken, self.rows = self.taken + len(lines), self.rows + count
+
+    def _line(self) -> bytes:
+        """Return the next line, whole; none at the end."""
+        while True:
+            found = LINE.match(self._held, self._at)
+            if found and (found.end() < len(self._held) or found[0].endswith(b"\n")):
+                return found[0]
+            if not self._more():
+                return self._held[self._at :]
+
+    def _more(self) -> bool:
+        """Hold more of the text, if there is any."""
+        rest = self._held[self._at :]
+        if len(rest) > LONGEST:
             raise DataError(
-                f"{self._label}:row {row}: is longer than {LONGEST // 10**6} million characters",
+                f"{self._label}:row {self.rows + 1}: is longer than {LONGEST // 10**6} million "
+                "characters",
                 "give a table",
             )
-        return line
-
-    def _counted(self, text: str) -> str:
+        data = self._stream.read1(CHUNK)
+        self._ended = not data
+        if not (self._plain and data.isascii() and not self._decoder.getstate()[0]):
+            text = self._decoder.decode(data, final=self._ended)
+            data = text.encode("utf-8", TEXT_ERRORS)
+        self._held, self._at = rest + data, 0
+        self._size += len(data)
         if self._packed is not None:
-            self._size += len(text)
             refuse_bombs(f"{self._label}: the file", self._size, self._packed)
-        return text
+        return not self._ended
 
 
 def head_of(path: Path) -> bytes:

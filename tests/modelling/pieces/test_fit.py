@@ -26,7 +26,7 @@ def falling(seed):
 
 
 def placed(x, y):
-    return placements("unit_square", x[:, None], y, ["x"])
+    return placements("unit_square", [x], y, ["x"])
 
 
 @given(seeds)
@@ -49,7 +49,7 @@ def test_the_anchor_does_not_hang_on_one_noisy_sample():
 
 
 def test_max_abs_divides_without_offset():
-    (scaling,) = placements("max_abs", np.array([[-4.0], [2.0]]), np.array([10.0, -20]), ["x"])
+    (scaling,) = placements("max_abs", [np.array([-4.0, 2.0])], np.array([10.0, -20]), ["x"])
     np.testing.assert_allclose(
         [scaling.slope[0], scaling.intercept[0], scaling.y_slope, scaling.y_intercept],
         [0.25, 0, 20, 0],
@@ -58,7 +58,7 @@ def test_max_abs_divides_without_offset():
 
 @pytest.mark.parametrize("rule", ["unit_square", "max_abs", "none"])
 def test_constant_variables_and_constant_force_divide_by_nothing(rule):
-    for scaling in placements(rule, np.full((10, 1), 3.0), np.zeros(10), ["x"]):
+    for scaling in placements(rule, [np.full(10, 3.0)], np.zeros(10), ["x"]):
         assert np.isfinite(scaling.slope).all()
         assert scaling.y_slope > 0
 

@@ -3,7 +3,6 @@ errors whose cause is known.
 """
 
 import math
-from functools import reduce
 from itertools import pairwise
 
 import numpy as np
@@ -74,7 +73,7 @@ def test_a_row_is_the_sum_of_its_blocks(seed, cuts, exponent):
     scale = normaliser("max", extremes(y), "force", "validate")
     rows = [
         metrics.score("m", "static", "validate", "all", sums, scale)
-        for sums in (reduce(Sums.with_more, parts), Sums.of(y, said))
+        for sums in (Sums.together(parts), Sums.of(y, said))
     ]
     one, whole = ([getattr(row, name) for name in NUMBERS] for row in rows)
     assert one == pytest.approx(whole, rel=1e-11, abs=1e-13, nan_ok=True)

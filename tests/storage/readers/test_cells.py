@@ -273,7 +273,7 @@ def test_stamps_that_are_refused(tmp_path, cells, told):
 
 
 def test_the_form_of_stamps_is_known_from_block_to_block(tmp_path, monkeypatch):
-    monkeypatch.setattr("mapmore_cli.storage.readers.csv.CHUNK", 3)
+    monkeypatch.setattr("mapmore_cli.storage.tables.lines.CHUNK", 3)
     for first, then in (("{}.5", "0:00:{:02}"), ("0:00:{:02}", "{}.5")):
         content = "\n".join(
             ["t,P", *(f"{(first if i < 6 else then).format(i)},1" for i in range(12))]
