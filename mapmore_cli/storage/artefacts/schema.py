@@ -165,7 +165,7 @@ def units_of(record: Any) -> Units:
     match record:
         case Dataset():
             units = {name: one.unit for name, one in record.quantities.items()}
-            return {**units, "target": units[record.target]}
+            return {**units, "target": units.get(record.target, "1")}
         case Model():
             return {"target": record.output.unit} | {
                 one.name: one.unit for one in (*record.inputs, record.output)
