@@ -220,6 +220,7 @@ def shared_out(
     work: Callable[[T], R],
     items: Sequence[T],
     progress: Callable[[int, int], None] = lambda _done, _total: None,
+    workers: int | None = None,
 ) -> list[R]:
     """`[work(item) for item in items]`, by forks of this process, which have the items already.
 
@@ -227,9 +228,11 @@ def shared_out(
     deliver, for whatever reason, is done here, so that an error is raised as without forks.
 
     - `progress`: is told how many items are done, of how many.
+    - `workers`: how many there are; by default as many as this machine has for them
+      (`free_processors`).
     """
     delivered: dict[int, R] = {}
-    count = min(len(items), free_processors())
+    count = min(len(items), free_processors() if workers is None else workers)
     if count > 1:
         # no room for a process: all is done here
         with suppress(OSError, WriteError), processes(count, "fork", (work, items)) as pool:
