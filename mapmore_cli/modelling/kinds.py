@@ -47,7 +47,8 @@ class Kind:
     Some have others: `running(model)`, what simulates one recording block after block;
     `one_step(model, columns)`, the prediction of every row from the measured past, (n,);
     `fed_back(model)`, the measured outputs that a run begins from; `outside_range(model, columns)`,
-    (n,), for a body without `ranges`; `rules(model)`, how its equations are put together;
+    (n,), for a body without `ranges`; `settled(model, columns)`, the output where inputs stand
+    still, (n,); `rules(model)`, how its equations are put together;
     `faults(model)`, why a stored one is refused (`soundness`).
 
     A kind that adds itself may have `checks.py`, with `findings(spec)`, what a spec may not say;
@@ -139,6 +140,15 @@ def simulate(model: Model, columns: Columns) -> Run:
     """
     run: Run = kind_of(model).verb("simulate")(model, columns)
     return run
+
+
+def settled(model: Model, columns: Columns) -> Array:
+    """Output of the model where its inputs stand still, (n,): `predict`, but with memory what a run
+    comes to rest at.
+
+    Raises FitError where it does not.
+    """
+    return np.asarray(kind_of(model).verb("settled", predict)(model, columns))
 
 
 def running(model: Model) -> Callable[[Columns], Run] | None:

@@ -57,7 +57,8 @@ class Fit(Settings):
     - `weight`: `curve` counts alike, however many samples they have, all curves that are pooled, or
       all recordings of one, as `curve`
     - `shape`: what is known of the output along its inputs, where the training output stands clear
-      of its least; coefficients follow it, the choice of terms does not, as `{pressure: increasing,
+      of its least, or, with memory, of the output at rest; coefficients follow it, the choice of
+      terms does not, as `{pressure: increasing,
       strain: [decreasing, convex]}`
     - `slack`: the share of the range of the training output above its least, below which no shape
       is asked for, as `0.05`

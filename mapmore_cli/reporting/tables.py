@@ -9,8 +9,15 @@ from typing import Any
 
 import numpy as np
 
-from mapmore_cli.domain.fits import FormulaFit, Segment, SegmentedCurve, SegmentFit
-from mapmore_cli.domain.models import CurveRange, Equation, FoldError, Model
+from mapmore_cli.domain.fits import (
+    PIECE,
+    FormulaFit,
+    MemoryModel,
+    Segment,
+    SegmentedCurve,
+    SegmentFit,
+)
+from mapmore_cli.domain.models import CurveRange, Equation, FoldError, Model, SegmentFunction
 from mapmore_cli.domain.recording import Dataset
 from mapmore_cli.domain.results import ErrorBand, FitResult, Outlier
 from mapmore_cli.modelling.frols.weighing import FEW
@@ -186,8 +193,10 @@ def coefficient_rows(
 
     Coefficients of a `model` that keeps a shape stand for those of the fit.
     """
-    shaped = model.pieces if model is not None and model.shape is not None else None
-    kept = {one.id: one for one in (shaped.segments if shaped else ())}
+    kept: dict[str, SegmentFunction | MemoryModel] = {}
+    if model is not None and model.shape is not None:
+        kept = {one.id: one for one in (model.pieces.segments if model.pieces else ())}
+        kept.update((PIECE, one) for one in model.memories)
     for piece in fit.pieces:
         chosen = piece.selection
         if own := kept.get(piece.id):

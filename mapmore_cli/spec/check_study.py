@@ -595,7 +595,7 @@ def shapes(spec: ExperimentSpec) -> Iterator[Finding]:
     that the fit can find again.
     """
     fit, target = spec.fit, spec.target_quantity
-    is_other = spec.has_memory or spec.model.type not in ("mapmore", "literature")
+    is_other = spec.model.type not in ("mapmore", "literature")
     weighed = fit.loss != "squares" or fit.weight == "curve"
     kept = fit.shape is not None or any(entry.bounded for entry in spec.dictionary)
     yield from told(
@@ -609,10 +609,10 @@ def shapes(spec: ExperimentSpec) -> Iterator[Finding]:
     for name, words in (fit.shape or {}).items():
         loc: Loc = ("fit", "shape", name)
         yield from unknown_quantity(name, (*spec.quantities, target), loc, on_key=True)
-        positive = {words} if isinstance(words, str) else {*words}
+        own = {words} if isinstance(words, str) else {*words}
         yield from told(
             (
-                (name == target) != (positive == {"positive"}),
+                (name == target) != (own == {"positive"}),
                 loc,
                 "`positive` is about the target, and all other words are about an input",
                 "write `{target}: positive`, or another word of an input",
@@ -620,8 +620,14 @@ def shapes(spec: ExperimentSpec) -> Iterator[Finding]:
             (
                 is_other,
                 loc,
-                "a shape is kept by pieces and formulas, and this model is neither",
+                "a shape is kept by pieces, formulas and terms with memory, not by this model",
                 REMOVE,
+            ),
+            (
+                spec.has_memory and not own <= {"increasing", "decreasing"},
+                loc,
+                "of a model with memory, only the sign of its static gain is kept",
+                "write `increasing` or `decreasing`",
             ),
             target=target,
         )

@@ -129,7 +129,8 @@ def notes_of(model: Model, names: Mapping[str, str]) -> list[str]:
         if name != other
     ]
     kept = [] if model.shape is None or not model.shape.kept else [model.shape.promise]
-    return [*renamed, *(f"The {model.output.name} is {promise}." for promise in kept)]
+    name = f"{model.output.name} at rest" if model.memories else model.output.name
+    return [*renamed, *(f"The {name} is {promise}." for promise in kept)]
 
 
 LITERALS: Mapping[str, Callable[[str], str]] = {

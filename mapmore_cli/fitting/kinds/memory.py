@@ -67,9 +67,11 @@ def _asked(
 
 
 def build(part: ModelChoices, given: Given, result: FitResult) -> Model:
-    """Return the model, with the training range of its inputs."""
+    """Return the model, with the training range of its inputs; with coefficients that keep the
+    sign of its static gain where the spec asks for one.
+    """
     assert result.memory is not None
-    return memory.build(
+    model = memory.build(
         part.name,
         result.memory.model,
         result.backbone,
@@ -77,3 +79,9 @@ def build(part: ModelChoices, given: Given, result: FitResult) -> Model:
         given.dataset.quantities,
         result.notes,
     )
+    if part.fit.shape is None:
+        return model
+    from mapmore_cli.modelling.memory.shaped import with_signed_gain
+
+    records, recipe = _asked(part, given.dataset, result.backbone)
+    return with_signed_gain(model, result.memory, given.dataset.curves, records, recipe)

@@ -5,17 +5,27 @@ program.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
 
 import numpy as np
 
 from mapmore_cli.domain.arrays import Array, Columns, row_by_row
+from mapmore_cli.domain.errors import FitError
 from mapmore_cli.domain.fits import PIECE, FormulaFit, MemoryModel, SegmentedCurve
 from mapmore_cli.domain.models import CurveRange, Equation, Memory, Model
 from mapmore_cli.domain.recording import Quantity, united
 from mapmore_cli.domain.results import Run
 from mapmore_cli.modelling import literature
 from mapmore_cli.modelling.equations import equation
-from mapmore_cli.modelling.expressions import Expression, Number, parse, state, substitute
+from mapmore_cli.modelling.expressions import (
+    Expression,
+    NotFinite,
+    Number,
+    dictionary_matrix,
+    parse,
+    state,
+    substitute,
+)
 from mapmore_cli.modelling.expressions.states import Measured
 from mapmore_cli.modelling.expressions.syntax import ONE, ZERO, Condition
 from mapmore_cli.modelling.literature.model import (
@@ -28,7 +38,7 @@ from mapmore_cli.modelling.memory.feedback import StateWriter, fed_back_states, 
 from mapmore_cli.modelling.memory.free_run import Along
 from mapmore_cli.modelling.memory.records import numbered
 from mapmore_cli.modelling.memory.simulation import bounds_of
-from mapmore_cli.modelling.memory.states import memory_inputs
+from mapmore_cli.modelling.memory.states import evaluate_states, memory_inputs
 from mapmore_cli.modelling.program.statements import NOTHING, Queue
 from mapmore_cli.modelling.program.writing import Inputs, Writer, limit, product_as_written, total
 
@@ -90,6 +100,33 @@ def simulate(model: Model, columns: Columns, ahead: bool = False) -> Run:
 def one_step(model: Model, columns: Columns) -> Array:
     """Prediction of every row from the measured past, (n,); NaN before there is history."""
     return simulate(model, columns, ahead=True).values
+
+
+def settled(model: Model, columns: Columns) -> Array:
+    """Return the output where the inputs stand still, (n,): a fed-back one by Steffensen's method.
+
+    Coefficients are (k,), or (k, n): others at each place. Raises FitError where the output comes
+    to no rest.
+    """
+    from scipy.optimize import fixed_point
+
+    memory, base = _memory_of(model).model, _base(model, columns)
+    terms, start = list(map(parse, memory.terms)), np.full(len(base), memory.limits[1])
+
+    def following(y: Array) -> Array:
+        """Return the next output after one that has always been y."""
+        states = evaluate_states(memory.states, {**columns, memory.output: y}, still=True)
+        parts = dictionary_matrix(terms, states, len(y)) * memory.theta.T
+        return np.asarray(parts.sum(axis=1) + memory.constant)
+
+    with suppress(NotFinite, RuntimeError), np.errstate(all="ignore"):
+        rest = fixed_point(following, start) if fed_back(model) else following(start)
+        if (np.clip(rest, *bounds_of(memory.limits)) == rest).all():
+            return np.asarray(base + rest)
+    raise FitError(
+        "fit.shape: with inputs that stand still, the fitted model comes to no rest",
+        "use fewer delays of the output, or remove it",
+    )
 
 
 def equations(model: Model, units: Mapping[str, float]) -> tuple[Equation, ...]:

@@ -29,15 +29,19 @@ from.
 
 
 def evaluate_states(
-    states: StateSet, columns: Columns, past: Past | None = None
+    states: StateSet, columns: Columns, past: Past | None = None, *, still: bool = False
 ) -> dict[str, Array]:
     """Every state along one uninterrupted piece, (n,) each, scaled and clipped as `states` says;
-    NaN before there is history. With a `past` it goes on from there, and leaves its own.
+    NaN before there is history. With a `past` it goes on from there, and leaves its own. Where all
+    stand `still`, each row is a piece of its own, whose quantities have always been the same.
 
     Raises DataError where a quantity is missing.
     """
     known: dict[str, Array] = {}
-    values = {name: value_of(state(name), columns, states, known, past) for name in states.names}
+    values = {
+        name: value_of(state(name), columns, states, known, past, still=still)
+        for name in states.names
+    }
     if past is not None:
         parts = [part for name in states.names for part in state(name).parts]
         most = max([MOST_PAST, *(one.steps for one in parts if isinstance(one, Lagged))])
@@ -63,9 +67,11 @@ def value_of(
     numbers: StateSet,
     known: dict[str, Array],
     past: Past | None = None,
+    *,
+    still: bool = False,
 ) -> Array:
     """One state in physical units, (n,), from a `past` where there is one; it and what it is made
-    of are kept in `known`, by their names.
+    of are kept in `known`, by their names. `still` is as in `evaluate_states`.
     """
     before = {} if past is None else past
     if found.name in known:
@@ -77,6 +83,11 @@ def value_of(
                     f"there is no column `{name}`", f"there are: {', '.join(columns) or 'none'}"
                 )
             values = np.asarray(columns[name], dtype=np.float64)
+        case Lagged() | Operated() if still:
+            values = value_of(found.source, columns, numbers, known, still=True)
+            if isinstance(found, Operated):
+                rule = OPERATORS[found.operator].recursion(setting_of(found, numbers))
+                values = rule.rest(values)
         case Lagged(source, steps):
             x = value_of(source, columns, numbers, known, past)
             values = delayed(x, steps, before.get(source.name, np.empty(0)))

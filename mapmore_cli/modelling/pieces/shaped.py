@@ -2,59 +2,35 @@
 
 FROLS has chosen the terms. The sum of squares of all segments is minimised again under linear
 inequalities: bounds of coefficients, and the shape on a grid of the fused model, zones and levels
-included. Inequalities are added where a solution violates the shape, and the grid becomes finer
-about those that bind, until nothing is violated (an exchange method for semi-infinite problems:
-Hettich and Kortanek 1993). With `levels: linear` the model is linear in its coefficients; with
-`pchip` the inequalities are linearised about the last solution.
+included (`shape.exchange`). With `levels: linear` the model is linear in its coefficients; with
+`pchip` it is not.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import Array, BoolArray, Columns, Ranges, extremes
-from mapmore_cli.domain.errors import FitError
+from mapmore_cli.domain.arrays import Array, Columns
 from mapmore_cli.domain.fits import SegmentedCurve
 from mapmore_cli.domain.models import Model, Pieces, SegmentFunction
-from mapmore_cli.domain.recording import Curve, uncertainty_of, united
+from mapmore_cli.domain.recording import Curve, uncertainty_of
 from mapmore_cli.modelling.expressions import dictionary_matrix, parse
 from mapmore_cli.modelling.literature.model import backbone_values
 from mapmore_cli.modelling.pieces.definition import pieces_program
 from mapmore_cli.modelling.pieces.recipe import Recipe
 from mapmore_cli.modelling.pieces.segmentation import samples_at, scaled_inputs, training_curves
-from mapmore_cli.modelling.program.model import program_of
 from mapmore_cli.modelling.program.values import evaluator
-from mapmore_cli.modelling.shape.least_squares import least_squares_under
-from mapmore_cli.modelling.shape.region import Region, refuse_unsupported, region_of
-from mapmore_cli.modelling.shape.stencils import (
-    Asked,
-    Stencils,
-    asked_of,
-    nodes_of,
-    stencils_on,
-)
+from mapmore_cli.modelling.shape.exchange import Exchange, Values
+from mapmore_cli.modelling.shape.region import refuse_unsupported, region_of
+from mapmore_cli.modelling.shape.stencils import asked_of
 from mapmore_cli.modelling.shape.violations import verified, with_shape
 
-# nodes of the grid on which nothing may be violated; of each input about an inequality that binds,
-# and how often that grid becomes finer
-FINE, CLOSE, CLOSER = 40_000, 9, 3
-# rounds of the exchange on one grid; inequalities of a word that are added in one of them
-ROUNDS, ADDED = 60, 200
-# a fall by this share of the range of the training output, from node to node, is none
-ROUNDING = 1e-11
-# step of a coefficient for a derivative, as a part of what would change the output by its size; a
-# model that is linear in them may go as far as it likes
+# step of a coefficient for a derivative (`Exchange`)
 STEPS = {"linear": 1.0, "pchip": 1e-4}
-# root of a ridge, as a part of each column, for terms that the data hardly tell apart
-RIDGE = 1e-5
-# coefficients whose derivatives are computed together
-TOGETHER = 16
-# part of the output below which coefficients count for nothing at a place
-NOTHING = 1e-12
 
 
 def shaped(
@@ -74,7 +50,15 @@ def shaped(
         return model
     if region is not None:
         refuse_unsupported(model, curves, recipe.fit, fewest=0)
-    exchange = _Exchange(model, body, _factor(body, curves, segmentation, recipe), recipe.bounds)
+    start = np.concatenate([one.theta for one in body.segments])
+    exchange = Exchange(
+        model,
+        _fused_output(model, body, len(start)),
+        start,
+        _factor(body, curves, segmentation, recipe),
+        _bounds(body, recipe.bounds),
+        STEPS[body.fusion.levels],
+    )
     if region is not None:
         exchange.until_kept(region.asks(asked), region)
     kept = replace(model, body=_with_coefficients(body, exchange.theta))
@@ -146,154 +130,24 @@ def _of_coefficients(body: Pieces, names: Sequence[str]) -> Pieces:
     return replace(body, curves=tuple(curves), fusion=replace(body.fusion, extrapolation=sides))
 
 
-class _Exchange:
-    """The inequalities so far, `D theta >= d`, and the coefficients `theta` that meet them.
+def _fused_output(model: Model, body: Pieces, count: int) -> Values:
+    """Return the fused output as so many coefficients make it: a program with them as inputs."""
+    inputs = [one.name for one in model.inputs]
+    names = [f"coefficient_{number}" for number in range(count)]
+    program = evaluator(pieces_program(_of_coefficients(body, names), [*inputs, *names]))
 
-    `stencils` has those of the shape, each with the row of D that it begins at.
-    """
-
-    def __init__(
-        self, model: Model, body: Pieces, R: Array, bounds: Mapping[str, tuple[float, float]]
-    ) -> None:
-        self.model, self.body = model, body
-        self.start = np.concatenate([one.theta for one in body.segments])
-        self.inputs = [one.name for one in model.inputs]
-        self.names = [f"coefficient_{number}" for number in range(len(self.start))]
-        self.value = evaluator(
-            pieces_program(_of_coefficients(body, self.names), [*self.inputs, *self.names])
-        )
-        y, lengths = R @ self.start, np.linalg.norm(R, axis=0)
-        lengths[lengths == 0] = 1.0
-        self.steps = STEPS[body.fusion.levels] * (np.linalg.norm(y) or 1.0) / lengths
-        Q, self.R = np.linalg.qr(np.vstack([R, RIDGE * np.diag(lengths)]))
-        self.f = Q.T @ np.append(y, 0 * y)
-        self.stencils: list[tuple[int, Stencils]] = []
-        self.D, self.d = self._bounds(bounds)
-        self._solve()
-
-    def _bounds(self, bounds: Mapping[str, tuple[float, float]]) -> tuple[Array, Array]:
-        """Return the inequalities of bounds of coefficients in the target's unit, by term."""
-        terms = [(term, one.scaling.y_slope) for one in self.body.segments for term in one.terms]
-        of_all = np.array([bounds.get(term, (-np.inf, np.inf)) for term, _ in terms])
-        slopes = np.diag([slope for _, slope in terms])
-        D, d = np.vstack([slopes, -slopes]), np.append(of_all[:, 0], -of_all[:, 1])
-        return D[np.isfinite(d)], d[np.isfinite(d)]
-
-    def _solve(self) -> None:
-        """Solve, with the inequalities as they are; raise FitError where they contradict."""
-        solution = least_squares_under(self.R, self.f, self.D, self.d)
-        kept = (self.D @ self.start >= self.d).all()
-        self.theta, self.force = self.start if kept else solution.theta, solution.force
-        if not solution.met:
-            places = dict.fromkeys(one.told for one in self.binding())
-            raise FitError(
-                "fit.shape: no coefficients of the chosen terms keep it: "
-                f"{'; '.join([*places][:3]) or 'bounds of coefficients'}",
-                "allow more terms or others (fit.max_terms, dictionary), raise fit.slack, or ask "
-                "for less",
-            )
-
-    def binding(self) -> list[Stencils]:
-        """Return the stencils whose inequalities bind, one by one."""
-        return [
-            stencils.at(np.array([row]))
-            for first, stencils in self.stencils
-            for row in np.flatnonzero(self.force[first : first + len(stencils.nodes)])
-        ]
-
-    def where(self) -> dict[Asked, Ranges]:
-        """Return the range of the inputs in which each word binds."""
-        found: dict[Asked, Ranges] = {}
-        for one in self.binding():
-            own = {name: extremes(x) for name, x in one.columns.items()}
-            found[one.asked] = united([found.get(one.asked, {}), own])
-        return found
-
-    def values(self, columns: Columns) -> Array:
-        """Return the output at inputs, (n,) each."""
+    def value(theta: Array, columns: Columns) -> Array:
         n = len(next(iter(columns.values())))
-        found = self.value({**columns, **dict(zip(self.names, self.theta, strict=True))})[0]
-        return np.asarray(found + backbone_values(self.body.backbone, columns, n))
+        found = program({**columns, **dict(zip(names, theta, strict=True))})[0]
+        return np.asarray(found + backbone_values(body.backbone, columns, n))
 
-    def derivatives(self, columns: Columns) -> Array:
-        """Return the derivatives of the output by the coefficients, (n, k)."""
-        at, parts = dict(zip(self.names, self.theta, strict=True)), []
-        start = self.value({**columns, **at})[0]
-        for first in range(0, len(self.names), TOGETHER):
-            own = slice(first, first + TOGETHER)
-            steps = np.repeat(np.diag(self.steps[own]), len(start), axis=1)
-            moved = dict(zip(self.names[own], self.theta[own, None] + steps, strict=True))
-            tiled = {name: np.tile(x, len(steps)) for name, x in columns.items()}
-            found = self.value({**tiled, **at, **moved})[0].reshape(len(steps), len(start))
-            parts.append(found - start)
-        return np.asarray(np.vstack(parts).T / self.steps)
-
-    def until_kept(self, asked: Sequence[Asked], region: Region) -> None:
-        """Add inequalities until the shape is kept on a fine grid, and close to the places where it
-        binds.
-        """
-        axes, cells = region.axes(program_of(self.model).knots, FINE), region.nodes_along(FINE)
-        clear = _widened(axes, region.holds(nodes_of(axes)))
-        self._on([stencils_on(axes, one, clear) for one in asked], region)
-        for closer in range(CLOSER):
-            reach = (2 / (CLOSE - 1)) ** closer / cells
-            steps = {name: reach * (high - low) for name, (low, high) in region.ends.items()}
-            self._on([_about(one, steps, region) for one in self.binding()], region)
-
-    def _on(self, every: Sequence[Stencils], region: Region) -> None:
-        """Add inequalities until none of the stencils is violated."""
-        if not (every := [one for one in every if len(one.nodes)]):
-            return
-        for _ in range(ROUNDS):
-            values = self._at_nodes(every, self.values)
-            rises = [one.of(own) for one, own in zip(every, values, strict=True)]
-            worst = [np.argsort(own)[:ADDED] for own in rises]
-            least = -ROUNDING * region.span
-            violated = [
-                one.at(rows[own[rows] < least])
-                for one, own, rows in zip(every, rises, worst, strict=True)
-                if own.min(initial=0.0) < least
-            ]
-            if not violated:
-                return
-            self._add(violated)
-            self._solve()
-        raise FitError(
-            f"fit.shape: no coefficients that keep it were found, {violated[0].told}",
-            "interpolate linearly (`fuse: {levels: linear}`), or ask for less",
-        )
-
-    def _at_nodes(self, every: Sequence[Stencils], of: Callable[[Columns], Array]) -> list[Array]:
-        """Return the values or derivatives at the nodes of each, all computed together."""
-        nodes = {id(one.columns): one.columns for one in every}
-        sizes = [len(one[self.inputs[0]]) for one in nodes.values()]
-        columns = {n: np.concatenate([one[n] for one in nodes.values()]) for n in self.inputs}
-        parts = dict(zip(nodes, np.split(of(columns), np.cumsum(sizes)[:-1]), strict=True))
-        return [parts[id(one.columns)] for one in every]
-
-    def _add(self, violated: Sequence[Stencils]) -> None:
-        """Add the inequality of each stencil, linear in the coefficients about those so far."""
-        values, slopes = (self._at_nodes(violated, of) for of in (self.values, self.derivatives))
-        for one, y, dy in zip(violated, values, slopes, strict=True):
-            rows = one.of(dy)
-            counts = np.linalg.norm(rows * self.steps, axis=1) > NOTHING * np.abs(y).max()
-            self.stencils.append((len(self.D), one.at(counts)))
-            self.D = np.vstack([self.D, rows[counts]])
-            self.d = np.append(self.d, (rows @ self.theta - one.of(y))[counts])
+    return value
 
 
-def _widened(axes: Mapping[str, Array], inside: BoolArray) -> BoolArray:
-    """Return a region with the nodes beside it, (n,), so that a finer grid has no more."""
-    from scipy.ndimage import binary_dilation
-
-    shape = tuple(map(len, axes.values()))
-    beside = np.ones((3,) * len(shape), dtype=np.bool_)
-    return np.asarray(binary_dilation(inside.reshape(shape), beside).ravel())
-
-
-def _about(stencil: Stencils, steps: Mapping[str, float], region: Region) -> Stencils:
-    """Return the stencils of a grid about one, a step to each side of its middle."""
-    middles = {name: float(x[stencil.nodes[0]].mean()) for name, x in stencil.columns.items()}
-    reach = np.linspace(-1, 1, CLOSE)
-    axes = {name: np.unique(x + reach * steps.get(name, 0.0)) for name, x in middles.items()}
-    return stencils_on(axes, stencil.asked, _widened(axes, region.holds(nodes_of(axes))))
+def _bounds(body: Pieces, bounds: Mapping[str, tuple[float, float]]) -> tuple[Array, Array]:
+    """Return the inequalities of bounds of coefficients in the target's unit, by term."""
+    terms = [(term, one.scaling.y_slope) for one in body.segments for term in one.terms]
+    low, high = np.array([bounds.get(term, (-np.inf, np.inf)) for term, _ in terms]).T
+    slopes = np.diag([slope for _, slope in terms])
+    D, d = np.vstack([slopes, -slopes]), np.append(low, -high)
+    return D[np.isfinite(d)], d[np.isfinite(d)]

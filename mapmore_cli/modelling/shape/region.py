@@ -15,7 +15,7 @@ from mapmore_cli.domain.arrays import Array, BoolArray, Columns
 from mapmore_cli.domain.errors import FitError
 from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.recording import Curve
-from mapmore_cli.modelling.kinds import OUTSIDE_TOLERANCE, InputRange, limits
+from mapmore_cli.modelling.kinds import OUTSIDE_TOLERANCE, InputRange, limits, runs_over_time
 from mapmore_cli.modelling.literature.backbone import pooled_training
 from mapmore_cli.modelling.selection import Fit
 from mapmore_cli.modelling.shape.stencils import Asked, asked_of, nodes_of, stencils_on
@@ -145,7 +145,7 @@ def refuse_unsupported(
     the data, only for the contradiction.
 
     Differences are of the interpolated training output, between neighbouring values of the
-    quantity, at the values of the other inputs.
+    quantity, at the values of the other inputs. With memory they say nothing of the output at rest.
     """
     region, asked = region_of(model, curves, fit), asked_of(fit)
     known = [] if region is None else region.asks(asked)
@@ -154,7 +154,8 @@ def refuse_unsupported(
             f"fit.shape: `{unknown[0]}` is no input of the model that varies in training",
             f"name one of {', '.join(region.names if region else ())}",
         )
-    assert region is not None
+    if region is None or runs_over_time(model):
+        return
     axes = dict(region.fixed)
     for name, x in zip(region.names, region.places.T, strict=True):
         own = region.ranges[0].levels if name == model.level else np.unique(x)

@@ -9,13 +9,12 @@ from types import MappingProxyType
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import Ranges
+from mapmore_cli.domain.arrays import Array, IntArray, Ranges
 from mapmore_cli.domain.declared import Word
 from mapmore_cli.domain.errors import FitError
 from mapmore_cli.domain.models import KeptShape, Model, Shape
 from mapmore_cli.domain.recording import Curve
-from mapmore_cli.modelling.kinds import predict, runs_over_time
-from mapmore_cli.modelling.literature.backbone import pooled
+from mapmore_cli.modelling.kinds import predict, runs_over_time, settled
 from mapmore_cli.modelling.program.model import program_of
 from mapmore_cli.modelling.selection import Fit
 from mapmore_cli.modelling.shape.region import Region, region_of
@@ -57,7 +56,7 @@ def violations(
     """Return what the model does against each word, on a grid over the region."""
     axes, found = region.axes(program_of(model).knots, nodes), []
     columns = nodes_of(axes)
-    values = predict(model, columns)
+    values = settled(model, columns)
     inside = region.holds(columns) & np.isfinite(values)
     for one in region.asks(asked):
         stencils = stencils_on(axes, one, inside)
@@ -73,16 +72,18 @@ def violations(
 
 
 def known_shape(kind: str | None, model: Model, curves: Sequence[Curve]) -> list[Violation]:
-    """Return what a model without memory does against the shape that it was asked to keep, or else
-    its kind of muscle implies.
+    """Return what a model does against the shape that it was asked to keep, or else, without
+    memory, its kind of muscle implies.
     """
-    words = IMPLIED.get(model.output.name, {}) if kind in KINDS else {}
+    words = (
+        IMPLIED.get(model.output.name, {}) if kind in KINDS and not runs_over_time(model) else {}
+    )
     asked = [Asked(one.name, words[one.name]) for one in model.inputs if one.name in words]
     fit = Fit()
     if model.shape is not None:
         asked = [Asked(one.quantity, one.word) for one in model.shape.kept] or asked
         fit = Fit(shape={}, slack=model.shape.slack, beyond=model.shape.beyond)
-    region = region_of(model, curves, fit) if asked and not runs_over_time(model) else None
+    region = region_of(model, curves, fit) if asked else None
     return [] if region is None else violations(model, asked, region)
 
 
@@ -116,15 +117,26 @@ def with_shape(
 
 def _error(model: Model, curves: Sequence[Curve], training: bool) -> float:
     """Return the root mean square error on training or held-out samples; NaN without any."""
-    rows = pooled([(curve, curve.training if training else curve.held_out) for curve in curves])
-    errors = predict(model, rows) - rows[model.output.name]
+
+    def of_log(curve: Curve, rows: slice | IntArray) -> Array:
+        log = {name: x[rows] for name, x in curve.columns.items()}
+        counted = (curve.training if training else curve.held_out)[rows]
+        return (predict(model, log) - log[model.output.name])[counted]
+
+    errors = np.concatenate([of_log(one, rows) for one in curves for rows in one.stretches])
     known = errors[np.isfinite(errors)]
     return float(np.sqrt(np.mean(known**2))) if len(known) else math.nan
 
 
-def verified(model: Model, curves: Sequence[Curve], fit: Fit) -> Model:
-    """Return a formula with the shape that it keeps by itself, or by the bounds of its parameters;
-    raises FitError where it does not.
+def verified(
+    model: Model,
+    curves: Sequence[Curve],
+    fit: Fit,
+    what: str = "formula",
+    remedy: str = "give its parameters bounds that imply the shape, or take another formula",
+) -> Model:
+    """Return a model with the shape that it keeps by itself, as a formula by the bounds of its
+    parameters; raises FitError, with what to do, where it does not.
     """
     asked = asked_of(fit)
     region = region_of(model, curves, fit) if asked else None
@@ -132,8 +144,8 @@ def verified(model: Model, curves: Sequence[Curve], fit: Fit) -> Model:
         return model
     if wrong := [one for one in violations(model, asked, region) if one.amount]:
         raise FitError(
-            f"fit.shape: the fitted formula violates it by {wrong[0].amount:.3g} "
+            f"fit.shape: the fitted {what} violates it by {wrong[0].amount:.3g} "
             f"{model.output.unit}, most for {wrong[0].place}",
-            "give its parameters bounds that imply the shape, or take another formula",
+            remedy,
         )
     return with_shape(model, model, curves, region, fit)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import math
+import numpy as np
 
 from mapmore_cli.modelling.expressions.operator import (
     Operator,
@@ -19,13 +19,13 @@ FINEST, COARSEST = 1e-4, 4.0  # least and greatest of them: a jump, and a straig
 def coulomb(setting: Setting) -> Recursion:
     """Return `tanh(x/v)`, v as a fraction of the training range of x."""
     v = setting.width or 1.0
-    return Recursion(0, 0, lambda m, x: m.call("tanh", x / v), lambda x: math.tanh(x / v))
+    return Recursion(0, 0, lambda m, x: m.call("tanh", x / v), lambda x: np.tanh(x / v))
 
 
 def saturate(setting: Setting) -> Recursion:
     """Return `s[k] = min(max(x[k], low), high)`; it has no memory."""
     low, high = setting.limits
-    return Recursion(0, 0, lambda m, x: m.clip(x, low, high), lambda x: x)
+    return Recursion(0, 0, lambda m, x: m.clip(x, low, high), lambda x: np.clip(x, low, high))
 
 
 OPERATORS = (

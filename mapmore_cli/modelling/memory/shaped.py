@@ -1,0 +1,71 @@
+"""The static gain of a model with memory, of which the sign is known.
+
+Where the inputs stand still, operators are at rest. Without delays of the output, the output at
+rest is linear in the coefficients, as it is on the way: they are found under the sign as those of a
+surface are (`shape.exchange`). Other fits are judged.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from mapmore_cli.domain.arrays import Array
+from mapmore_cli.domain.fits import MemoryFit
+from mapmore_cli.domain.models import Memory, Model
+from mapmore_cli.domain.recording import Curve
+from mapmore_cli.modelling.expressions import parse
+from mapmore_cli.modelling.kinds import fed_back, settled
+from mapmore_cli.modelling.memory.records import Record
+from mapmore_cli.modelling.memory.selectors import regressors
+from mapmore_cli.modelling.selection import MemoryRecipe
+from mapmore_cli.modelling.shape.exchange import Exchange
+from mapmore_cli.modelling.shape.region import region_of
+from mapmore_cli.modelling.shape.stencils import asked_of
+from mapmore_cli.modelling.shape.violations import verified, with_shape
+
+REMEDY = (
+    "use operators with numbers in place of delays of the output and of open numbers, and no "
+    "`ridge`: coefficients are then found under the sign; or remove it"
+)
+
+
+def with_signed_gain(
+    model: Model,
+    fit: MemoryFit,
+    curves: Sequence[Curve],
+    records: Sequence[Record],
+    recipe: MemoryRecipe,
+) -> Model:
+    """Return the model with static gains of the signs that the recipe asks for.
+
+    `records` are those that the fit was made of. Raises FitError where no coefficients of the
+    chosen terms have the signs, or where they are not found under them and have others.
+    """
+    memory, body = fit.model, model.body
+    region = region_of(model, curves, recipe)
+    if region is None or fed_back(model) or fit.identified or recipe.ridge:
+        return verified(model, curves, recipe, "static gain", REMEDY)
+    assert isinstance(body, Memory)
+    terms = [parse(text) for text in memory.terms]
+    data = regressors(records, memory.states, terms, memory.output)
+    P = np.vstack([block for block, _ in data.blocks()])
+    P = P if data.uncertainty is None else P / data.uncertainty[:, None]
+
+    def with_coefficients(theta: Array) -> Model:
+        errors = memory.theta_error if theta is memory.theta else np.full(len(theta), np.nan)
+        kept = replace(memory, theta=theta, theta_error=errors)
+        return replace(model, body=replace(body, model=kept))
+
+    exchange = Exchange(
+        model,
+        lambda theta, columns: settled(with_coefficients(theta), columns),
+        memory.theta,
+        np.linalg.qr(P)[1],
+        (P[:0], P[:0, 0]),
+    )
+    exchange.until_kept(region.asks(asked_of(recipe)), region)
+    kept = with_coefficients(exchange.theta)
+    return with_shape(model, kept, curves, region, recipe, exchange.where())

@@ -1,0 +1,186 @@
+"""Coefficients that keep a shape: least squares under inequalities on a grid of the output.
+
+Inequalities are added where a solution violates the shape, and the grid becomes finer about those
+that bind, until nothing is violated (an exchange method for semi-infinite problems: Hettich and
+Kortanek 1993). Where the output is not linear in its coefficients, the inequalities are linearised
+about the last solution.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+
+import numpy as np
+
+from mapmore_cli.domain.arrays import Array, BoolArray, Columns, Ranges, extremes
+from mapmore_cli.domain.errors import FitError
+from mapmore_cli.domain.models import Model
+from mapmore_cli.domain.recording import united
+from mapmore_cli.modelling.program.model import program_of
+from mapmore_cli.modelling.shape.least_squares import least_squares_under
+from mapmore_cli.modelling.shape.region import Region
+from mapmore_cli.modelling.shape.stencils import Asked, Stencils, nodes_of, stencils_on
+
+# nodes of the grid on which nothing may be violated; of each input about an inequality that binds,
+# and how often that grid becomes finer
+FINE, CLOSE, CLOSER = 40_000, 9, 3
+# rounds of the exchange on one grid; inequalities of a word that are added in one of them
+ROUNDS, ADDED = 60, 200
+# a fall by this share of the range of the training output, from node to node, is none
+ROUNDING = 1e-11
+# root of a ridge, as a part of each column, for terms that the data hardly tell apart
+RIDGE = 1e-5
+# coefficients whose derivatives are computed together
+TOGETHER = 16
+# part of the output below which coefficients count for nothing at a place
+NOTHING = 1e-12
+
+
+Values = Callable[[Array, Columns], Array]
+"""The output with coefficients, (k,) or (k, n), at inputs, (n,) each."""
+
+
+class Exchange:
+    """The inequalities so far, `D theta >= d`, and the coefficients `theta` that meet them, of
+    least `|R (theta - start)|`; a `model` has the `start`, and its output follows by `value`.
+
+    `step` is that of a coefficient for a derivative, as a part of what would change the output by
+    its size; an output that is linear in them may go as far as it likes. `stencils` has the
+    inequalities of the shape, each with the row of D that it begins at.
+    """
+
+    def __init__(
+        self,
+        model: Model,
+        value: Values,
+        start: Array,
+        R: Array,
+        bounds: tuple[Array, Array],
+        step: float = 1.0,
+    ) -> None:
+        self.model, self.value, self.start = model, value, start
+        self.inputs = [one.name for one in model.inputs]
+        self.D, self.d = bounds
+        y, lengths = R @ self.start, np.linalg.norm(R, axis=0)
+        lengths[lengths == 0] = 1.0
+        self.steps = step * (np.linalg.norm(y) or 1.0) / lengths
+        Q, self.R = np.linalg.qr(np.vstack([R, RIDGE * np.diag(lengths)]))
+        self.f = Q.T @ np.append(y, 0 * y)
+        self.stencils: list[tuple[int, Stencils]] = []
+        self._solve()
+
+    def _solve(self) -> None:
+        """Solve, with the inequalities as they are; raise FitError where they contradict."""
+        solution = least_squares_under(self.R, self.f, self.D, self.d)
+        kept = (self.D @ self.start >= self.d).all()
+        self.theta, self.force = self.start if kept else solution.theta, solution.force
+        if not solution.met:
+            places = dict.fromkeys(one.told for one in self.binding())
+            raise FitError(
+                "fit.shape: no coefficients of the chosen terms keep it: "
+                f"{'; '.join([*places][:3]) or 'bounds of coefficients'}",
+                "allow more terms or others (fit.max_terms, dictionary), raise fit.slack, or ask "
+                "for less",
+            )
+
+    def binding(self) -> list[Stencils]:
+        """Return the stencils whose inequalities bind, one by one."""
+        return [
+            stencils.at(np.array([row]))
+            for first, stencils in self.stencils
+            for row in np.flatnonzero(self.force[first : first + len(stencils.nodes)])
+        ]
+
+    def where(self) -> dict[Asked, Ranges]:
+        """Return the range of the inputs in which each word binds."""
+        found: dict[Asked, Ranges] = {}
+        for one in self.binding():
+            own = {name: extremes(x) for name, x in one.columns.items()}
+            found[one.asked] = united([found.get(one.asked, {}), own])
+        return found
+
+    def _values(self, columns: Columns) -> Array:
+        return self.value(self.theta, columns)
+
+    def _slopes(self, columns: Columns) -> Array:
+        """Return the derivatives of the output by the coefficients, (n, k)."""
+        start, parts = self._values(columns), []
+        for first in range(0, len(self.theta), TOGETHER):
+            moves = np.diag(self.steps)[:, first : first + TOGETHER]
+            moved = np.repeat(self.theta[:, None] + moves, len(start), axis=1)
+            tiled = {name: np.tile(x, moves.shape[1]) for name, x in columns.items()}
+            parts.append(self.value(moved, tiled).reshape(-1, len(start)) - start)
+        return np.asarray(np.vstack(parts).T / self.steps)
+
+    def until_kept(self, asked: Sequence[Asked], region: Region) -> None:
+        """Add inequalities until the shape is kept on a fine grid, and close to the places where it
+        binds.
+        """
+        axes, cells = (
+            region.axes(program_of(self.model).knots, FINE),
+            region.nodes_along(FINE),
+        )
+        clear = _widened(axes, region.holds(nodes_of(axes)))
+        self._on([stencils_on(axes, one, clear) for one in asked], region)
+        for closer in range(CLOSER):
+            reach = (2 / (CLOSE - 1)) ** closer / cells
+            steps = {name: reach * (high - low) for name, (low, high) in region.ends.items()}
+            self._on([_about(one, steps, region) for one in self.binding()], region)
+
+    def _on(self, every: Sequence[Stencils], region: Region) -> None:
+        """Add inequalities until none of the stencils is violated."""
+        if not (every := [one for one in every if len(one.nodes)]):
+            return
+        for _ in range(ROUNDS):
+            values = self._at_nodes(every, self._values)
+            rises = [one.of(own) for one, own in zip(every, values, strict=True)]
+            worst = [np.argsort(own)[:ADDED] for own in rises]
+            least = -ROUNDING * region.span
+            violated = [
+                one.at(rows[own[rows] < least])
+                for one, own, rows in zip(every, rises, worst, strict=True)
+                if own.min(initial=0.0) < least
+            ]
+            if not violated:
+                return
+            self._add(violated)
+            self._solve()
+        raise FitError(
+            f"fit.shape: no coefficients that keep it were found, {violated[0].told}",
+            "interpolate linearly (`fuse: {levels: linear}`), or ask for less",
+        )
+
+    def _at_nodes(self, every: Sequence[Stencils], of: Callable[[Columns], Array]) -> list[Array]:
+        """Return the values or derivatives at the nodes of each, all computed together."""
+        nodes = {id(one.columns): one.columns for one in every}
+        sizes = [len(one[self.inputs[0]]) for one in nodes.values()]
+        columns = {n: np.concatenate([one[n] for one in nodes.values()]) for n in self.inputs}
+        parts = dict(zip(nodes, np.split(of(columns), np.cumsum(sizes)[:-1]), strict=True))
+        return [parts[id(one.columns)] for one in every]
+
+    def _add(self, violated: Sequence[Stencils]) -> None:
+        """Add the inequality of each stencil, linear in the coefficients about those so far."""
+        values, slopes = (self._at_nodes(violated, of) for of in (self._values, self._slopes))
+        for one, y, dy in zip(violated, values, slopes, strict=True):
+            rows = one.of(dy)
+            counts = np.linalg.norm(rows * self.steps, axis=1) > NOTHING * np.abs(y).max()
+            self.stencils.append((len(self.D), one.at(counts)))
+            self.D = np.vstack([self.D, rows[counts]])
+            self.d = np.append(self.d, (rows @ self.theta - one.of(y))[counts])
+
+
+def _widened(axes: Mapping[str, Array], inside: BoolArray) -> BoolArray:
+    """Return a region with the nodes beside it, (n,), so that a finer grid has no more."""
+    from scipy.ndimage import binary_dilation
+
+    shape = tuple(map(len, axes.values()))
+    beside = np.ones((3,) * len(shape), dtype=np.bool_)
+    return np.asarray(binary_dilation(inside.reshape(shape), beside).ravel())
+
+
+def _about(stencil: Stencils, steps: Mapping[str, float], region: Region) -> Stencils:
+    """Return the stencils of a grid about one, a step to each side of its middle."""
+    middles = {name: float(x[stencil.nodes[0]].mean()) for name, x in stencil.columns.items()}
+    reach = np.linspace(-1, 1, CLOSE)
+    axes = {name: np.unique(x + reach * steps.get(name, 0.0)) for name, x in middles.items()}
+    return stencils_on(axes, stencil.asked, _widened(axes, region.holds(nodes_of(axes))))
