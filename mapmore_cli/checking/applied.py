@@ -51,23 +51,25 @@ def issues_of(
     are asked for.
     """
     units = slice_of(loaded.spec).units
-    subject = Subject(
-        loaded.spec,
-        loaded.where,
-        dataset.recordings,
-        units,
-        loaded.folder,
-        dataset if curves else None,
-    )
+    subjects = [
+        Subject(
+            loaded.spec,
+            loaded.where,
+            dataset.recordings,
+            units,
+            loaded.folder,
+            target,
+            one if curves else None,
+        )
+        for target, one in zip(loaded.spec.targets, dataset.each, strict=True)
+    ]
     rules = (
         *OF_RECORDINGS,
         *(OF_CURVES if curves else ()),
         *(OF_CHECK if curves and hints else ()),
     )
-    found: list[Issue] = []
-    for rule in rules:
-        found += rule(subject)
-    return [issue for issue in found if hints or issue.severity != "hint"]
+    found = (issue for subject in subjects for rule in rules for issue in rule(subject))
+    return [*dict.fromkeys(one for one in found if hints or one.severity != "hint")]
 
 
 def issues_without_curves(loaded: LoadedSpec) -> list[Issue]:

@@ -129,7 +129,7 @@ def _of_models(
             f"name two, as `mapmore compare {names[0]} {names[-1]}`",
         )
     results = {name: compared(found[0], found[1], margin, other_settings, name) for name in outputs}
-    return results, of_campaigns(names, results)
+    return results, of_campaigns(names, results, "outputs")
 
 
 def _draw(names: Sequence[str], models: Sequence[Path], figure: Path) -> None:

@@ -89,8 +89,11 @@ def _of_run(run_dir: Path) -> View:
     if not (run_dir / RESULTS["validate"]).is_file():
         return View(document, run.tables, lines)
     scores = of_stage("validate", run_dir)
-    tables = (*run.tables, *scores.tables[:1])
-    return View({**document, **scores.document}, tables, (*lines, *page_lines(run_dir)))
+    return View(
+        {**document, **scores.document},
+        (*run.tables, *of_scores(RunFiles(run_dir).scores()).tables),
+        (*lines, *page_lines(run_dir)),
+    )
 
 
 def _stale(run_dir: Path) -> dict[str, str]:

@@ -93,7 +93,7 @@ class FitResult:
 class OutputsFit:
     """The fits of several outputs, which share segments and terms."""
 
-    fits: Annotated[Mapping[QuantityName, FitResult], "the fit of each output"]
+    fits: Annotated[Mapping[QuantityName, FitResult], "the fit of each output", "[*]"]
 
 
 @dataclass(frozen=True)

@@ -95,7 +95,8 @@ def segment(part: ModelChoices, workspace: Workspace) -> None:
     leaves.
     """
     from mapmore_cli.fitting.kinds.pieces import segmented
-    from mapmore_cli.storage.artefacts import units_of, write_segmentation
+    from mapmore_cli.storage.artefacts import write_segmentation
+    from mapmore_cli.storage.artefacts.schema import units_of
 
     dataset = workspace.files.dataset()
     segmentation = segmented(dataset, part)
@@ -134,7 +135,8 @@ def fit(part: ModelChoices, workspace: Workspace) -> None:
     """Fit what the kind of model asks for: every segment, one model with memory, a formula, or
     nothing where models are added up.
     """
-    from mapmore_cli.storage.artefacts import units_of, write_fit
+    from mapmore_cli.storage.artefacts import write_fit
+    from mapmore_cli.storage.artefacts.schema import units_of
 
     dataset = workspace.files.dataset()
     given = Given(dataset, workspace.files.segmentation(), progress=workspace.progress)

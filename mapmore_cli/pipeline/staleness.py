@@ -285,9 +285,11 @@ NOT_SET = "not set"
 
 def plain(value: Any) -> Any:
     """Return a slice (frozen dataclasses, spec models and what they hold) as JSON values, under the
-    names of the YAML file.
+    names of the YAML file. `also` came later, and is left out where it is empty: older runs stay up
+    to date.
     """
-    return to_jsonable_python(value, by_alias=True)
+    found = to_jsonable_python(value, by_alias=True).items()
+    return {key: one for key, one in found if one or key != "also"}
 
 
 def fingerprint(

@@ -261,24 +261,26 @@ def _repeatability_scores(
         yield from score_rows(REPEATABILITY, part.target, said, dataset, scale, partial=True)
 
 
-def required_limits(require: Mapping[str, float], scores: Sequence[Score]) -> tuple[Limit, ...]:
+def required_limits(
+    require: Mapping[str, float | dict[str, float]], scores: Sequence[Score]
+) -> tuple[Limit, ...]:
     """Return the `validate.require` limits with what the run's own model has.
 
     They hold on the pooled validation rows, or on the training rows where nothing is held out; for
-    every output.
+    every output, or for those that they name.
     """
     rows = deciding(score for score in scores if score.model == OWN)
-    first = {row.target: row for row in reversed(rows)}
     return tuple(
         Limit(
             metric,
-            f"{row.model} ({target})" if len(first) > 1 else row.model,
+            f"{row.model} ({row.target})" if len(rows) > 1 else row.model,
             row.split,
             float(getattr(row, metric)),
-            limit,
+            limit[row.target] if isinstance(limit, dict) else limit,
         )
-        for target, row in reversed(first.items())
+        for row in rows
         for metric, limit in require.items()
+        if not isinstance(limit, dict) or row.target in limit
     )
 
 

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from mapmore_cli.domain.foreign import xml_text
-from mapmore_cli.domain.scores import Limit
+from mapmore_cli.domain.scores import OWN, Limit
 from mapmore_cli.reporting.table import Table, markdown_text, to_markdown
 
 
@@ -65,7 +65,7 @@ def _cases(run: RunReport) -> list[ET.Element]:
         ET.SubElement(ended, "system-err").text = xml_text("\n".join(run.warnings), "\t\n")
     cases = [ended]
     for limit in run.limits:
-        case = _case(run.name, f"require {limit.metric}", 0.0)
+        case = _case(run.name, f"require {limit.metric}{limit.model.removeprefix(OWN)}", 0.0)
         if not limit.kept:
             ET.SubElement(case, "failure", {"message": xml_text(limit.sentence)})
         cases.append(case)

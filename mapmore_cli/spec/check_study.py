@@ -23,7 +23,7 @@ from mapmore_cli.modelling.selection import AUTO
 from mapmore_cli.spec.check_names import DERIVED, OF_NOTHING, unknown_quantity
 from mapmore_cli.spec.diagnostics import Finding, did_you_mean, refused, told
 from mapmore_cli.spec.experiment import Competitor, ExperimentSpec, TargetColumn
-from mapmore_cli.spec.fields import TargetKind
+from mapmore_cli.spec.fields import OF_TARGET, TargetKind
 from mapmore_cli.spec.sections.data import STEP_OF
 from mapmore_cli.spec.sections.dictionary import (
     AlongRange,
@@ -261,13 +261,21 @@ def target(spec: ExperimentSpec) -> Iterator[Finding]:
 
 OF_ONE = MappingProxyType(
     {
-        **{way: way for way in ("model.backbone", "data.cycles", "data.groups", "fit.shape")},
         **{
-            f"data.split.{key}": f"data.split.{key}"
-            for key in ("leave_one_level_out", "leave_one_group_out")
+            way: way
+            for way in (
+                "model.backbone",
+                "data.cycles",
+                "data.groups",
+                "data.split.leave_one_level_out",
+                "data.split.leave_one_group_out",
+                "fit.shape",
+                "fit.ridge",
+            )
         },
-        **{"fit.ridge": "fit.ridge", "fit.scale": "fit.known_scale"},
-        **{"validate.as": "validation.as_", "validate.intervals": "validation.intervals"},
+        "fit.scale": "fit.known_scale",
+        "validate.as": "validation.as_",
+        "validate.intervals": "validation.intervals",
     }
 )
 """Settings that are about one target where they are set, and where the spec holds them."""
@@ -277,7 +285,7 @@ def several(spec: ExperimentSpec) -> Iterator[Finding]:
     """Require pieces, or memory of the inputs alone, where several targets share their terms."""
     if not spec.also:
         return
-    names = (spec.target_quantity, *spec.also)
+    names = spec.targets
     ways = [way for way, place in OF_ONE.items() if attrgetter(place)(spec)]
     ways += ["model.type"] * (spec.model.type != "mapmore")
     ways += ["fit.stop"] * (spec.fit.stop == "free_run")
@@ -648,12 +656,19 @@ def shapes(spec: ExperimentSpec) -> Iterator[Finding]:
 
 
 def metrics(spec: ExperimentSpec) -> Iterator[Finding]:
-    """Require that limits are set on numbers of the score row."""
-    for name in spec.validation.require:
+    """Require that limits are set on numbers of the score row; of several targets, one for each
+    where it is in their unit.
+    """
+    targets = {*spec.targets} if spec.also else set[str]()
+    for name, limit in spec.validation.require.items():
+        loc = ("validate", "require", name)
+        named = {*limit} if isinstance(limit, dict) else set[str]()
         if name not in METRICS:
-            known = did_you_mean(name, METRICS)
-            loc = ("validate", "require", name)
-            yield Finding(loc, f"there is no metric `{name}`", known, on_key=True)
+            what = f"there is no metric `{name}`"
+            yield Finding(loc, what, did_you_mean(name, METRICS), on_key=True)
+        elif named - targets or (targets and not named and name in OF_TARGET):
+            what = f"limits of `{name}` are one number, or of several targets one for each"
+            yield Finding(loc, what, f"write `{name}: 1`, or `{name}: {{tip_x: 1, tip_y: 2}}`")
 
 
 def units(spec: ExperimentSpec) -> Iterator[Finding]:
@@ -683,6 +698,6 @@ def _unit_findings(loc: Loc, unit: str, wanted: str) -> list[Finding]:
 
 CHECKS = (
     *(segmented, leaving_out, groups, after_cycles, chosen_levels, target, kind, of_kinds),
-    *(formulas, competitors, own_formulas, shapes, metrics, units),
+    *(formulas, competitors, own_formulas, shapes, units),
 )
 """The checks of this file, each of which yields what it finds in a spec."""

@@ -240,7 +240,8 @@ class Validate(Section):
       (`max`, M2 eq 13) or its `range`, as `range`
     - `intervals`: whether the model is fitted anew without each part of the training data, for
       `predict --interval`, as `true`
-    - `require`: limits of metrics, which a run must keep (exit 6), as `{nrmse: 0.05, r2: 0.9}`
+    - `require`: limits of metrics, which a run must keep (exit 6), as `{nrmse: 0.05, r2: 0.9}`; of
+      several targets also one for each, as `rmse: {tip_x: 1 mm, tip_y: 2 mm}`
     """
 
     as_: Quantity | None = Field(default=None, alias="as")
@@ -248,7 +249,7 @@ class Validate(Section):
     simple: bool = True
     normaliser: Literal["max", "range"] = "max"
     intervals: bool = False
-    require: dict[str, Metric] = {}
+    require: dict[str, Annotated[Metric | dict[Quantity, Metric], Either()]] = {}
 
 
 class PublishedScores(Section):
@@ -432,11 +433,15 @@ class ExperimentSpec(Section):
         return tuple(self.target.also or ()) if isinstance(self.target, TargetColumn) else ()
 
     @property
+    def targets(self) -> tuple[str, ...]:
+        """All quantities that are modelled."""
+        return (self.target_quantity, *self.also)
+
+    @property
     def each(self) -> tuple[ExperimentSpec, ...]:
         """The study of each target alone; itself where there is one."""
-        targets = (self.target_quantity, *self.also) if self.also else ()
-        alone = (TargetColumn(column=name) for name in targets)
-        return tuple(self.model_copy(update={"target": one}) for one in alone) or (self,)
+        alone = [{"target": TargetColumn(column=name)} for name in self.targets if self.also]
+        return tuple(self.model_copy(update=one) for one in alone) or (self,)
 
     @property
     def quantities(self) -> tuple[str, ...]:

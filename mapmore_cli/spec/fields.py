@@ -194,6 +194,13 @@ def _column_unit(place: Place) -> str | None:
     return of_difference(unit) if isinstance(unit, str) else place.unit_of(place.quantity)
 
 
+def _metric_unit(place: Place) -> str | None:
+    """Return the unit of a metric, of the target that stands below it where one does."""
+    if place.key in OF_TARGET:
+        return place.unit_of(place.target)
+    return place.unit_of(place.quantity) if place.text.way[-2] in OF_TARGET else "1"
+
+
 OF_TARGET = ("rmse", "rmse_weighted", "normaliser", "max_abs_error")
 """Metrics in the unit of the target."""
 
@@ -201,13 +208,7 @@ Metres = Annotated[float, Field(gt=0), always_in("m")]
 SignedSeconds = Annotated[float, always_in("s")]
 OfTarget = Annotated[float, InUnit(lambda place: place.unit_of(place.target), "that of the target")]
 InColumnUnit = Annotated[float, InUnit(_column_unit, "that of the column")]
-Metric = Annotated[
-    float,
-    InUnit(
-        lambda place: place.unit_of(place.target) if place.key in OF_TARGET else "1",
-        "that of the metric",
-    ),
-]
+Metric = Annotated[float, InUnit(_metric_unit, "that of the metric")]
 Share = Annotated[float, always_in("1")]
 
 

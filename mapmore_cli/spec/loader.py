@@ -54,7 +54,7 @@ def findings(spec: ExperimentSpec) -> Iterator[Finding]:
     for one in spec.each:
         for check in (*check_names.CHECKS, *check_study.CHECKS):
             told += [finding for finding in check(one) if finding not in told]
-    yield from (*check_study.several(spec), *told)
+    yield from (*check_study.several(spec), *check_study.metrics(spec), *told)
 
 
 MODELINE, SCHEMA = "# yaml-language-server: $schema=", "mapmore.schema.json"

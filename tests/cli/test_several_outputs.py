@@ -8,6 +8,7 @@ import subprocess
 from dataclasses import replace
 from pathlib import Path
 
+import h5py
 import numpy as np
 import pytest
 from cli_samples import CONFIGS, csv_rows, options, write_columns, write_lines
@@ -15,7 +16,8 @@ from cli_samples import CONFIGS, csv_rows, options, write_columns, write_lines
 import mapmore_cli as mm
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.models import Model, Outputs
-from mapmore_cli.storage.artefacts import read_model, write_model
+from mapmore_cli.domain.results import FitResult, OutputsFit
+from mapmore_cli.storage.artefacts import read_fit, read_model, write_fit, write_model
 
 LEVER = CONFIGS / "lever" / "lever-tip.yaml"
 NAMES = ["tip_x", "tip_y"]
@@ -36,8 +38,20 @@ report: {formats: [csv], figures: []}
 def lever(tmp_path_factory, document):
     """The folder of the run, and what `mapmore run` says of it."""
     runs = tmp_path_factory.mktemp("runs")
-    small = options("data.every=5", "report.figures=[fit]", "fuse.extrapolation=saturate")
+    small = options(
+        'data.files=["../../datasets/wrist/contraction_[123]00.csv"]',
+        "data.levels.at=[100,200,300]",
+        "data.split={validate: {pressure: [200]}}",
+        "report.figures=[fit]",
+        "fuse.extrapolation=saturate",
+    )
     return runs / "lever-tip", document("run", LEVER, "-q", "--runs", runs, *small)
+
+
+UNITS = """\
+units: {x: mm, y: N}
+validate: {require: {nrmse: {y: 5 %}, rmse: {x: 1 cm, y: 2 kN}}}
+"""
 
 
 @pytest.fixture
@@ -80,10 +94,15 @@ def test_they_share_segments_and_terms(lever, document):
     assert [*document("show", run / "fit.h5")["outputs"]] == NAMES
 
 
+def test_a_run_is_shown_with_every_output(lever, mapmore):
+    told = mapmore("show", lever[0], code=0).stdout
+    assert all(f"Scores (target: {name})" in told for name in NAMES)
+
+
 def test_a_table_has_a_column_for_each_and_python_and_c_say_the_same(lever, tmp_path, mapmore):
     run, _ = lever
     rng, place = np.random.default_rng(1), run / "model.h5"
-    given = {"force": rng.uniform(-50, 900, 200), "pressure": rng.uniform(60, 380, 200)}
+    given = {"force": rng.uniform(-50, 350, 200), "pressure": rng.uniform(60, 740, 200)}
     write_columns(tmp_path / "t.csv", "force,pressure", *given.values(), fmt="%.17g")
     table = csv_rows(mapmore("predict", place, tmp_path / "t.csv", code=0).stdout)
     assert [*table[0]] == [
@@ -139,6 +158,7 @@ def test_what_is_done_with_one_output_says_so(lever, mapmore, document):
         mapmore(*command, "-q", code=2, says="for one target")
     found = document("compare", run, run)
     assert [one["run"] for one in found["runs"]] == NAMES
+    assert "2 outputs: " in mapmore("compare", run, run, code=0).stdout
 
 
 def test_a_model_with_memory_has_the_terms_of_all_outputs(slow, mapmore, document):
@@ -158,6 +178,39 @@ def test_a_model_with_memory_has_the_terms_of_all_outputs(slow, mapmore, documen
     table = csv_rows(mapmore("predict", "runs/slow-tip/model.h5", "t.csv", code=0).stdout)
     one, other = (float(table[-1][f"{name}_predicted"]) for name in "xy")
     assert 5 * (one - 1) + 2 * (other - 0.1) == pytest.approx(0, abs=1e-6)
+
+
+def test_units_and_limits_are_of_each_output(slow, mapmore, document):
+    slow.write_text(SLOW + UNITS)
+    mapmore("validate", slow, "-q", "--runs", "runs", code=0)
+    with h5py.File("runs/slow-tip/validate.h5") as file:
+        places = ("predictions/mapmore/000", "others/000/predictions/mapmore/000")
+        assert [file[place].attrs["unit"] for place in places] == ["mm", "N"]
+    fits = {
+        one: replace(fit, body=replace(fit.body, held_out=np.ones(2)))
+        for one, fit in read_fit(Path("runs/slow-tip/fit.h5")).body.fits.items()
+    }
+    write_fit(Path("fit.h5"), FitResult(OutputsFit(fits)), {"x": "mm", "y": "N", "target": "mm"})
+    with h5py.File("fit.h5") as file:
+        found = [file[f"body/fits/{name}/body/held_out"].attrs["unit"] for name in "xy"]
+    assert found == ["mm", "N"]
+    pairs = [
+        ("{rmse: 1}", 3, "one for each"),
+        ("{rmse: {z: 1 mm}}", 3, "one for each"),
+        ("{rmse: {y: 1 mm}}", 3, "unit 'mm' (a length) cannot be converted to 'N'"),
+        ("{n: {y: 1e9}}", 6, "n of mapmore (y) on the validate rows"),
+    ]
+    for limits, code, words in pairs:
+        settings = options(f"validate.require={limits}")
+        mapmore("validate", slow, "-q", "--runs", "runs", *settings, code=code, says=words)
+    alone = options("target=x", "validate.require={rmse: {x: 1}}")
+    mapmore("validate", slow, "-q", *alone, code=3, says="one for each")
+
+
+def test_every_output_is_judged(slow, mapmore):
+    table = np.genfromtxt("log.csv", delimiter=",", names=True)
+    write_columns("log.csv", "t,u,x,y", table["t"], table["u"], table["x"], 0 * table["y"] + 3)
+    assert "y is 3 in every sample" in mapmore("check", slow, code=4).stdout
 
 
 def test_python_fits_several(slow):
@@ -229,12 +282,7 @@ def test_open_numbers_are_refused(slow, mapmore):
     ],
 )
 def test_a_file_that_somebody_made_is_refused(change, words, lever, tmp_path):
-    model = read_model(lever[0] / "model.h5")
-    write_model(tmp_path / "same.h5", model)
-    assert (tmp_path / "same.h5").read_bytes()
-    again = read_model(tmp_path / "same.h5")
-    assert [one.output for one in again.each] == [one.output for one in model.each]
-    write_model(tmp_path / "forged.h5", change(model))
+    write_model(tmp_path / "forged.h5", change(read_model(lever[0] / "model.h5")))
     with pytest.raises(DataError, match=words):
         read_model(tmp_path / "forged.h5")
 

@@ -40,6 +40,7 @@ from mapmore_cli.storage.artefacts.reference import described
 from mapmore_cli.storage.artefacts.schema import (
     SegmentationFile,
     taken_apart,
+    units_of,
 )
 
 KINDS = {
@@ -255,7 +256,7 @@ def test_later_stages_hand_the_units_on(tmp_path):
         all_examples["dataset"],
         quantities={**all_examples["dataset"].quantities, "strain": Quantity("strain", "%")},
     )
-    artefacts.write_segmentation(path, all_examples["segmentation"], artefacts.units_of(dataset))
+    artefacts.write_segmentation(path, all_examples["segmentation"], units_of(dataset))
     assert arrays_of(path)["curves/000/boundaries/000"][0] == "%"
 
 

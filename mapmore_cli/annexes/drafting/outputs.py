@@ -45,7 +45,10 @@ def _campaign(name: str, own: Sequence[Draft], first: Path) -> Files:
     runs = [{"base": path.name} for path in specs]
     campaign = {"schema_version": 1, "campaign": name, "runs": runs}
     head = f"# Started by `mapmore init`: `mapmore batch {first}` runs all, with one page."
-    what = "# What the specs of all outputs share."
+    what = (
+        "# What the specs of all outputs share. One model of all, with the same terms: "
+        "`target: [a, b]`, and the columns of both."
+    )
     return {
         first: (yaml_text(campaign, {}, head), own[0]),
         shared: (yaml_text(common, own[0].notes, what), own[0]),

@@ -27,7 +27,8 @@ Rule = Callable[["Subject"], Issues]
 
 @dataclass(frozen=True)
 class Subject:
-    """A spec with its recordings, and with the dataset where it could be `made` of them.
+    """A spec with its recordings, and with the dataset where it could be `made` of them; of several
+    targets, one.
 
     `where(*loc)` is the `file:line:column` of a part of the spec; `units` gives the unit of every
     quantity of the recordings, `folder` is where their sources start.
@@ -38,6 +39,7 @@ class Subject:
     recordings: tuple[Recording, ...]
     units: Mapping[str, str]
     folder: Path
+    target: str
     made: Dataset | None = None
 
     @property

@@ -130,7 +130,7 @@ def _inputs_of_model(subject: Subject) -> list[str]:
     formula = formula_called(spec, spec.model.backbone or spec.model.name)
     used = {*spec.segment, *(formula.inputs if formula is not None else ())}
     used |= {name for text in texts for name in re.findall(r"[A-Za-z_]\w*", text)}
-    measured = {*spec.data.measured} - {"time", spec.target_quantity}
+    measured = {*spec.data.measured} - {"time", *spec.targets}
     return [name for name in subject.dataset.quantities if name in used & measured]
 
 
@@ -196,7 +196,7 @@ def single_valued(subject: Subject) -> Issues:
     swept = (
         name
         for name in dict.fromkeys(("pressure", *POSITIONS, *others))
-        if name in {*dataset.quantities} - {dataset.level, dataset.target}
+        if name in {*dataset.quantities} - {dataset.level, *spec.targets}
         and any(np.ptp(curve.columns[name]) for curve in dataset.curves)
     )
     over = next(swept, None)

@@ -17,7 +17,7 @@ def computed_from(subject: Subject) -> Issues:
     """Find a target that is a straight line of another column, in each recording with an offset of
     its own.
     """
-    target = subject.spec.target_quantity
+    target = subject.target
     if target not in subject.spec.data.columns or not subject.has(target):
         return
     others = [name for name in subject.spec.data.columns if name not in (target, "time")]
@@ -55,8 +55,8 @@ def untold_difference(subject: Subject) -> Issues:
     """Find recordings with equal inputs and another output: what made the difference was not
     recorded, or a file has another's name.
     """
-    data, target = subject.spec.data, subject.spec.target_quantity
-    inputs = {*data.quantities} - {target, "time", *data.derive}
+    data, target = subject.spec.data, subject.target
+    inputs = {*data.quantities} - {*subject.spec.targets, "time", *data.derive}
     if not subject.has(target):
         return
     difference = unequal(subject.recordings, sorted(filter(subject.has, inputs)), target)

@@ -26,7 +26,7 @@ def constant(subject: Subject) -> Issues:
     for name in subject.spec.data.columns:
         low, high = subject.span(name)
         if low == high and sum(one.rows_kept for one in subject.recordings) > 1:
-            target = name == subject.spec.target_quantity
+            target = name in subject.spec.targets
             yield Issue(
                 "error" if target else "warning",
                 "constant",
@@ -40,7 +40,7 @@ def constant(subject: Subject) -> Issues:
 def offset(subject: Subject) -> Issues:
     """Find a target that lies far from zero: any model errs by little of its largest value."""
     spec = subject.spec
-    name = spec.validation.as_ or spec.target_quantity
+    name = spec.validation.as_ or subject.target
     if (
         spec.target in PARTS_OF_FORCE
         or spec.validation.normaliser == "range"
@@ -69,7 +69,7 @@ def same_signal(subject: Subject) -> Issues:
     for family in evidence.same_signals([subject.pooled(name) for name in names]):
         told = " and ".join(names[place] for place in family)
         # two inputs may be so, as the muscles of one joint
-        target = subject.spec.target_quantity in (names[place] for place in family)
+        target = subject.target in (names[place] for place in family)
         yield Issue(
             "error" if target else "hint",
             "same-signal",

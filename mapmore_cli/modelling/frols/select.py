@@ -32,9 +32,9 @@ class Stopping:
     """When enough terms are chosen: `max_terms` (None: no limit), or all but the fraction
     `tolerance` is explained.
 
-    The fraction is one of `y'y`, or of the squares about the mean: see `to_explain`. The criterion
-    The other criteria choose the number of terms afterwards, among all that can be had: no
-    tolerance ends them.
+    The fraction is one of `y'y`, or of the squares about the mean: see `to_explain`. Criteria other
+    than `tolerance` choose the number of terms afterwards, among all that can be had: no tolerance
+    ends them.
     """
 
     max_terms: int | None

@@ -217,14 +217,6 @@ def checksum_of(path: Path, anew: bool = False) -> str | None:
     return _as_written.get(mark)
 
 
-def units_of(dataset: Dataset) -> dict[str, str]:
-    """Return the units by quantity, with that of the `target`, for the files of the later
-    stages.
-    """
-    units = {name: quantity.unit for name, quantity in dataset.quantities.items()}
-    return units | {"target": units[dataset.target]}
-
-
 write_dataset, read_dataset = DATASET_FILE.write, DATASET_FILE.read
 write_fit, read_fit = FIT_FILE.write, FIT_FILE.read
 write_validation, read_validation = VALIDATION_FILE.write, VALIDATION_FILE.read

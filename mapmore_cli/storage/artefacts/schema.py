@@ -7,7 +7,8 @@ length; `(k, M)` is a table, and `(k or 0)` may also be empty. A default is what
 field are read as, and is not written.
 
 Units in brackets name the quantity whose unit applies: `[target]` is the modelled quantity,
-`[variables.0]` the first segmented variable, `[*]` the quantity that a part is named after.
+`[variables.0]` the first segmented variable, `[*]` the quantity that a part is named after. The
+unit of an object is that of what it models.
 """
 
 from __future__ import annotations
@@ -141,9 +142,9 @@ def step_to(key: Any, place: int) -> str:
 
 def shared_path(path: str) -> str:
     """Return where the arrays of all members of lists lie one after the other: `all` in place of
-    the number of each.
+    the number of each. Further outputs (`others`) have units of their own.
     """
-    return re.sub(r"/\d{3,}(?=/|$)", "/all", path)
+    return re.sub(r"(?<!/others)/\d{3,}(?=/|$)", "/all", path)
 
 
 def hints_of_members(own: Hint, count: int) -> Sequence[Any]:
@@ -159,11 +160,12 @@ def hints_of_members(own: Hint, count: int) -> Sequence[Any]:
 # Writing ----------------------------------------------------------------------------------------
 
 
-def _known_units(record: Any) -> Units:
+def units_of(record: Any) -> Units:
     """Return the units that an object knows, by the names that stand in brackets."""
     match record:
         case Dataset():
-            return {name: one.unit for name, one in record.quantities.items()}
+            units = {name: one.unit for name, one in record.quantities.items()}
+            return {**units, "target": units.get(record.target, "1")}
         case Model():
             return {"target": record.output.unit} | {
                 one.name: one.unit for one in (*record.inputs, record.output)
@@ -204,10 +206,8 @@ def encoded(
     if isinstance(value, np.ndarray):
         return put(path, value, label[0], resolved(label[1] or "1", units))
     if is_dataclass(value):
-        units = {
-            **units,
-            **{name: resolved(unit, units) for name, unit in _known_units(value).items()},
-        }
+        known = {"target": label[1] or "[target]", **units_of(value)}
+        units = {**units, **{name: resolved(unit, units) for name, unit in known.items()}}
         document: dict[str, Any] = {}
         for word in (word for word, one in bodies(own.kind).items() if one is type(value)):
             document["kind"] = word
