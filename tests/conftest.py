@@ -11,9 +11,9 @@ from mapmore_cli.domain import processors
 
 # Examples of a property that asks for no number of its own; `make test-all` takes the third profile
 settings.register_profile(
-    "ci", derandomize=True, deadline=None, max_examples=50
+    "ci", derandomize=True, deadline=None, max_examples=40
 )  # a change fails for what it does, not for the draw
-settings.register_profile("search", deadline=None, max_examples=50)
+settings.register_profile("search", deadline=None, max_examples=40)
 settings.register_profile("all", deadline=None, max_examples=200)
 settings.load_profile("ci" if os.environ.get("CI") else "search")
 

@@ -128,10 +128,11 @@ coiled_loops_motion is that of coiled_loops.
 
 LONG_SIMULATED = (
     *("dmsp-20-400-waveforms", "dmsp-20-400-read-again", "peano-perturbation"),
-    *("dmsp-20-88-cycles", "peano-cycles"),
+    *("dmsp-20-88-cycles", "peano-cycles", "dmsp-20-88-weighed"),
 )
 """Their competitors are other models of motion, as those of dmsp-20-400-sections;
-peano-perturbation is as dmsp-20-88-perturbation; the last two have long records.
+peano-perturbation is as dmsp-20-88-perturbation, and the last as dmsp-20-88-static; the cycles are
+long records.
 """
 
 SCORED = {"festo_10mm_family": "family", "printed_cylinder": "cylinder"}
