@@ -8,7 +8,7 @@ unexport PYTHONDONTWRITEBYTECODE  # a set one has each of some hundred processes
 STUDIES := configs/m2/dmsp-20-88-found.yaml configs/m2/peano-found.yaml
 
 # The tests of one file follow each other in one process, so that what they share is made once; the folders with the long ones come first.
-TESTS := $(BIN)/pytest -q -n 2 --dist loadfile --no-loadscope-reorder
+TESTS := $(BIN)/pytest -q -n 2 --dist worksteal
 
 .PHONY: release-check demo test test-all lint schema docs datasets measured motion paper peers bench fuzz torture test-lowest test-newest audit clean bench-id
 
