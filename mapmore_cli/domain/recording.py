@@ -18,6 +18,7 @@ from mapmore_cli.domain.arrays import (
     Ranges,
     extremes,
     picked,
+    row_count,
 )
 from mapmore_cli.domain.declared import Count, Label, QuantityName, one_of
 
@@ -85,7 +86,7 @@ class Recording:
     @property
     def rows_kept(self) -> int:
         """Samples that remain, n."""
-        return len(next(iter(self.columns.values()))) if self.columns else 0
+        return row_count(self.columns)
 
     def at(self, rows: IntArray) -> Recording:
         """Return the recording with these samples alone."""

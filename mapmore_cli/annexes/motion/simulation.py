@@ -30,11 +30,6 @@ def stable(p1: float, p2: float, reach: float = 1.0) -> bool:
     return abs(p1) < 1.0 and abs(p2) < 1.0 - p1
 
 
-def of_poles(first: complex, second: complex) -> tuple[float, float]:
-    """P1 and P2, `P1 = -z1 z2`, `P2 = z1 + z2`, of real or conjugate poles."""
-    return -(first * second).real, (first + second).real
-
-
 def of_angles(angles: Array, reach: float) -> tuple[float, float]:
     """P1 and P2 of two coordinates that may have any value, the angles of two reflection
     coefficients `k = tanh(angle)` (Levinson's recursion): `P1 = -k2 r^2`, `P2 = -k1 (1 + k2) r`.

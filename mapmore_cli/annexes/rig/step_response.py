@@ -92,9 +92,7 @@ class StepResponses(Settings):
         return [self.sample_time * np.arange(first, last + 1) for first, last in pairwise(counts)]
 
 
-def step_response(
-    setup: StepResponses, muscle: WetMuscle, step: PressureStep, tolerance: float = TOLERANCE
-) -> Columns:
+def step_response(setup: StepResponses, muscle: WetMuscle, step: PressureStep) -> Columns:
     """Truth of one recording on the rig of M2's figure 8, columns `(n,)` as those of `observe`; its
     states are those of `ABOVE_WATER`, then the wet muscle's.
 
@@ -128,7 +126,7 @@ def step_response(
         zip(motions, clocks, strict=True),
         np.array([0.0, begin, 0.0, *still]),
         np.array([*ABOVE_WATER, *muscle.scales]),
-        tolerance,
+        TOLERANCE,
     )
     time = np.concatenate([clocks[0][:1], *(clock[1:] for clock in clocks)])
     return observe(muscle, time, along[:, 1], along[:, 3:])

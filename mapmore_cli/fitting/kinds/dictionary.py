@@ -100,9 +100,7 @@ def terms_of(dictionary: Sequence[DictionaryEntry], clock: Clock | None = None) 
     )
 
 
-def bounds_of(
-    dictionary: Sequence[DictionaryEntry], clock: Clock | None = None
-) -> dict[str, tuple[float, float]]:
+def bounds_of(dictionary: Sequence[DictionaryEntry]) -> dict[str, tuple[float, float]]:
     """Return the least and the greatest coefficient of terms that have some, in the target's unit;
     of a term of several entries, those of the first.
     """
@@ -110,7 +108,7 @@ def bounds_of(
         term: entry.limits
         for entry in reversed(dictionary)
         if entry.bounded
-        for term in _terms(entry, clock, constant=True)
+        for term in _terms(entry, None, constant=True)
     }
 
 

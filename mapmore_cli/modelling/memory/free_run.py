@@ -8,7 +8,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import Array, Columns, IntArray, joined
+from mapmore_cli.domain.arrays import Array, Columns, IntArray, joined, row_count
 from mapmore_cli.domain.fits import MemoryModel
 from mapmore_cli.domain.results import Run
 from mapmore_cli.modelling.expressions import dictionary_matrix, parse
@@ -55,7 +55,7 @@ class Along:
         Raises DataError where an input is missing; as `AtSample` where a first output is, or
         samples are not at the model's time steps.
         """
-        values = np.full(len(next(iter(columns.values()))), np.nan)
+        values = np.full(row_count(columns), np.nan)
         diverged = list[int]()
         for rows, piece, goes_on in self._pieces(columns, len(values)):
             if not goes_on:

@@ -9,7 +9,7 @@ from contextlib import suppress
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import Array, Columns, row_by_row
+from mapmore_cli.domain.arrays import Array, Columns, row_by_row, row_count
 from mapmore_cli.domain.errors import FitError
 from mapmore_cli.domain.fits import PIECE, FormulaFit, MemoryModel, SegmentedCurve
 from mapmore_cli.domain.models import CurveRange, Equation, Memory, Model
@@ -87,7 +87,7 @@ def simulate(model: Model, columns: Columns, ahead: bool = False) -> Run:
 
     def values(block: Columns) -> Array:
         nonlocal rows
-        numbers = np.arange(rows, rows + len(next(iter(block.values()))))
+        numbers = np.arange(rows, rows + row_count(block))
         with numbered(numbers):
             run = next_rows(block)
         diverged.extend(numbers[list(run.diverged)].tolist())
@@ -171,7 +171,7 @@ def fed_back(model: Model) -> tuple[str, ...]:
 def _base(model: Model, columns: Columns) -> Array:
     body = _memory_of(model)
     if body.backbone is None and not model.inputs:
-        return np.zeros(len(next(iter(columns.values()))))
+        return np.zeros(row_count(columns))
     return where_finite(
         model.inputs, columns, lambda inputs, n: backbone_values(body.backbone, inputs, n)
     )

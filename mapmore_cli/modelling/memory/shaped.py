@@ -17,6 +17,8 @@ from mapmore_cli.domain.fits import MemoryFit
 from mapmore_cli.domain.models import Memory, Model
 from mapmore_cli.domain.recording import Curve
 from mapmore_cli.modelling.expressions import parse
+from mapmore_cli.modelling.frols.engine import triangle
+from mapmore_cli.modelling.frols.moments import Blocks, weighted
 from mapmore_cli.modelling.kinds import fed_back, settled
 from mapmore_cli.modelling.memory.records import Record
 from mapmore_cli.modelling.memory.selectors import regressors
@@ -51,8 +53,9 @@ def with_signed_gain(
     assert isinstance(body, Memory)
     terms = [parse(text) for text in memory.terms]
     data = regressors(records, memory.states, terms, memory.output)
-    P = np.vstack([block for block, _ in data.blocks()])
-    P = P if data.uncertainty is None else P / data.uncertainty[:, None]
+    blocks: Blocks = data.blocks
+    blocks = blocks if data.uncertainty is None else weighted(blocks, data.uncertainty)
+    R = triangle(blocks)[0][: len(terms)]
 
     def with_coefficients(theta: Array) -> Model:
         errors = memory.theta_error if theta is memory.theta else np.full(len(theta), np.nan)
@@ -63,8 +66,8 @@ def with_signed_gain(
         model,
         lambda theta, columns: settled(with_coefficients(theta), columns),
         memory.theta,
-        np.linalg.qr(P)[1],
-        (P[:0], P[:0, 0]),
+        R,
+        (R[:0], R[:0, 0]),
     )
     exchange.until_kept(region.asks(asked_of(recipe)), region)
     kept = with_coefficients(exchange.theta)

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import Array, BoolArray, Columns, IntArray, Value
+from mapmore_cli.domain.arrays import Array, BoolArray, Columns, IntArray, Value, row_count
 from mapmore_cli.modelling.expressions import evaluate
 from mapmore_cli.modelling.memory.feedback import Feedback
 from mapmore_cli.modelling.memory.records import AtSample, complete
@@ -52,7 +52,7 @@ class ReadyPiece:
 
     def __init__(self, feedback: Feedback, columns: Columns, past: Past | None = None) -> None:
         self.feedback = feedback
-        rows = len(next(iter(columns.values())))
+        rows = row_count(columns)
         nothing = np.full(rows, np.nan)
         self.measured = np.asarray(columns.get(feedback.output, nothing), dtype=np.float64)
         goes_on = bool(past)

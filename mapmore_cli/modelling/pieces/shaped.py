@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import Array, Columns
+from mapmore_cli.domain.arrays import Array, Columns, row_count
 from mapmore_cli.domain.fits import SegmentedCurve
 from mapmore_cli.domain.models import Model, Pieces, SegmentFunction
 from mapmore_cli.domain.recording import Curve, uncertainty_of
@@ -137,7 +137,7 @@ def _fused_output(model: Model, body: Pieces, count: int) -> Values:
     program = evaluator(pieces_program(_of_coefficients(body, names), [*inputs, *names]))
 
     def value(theta: Array, columns: Columns) -> Array:
-        n = len(next(iter(columns.values())))
+        n = row_count(columns)
         found = program({**columns, **dict(zip(names, theta, strict=True))})[0]
         return np.asarray(found + backbone_values(body.backbone, columns, n))
 

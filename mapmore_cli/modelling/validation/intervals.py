@@ -32,7 +32,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import Array, BoolArray, Columns
+from mapmore_cli.domain.arrays import Array, BoolArray, Columns, row_count
 from mapmore_cli.domain.errors import DataError, FitError, UsageError
 from mapmore_cli.domain.models import LeftOut, LeftOutKind, Model
 from mapmore_cli.modelling.kinds import outside_range, predict
@@ -162,11 +162,7 @@ def half_widths_of(model: Model, columns: Columns, level: float) -> Array:
     refused. Raises as `checked`.
     """
     left_out = intervals_of(model, level)
-    at = (
-        np.full(len(next(iter(columns.values()))), np.nan)
-        if model.level is None
-        else columns[model.level]
-    )
+    at = np.full(row_count(columns), np.nan) if model.level is None else columns[model.level]
     return half_widths(left_out, at, level)
 
 

@@ -62,15 +62,14 @@ def draw_trace(ax: Axes, x: Array, y: Array, **look: Any) -> None:
     draw_line(ax, x[rows], y[rows], **look)
 
 
-def draw_band(ax: Axes, x: Array, y: Array, sets_scale: bool = True, **look: Any) -> None:
+def draw_band(ax: Axes, x: Array, y: Array, **look: Any) -> None:
     """Draw `y` over sorted `x` as a line; of many samples the mean, with their range as a pale
     band.
     """
     if len(x) > 4 * STRETCHES:
         x, y, low, high = band(x, y)
-        if sets_scale:
-            shade_between(ax, x, (low, high), look["color"])
-    draw_line(ax, x, y, sets_scale, **look)
+        shade_between(ax, x, (low, high), look["color"])
+    draw_line(ax, x, y, **look)
 
 
 def shade_between(ax: Axes, x: Array, ends: Iterable[Array], colour: Any, label: str = "") -> None:
