@@ -75,9 +75,9 @@ TORTURE ?= 100
 torture: .venv/development  # commands that are killed, interrupted, out of room, not allowed to write, or two at once; docs/reliability.md
 	$(BIN)/python tests/torture/torture.py $(TORTURE)
 
-LOWEST_TESTS := tests/modelling/frols tests/modelling/terms tests/modelling/scores tests/spec tests/storage tests/ingestion
+LOWEST_TESTS := tests/modelling/frols tests/modelling/terms tests/modelling/scores tests/study tests/storage tests/ingestion
 # it compares a text that today's pydantic writes
-LOWEST_WITHOUT := tests/spec/test_schema.py::test_the_checked_in_schema_is_up_to_date
+LOWEST_WITHOUT := tests/study/test_schema.py::test_the_checked_in_schema_is_up_to_date
 test-lowest: .venv/development .venv-lowest/program  # the oldest libraries that pyproject.toml allows: tests, and the results beside those of .venv
 	.venv-lowest/bin/pytest -q -o filterwarnings=default $(LOWEST_TESTS) $(LOWEST_WITHOUT:%=--deselect %)  # old libraries warn of others that are newer
 	mkdir -p build

@@ -12,7 +12,7 @@ from pages import CONFIGS, run, scores, write_page
 
 from mapmore_cli.domain.scores import BASELINES, OWN, REPEATABILITY, SIMPLE
 from mapmore_cli.reporting.table import Cell, Table
-from mapmore_cli.spec.loader import load
+from mapmore_cli.study.loader import load
 
 STUDIES = (
     ("m2/dmsp-20-88-static", "simulated", "pressure"),

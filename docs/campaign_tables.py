@@ -24,7 +24,7 @@ from mapmore_cli.modelling.pieces.build import build
 from mapmore_cli.modelling.pieces.recipe import Cuts, Recipe
 from mapmore_cli.modelling.validation.comparison import CHANGED, SAME, UNCLEAR, Comparison, compare
 from mapmore_cli.reporting.table import Cell, Table
-from mapmore_cli.spec.loader import load_as
+from mapmore_cli.study.loader import load_as
 
 FACTORS = (1.00, 1.01, 1.02, 1.03, 1.05)
 PAIRS = 20

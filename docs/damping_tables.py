@@ -21,8 +21,8 @@ from mapmore_cli.modelling import literature
 from mapmore_cli.modelling.kinds import predict
 from mapmore_cli.pipeline.runner import bring_up_to_date
 from mapmore_cli.reporting.table import Cell, Table
-from mapmore_cli.spec.loader import load, load_as
 from mapmore_cli.storage.run_folder import RunFiles
+from mapmore_cli.study.loader import load, load_as
 
 MUSCLES = {"McKibben": "dmsp-20-88", "Peano": "peano"}
 FOLDERS = {"dmsp-20-88": "mckibben", "peano": "peano"}

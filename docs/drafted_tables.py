@@ -29,8 +29,8 @@ from mapmore_cli.domain.scores import OWN, deciding
 from mapmore_cli.pipeline.inspection import inspect
 from mapmore_cli.pipeline.runner import bring_up_to_date
 from mapmore_cli.reporting.table import Column, Table
-from mapmore_cli.spec.loader import LoadedSpec, load
 from mapmore_cli.storage.run_folder import RunFiles
+from mapmore_cli.study.loader import LoadedSpec, load
 
 PAGE = DOCS / "init-and-check.md"
 PLAINER = ("plane", "cubic", "sarosi", "arx")

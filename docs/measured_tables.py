@@ -21,8 +21,8 @@ from mapmore_cli.modelling.kinds import predict
 from mapmore_cli.modelling.literature.backbone import pooled
 from mapmore_cli.reporting.score_tables import score_table
 from mapmore_cli.reporting.table import Cell, Table
-from mapmore_cli.spec.campaign import load_campaign
 from mapmore_cli.storage.run_folder import RunFiles
+from mapmore_cli.study.campaign import load_campaign
 
 
 def auto(runs: Path) -> Table:

@@ -18,9 +18,9 @@ from pages import CONFIGS, of_campaign, own, run, scores, write_page
 from mapmore_cli.domain.fits import MemoryFit
 from mapmore_cli.reporting.campaign import CampaignScores, nrmse_table
 from mapmore_cli.reporting.table import Cell, Table
-from mapmore_cli.spec.campaign import Variant, load_campaign
-from mapmore_cli.spec.loader import load
 from mapmore_cli.storage.run_folder import RunFiles
+from mapmore_cli.study.campaign import Variant, load_campaign
+from mapmore_cli.study.loader import load
 
 REVERSALS = ("dmsp-20-88-inner-reversals", "peano-inner-reversals")
 IDENTIFICATION = ("data_for_testing", "buck", "motor_generator", "motor_generator_published")

@@ -32,7 +32,7 @@ from mapmore_cli.modelling import literature
 from mapmore_cli.modelling.kinds import predict
 from mapmore_cli.modelling.tendon.model import muscle_columns, solve
 from mapmore_cli.reporting.table import Cell, Table
-from mapmore_cli.spec.loader import load_as
+from mapmore_cli.study.loader import load_as
 
 DATASETS = DOCS.parent / "datasets"
 

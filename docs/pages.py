@@ -26,9 +26,9 @@ from mapmore_cli.pipeline.jobs import Finished, Job, run_one
 from mapmore_cli.pipeline.runner import bring_up_to_date
 from mapmore_cli.reporting.campaign import CampaignScores, nrmse_table
 from mapmore_cli.reporting.table import Column, Table, to_markdown
-from mapmore_cli.spec.campaign import Entry, load_campaign
-from mapmore_cli.spec.loader import LoadedSpec, load
 from mapmore_cli.storage.run_folder import RunFiles
+from mapmore_cli.study.campaign import Entry, load_campaign
+from mapmore_cli.study.loader import LoadedSpec, load
 
 DOCS = Path(__file__).parent
 CONFIGS = DOCS.parent / "configs"

@@ -26,8 +26,8 @@ from mapmore_cli.modelling.literature.backbone import pooled_training
 from mapmore_cli.modelling.validation.intervals import INTERVAL, half_widths, interval_refusal
 from mapmore_cli.pipeline.runner import bring_up_to_date
 from mapmore_cli.reporting.table import Cell, Table
-from mapmore_cli.spec.loader import load
 from mapmore_cli.storage.artefacts import read_dataset
+from mapmore_cli.study.loader import load
 
 DRAWS = 9
 """Random orders, of which the median counts."""

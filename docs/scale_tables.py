@@ -20,7 +20,7 @@ from pathlib import Path
 from pages import CONFIGS, write_tables
 
 from mapmore_cli.reporting.table import Table
-from mapmore_cli.spec.loader import load
+from mapmore_cli.study.loader import load
 
 DOCS = Path(__file__).parent
 RECORDED, COSTS = DOCS / "scale_runs.csv", DOCS / "scale_costs.csv"

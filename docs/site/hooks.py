@@ -120,8 +120,8 @@ def on_page_markdown(markdown: str, page: Any, **_rest: Any) -> str:
     from pages import in_full
 
     from mapmore_cli.modelling.literature import reference as formulas
-    from mapmore_cli.spec.schema import reference as keys
     from mapmore_cli.storage.artefacts.reference import described
+    from mapmore_cli.study.schema import reference as keys
 
     made = {"keys": keys, "formulas": formulas, "files": described}
     return re.sub(

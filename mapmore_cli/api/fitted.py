@@ -23,14 +23,14 @@ from mapmore_cli.pipeline.runner import Options, bring_up_to_date
 from mapmore_cli.reporting.score_tables import score_table
 from mapmore_cli.reporting.summary import summary_table
 from mapmore_cli.reporting.table import Table
-from mapmore_cli.spec.experiment import ExperimentSpec
-from mapmore_cli.spec.loader import MODELINE, SCHEMA, LoadedSpec, load, load_text
-from mapmore_cli.spec.schema import write_schema_beside
-from mapmore_cli.spec.sections.logs import SourceColumn
-from mapmore_cli.spec.yaml_loader import as_overrides, dump, escaped
 from mapmore_cli.storage.atomic import refusals_told, write_bytes, write_text
 from mapmore_cli.storage.run_folder import MODEL, RunFiles
 from mapmore_cli.storage.run_record import score_row
+from mapmore_cli.study.experiment import ExperimentSpec
+from mapmore_cli.study.loader import MODELINE, SCHEMA, LoadedSpec, load, load_text
+from mapmore_cli.study.schema import write_schema_beside
+from mapmore_cli.study.sections.logs import SourceColumn
+from mapmore_cli.study.yaml_loader import as_overrides, dump, escaped
 
 HERE = "fit(...)"
 """How messages call the spec that the keyword arguments make."""

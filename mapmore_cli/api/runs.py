@@ -16,10 +16,10 @@ from mapmore_cli.domain.scores import RUN_PAGE
 from mapmore_cli.pipeline.jobs import Finished, Job, run_one
 from mapmore_cli.pipeline.notebooks import LoadedModel, plain_values
 from mapmore_cli.pipeline.runner import Options
-from mapmore_cli.spec.yaml_loader import as_overrides
 from mapmore_cli.storage.artefacts import read_model
 from mapmore_cli.storage.run_folder import RunFiles
 from mapmore_cli.storage.run_record import scores_beside
+from mapmore_cli.study.yaml_loader import as_overrides
 
 
 @dataclass(frozen=True, repr=False)

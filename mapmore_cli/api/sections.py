@@ -15,10 +15,10 @@ from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import SpecError
 from mapmore_cli.domain.given import labels_of
 from mapmore_cli.pipeline.notebooks import canonical_columns, plain_values
-from mapmore_cli.spec.diagnostics import did_you_mean
-from mapmore_cli.spec.schema import key_texts
-from mapmore_cli.spec.sections.data import Data
 from mapmore_cli.storage.readers import reader_of
+from mapmore_cli.study.diagnostics import did_you_mean
+from mapmore_cli.study.schema import key_texts
+from mapmore_cli.study.sections.data import Data
 
 Section = Mapping[str, Any]
 """A section of the spec, its keys as in YAML."""

@@ -15,7 +15,7 @@ from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.recording import Recording, united
 from mapmore_cli.modelling.signals.rates import rate
 from mapmore_cli.modelling.signals.sampling import PART, correlation, even_parts, even_share
-from mapmore_cli.spec.units import convert
+from mapmore_cli.study.units import convert
 
 FEWEST = 30  # samples, below which what they show may be chance
 COMPARED = 200  # recordings, one with each other: of more, an even share

@@ -17,7 +17,7 @@ from mapmore_cli.domain.errors import DataError, SpecError
 from mapmore_cli.storage.atomic import write_text
 
 if TYPE_CHECKING:
-    from mapmore_cli.spec.loader import LoadedSpec
+    from mapmore_cli.study.loader import LoadedSpec
 
 Severity = Literal["error", "warning", "hint"]
 """An error makes the study wrong or impossible, a warning probably wrong; a hint says what could be

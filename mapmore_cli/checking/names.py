@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 
-from mapmore_cli.spec.units import CANONICAL, spell_pressures, unit_of
+from mapmore_cli.study.units import CANONICAL, spell_pressures, unit_of
 
 POSITIONS = ("strain", "displacement", "length")
 """Quantities that say how far a muscle has contracted, the most telling first."""

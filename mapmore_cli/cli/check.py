@@ -41,8 +41,8 @@ def check(
     """Check a spec and its data, or a campaign; compute nothing."""
     from mapmore_cli.cli.compared import of_campaign, of_inspection
     from mapmore_cli.pipeline.inspection import inspect
-    from mapmore_cli.spec.campaign import expanded
-    from mapmore_cli.spec.loader import LoadedSpec, confirmed, load
+    from mapmore_cli.study.campaign import expanded
+    from mapmore_cli.study.loader import LoadedSpec, confirmed, load
 
     if confirm and load(config).spec.unconfirmed:
         write_text(config, confirmed(config.read_text(encoding="utf-8")))

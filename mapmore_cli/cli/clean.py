@@ -26,11 +26,11 @@ def clean(
     on or compared with; and every folder that is no run.
     """
     from mapmore_cli.pipeline.staleness import named_runs
-    from mapmore_cli.spec.campaign import expanded
-    from mapmore_cli.spec.loader import load
     from mapmore_cli.storage.atomic import remove
     from mapmore_cli.storage.run_folder import run_lock
     from mapmore_cli.storage.run_record import load_origin
+    from mapmore_cli.study.campaign import expanded
+    from mapmore_cli.study.loader import load
 
     if not runs.is_dir():
         raise UsageError(f"{runs}: there is no such folder", "name the folder of the runs, --runs")

@@ -15,7 +15,7 @@ from mapmore_cli.domain.results import Plan, Search, Until
 from mapmore_cli.domain.scores import Tuning
 from mapmore_cli.reporting.score_tables import changes_table, drift_table, search_table
 from mapmore_cli.reporting.table import Cell, Column, Columns, Table, cells_of
-from mapmore_cli.spec.yaml_loader import as_overrides
+from mapmore_cli.study.yaml_loader import as_overrides
 
 if TYPE_CHECKING:
     from mapmore_cli.checking.findings import Issue

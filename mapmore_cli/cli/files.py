@@ -55,9 +55,9 @@ def schema(
 ) -> None:
     """Print the JSON Schema of the experiment spec, or a reference."""
     from mapmore_cli.modelling.literature import reference as formulas
-    from mapmore_cli.spec.schema import json_schema
-    from mapmore_cli.spec.schema import reference as keys
     from mapmore_cli.storage.artefacts.reference import described
+    from mapmore_cli.study.schema import json_schema
+    from mapmore_cli.study.schema import reference as keys
 
     if what == "json":
         print_document(json_schema())

@@ -71,7 +71,7 @@ def _bring_up_to_date(
     from mapmore_cli.domain.scores import FIGURES
     from mapmore_cli.pipeline import runner
     from mapmore_cli.pipeline.jobs import Finished
-    from mapmore_cli.spec.loader import load
+    from mapmore_cli.study.loader import load
 
     if figures is not None:
         names = {"all": ", ".join(FIGURES), "none": ""}.get(figures, figures)

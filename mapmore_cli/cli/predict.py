@@ -167,7 +167,7 @@ def _constants_of(model: Model, given: Sequence[str]) -> dict[str, float]:
     """Return the inputs that `--set` gives, in the model's units; raises UsageError for what is no
     input or no number.
     """
-    from mapmore_cli.spec.units import parse_quantity
+    from mapmore_cli.study.units import parse_quantity
 
     units = {quantity.name: quantity.unit for quantity in model.inputs}
     found: dict[str, float] = {}

@@ -26,9 +26,9 @@ from mapmore_cli.modelling.kinds import runs_over_time
 from mapmore_cli.modelling.literature.backbone import fit_formula, pooled_training
 from mapmore_cli.modelling.literature.formulas.sarosi_hysteresis_loss import HysteresisLoss
 from mapmore_cli.modelling.signals.plateau import damping_component
-from mapmore_cli.spec.experiment import Competitor
 from mapmore_cli.storage.artefacts import read_model
 from mapmore_cli.storage.run_folder import RunFiles
+from mapmore_cli.study.experiment import Competitor
 
 Forecasts = tuple[Forecast, ...]
 """Of one model, for every curve of the dataset."""

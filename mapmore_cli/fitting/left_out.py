@@ -26,8 +26,8 @@ from mapmore_cli.fitting.refitting import FEWEST, left_out_of
 from mapmore_cli.modelling.forecast import forecast
 from mapmore_cli.modelling.pieces.cross_validation import BLOCKS, block, in_curve
 from mapmore_cli.modelling.validation.intervals import left_out_summary
-from mapmore_cli.spec.loader import load
 from mapmore_cli.storage.run_folder import RunFiles
+from mapmore_cli.study.loader import load
 
 if TYPE_CHECKING:
     from mapmore_cli.fitting.stage import Progress

@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from mapmore_cli.spec.experiment import ExperimentSpec
 from mapmore_cli.storage.run_folder import RunFiles
+from mapmore_cli.study.experiment import ExperimentSpec
 
 Warn = Callable[[str], None]
 Progress = Callable[[str, int, int], None]

@@ -16,9 +16,9 @@ from mapmore_cli.ingestion.files import Log, Meter, Source
 from mapmore_cli.ingestion.samples import TURNS, Samples, going_on, read_tables, without_missing
 from mapmore_cli.modelling.signals import sampling
 from mapmore_cli.modelling.signals.shift import find_shift
-from mapmore_cli.spec.sections.data import Data
-from mapmore_cli.spec.sections.logs import Join
-from mapmore_cli.spec.units import convert
+from mapmore_cli.study.sections.data import Data
+from mapmore_cli.study.sections.logs import Join
+from mapmore_cli.study.units import convert
 
 MOST_GLITCHES = 0.01  # of the samples; a clock that was set back loses more
 # times the usual step: a gap that is worth a warning where the spec does not say what a gap is

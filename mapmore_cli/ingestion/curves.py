@@ -36,9 +36,9 @@ from mapmore_cli.modelling.signals.plateau import (
     match_levels,
     without_steady_state,
 )
-from mapmore_cli.spec.sections.data import STEP_OF, STEP_PRESSURE, Cycles, Levels
-from mapmore_cli.spec.units import convert
 from mapmore_cli.storage.run_folder import RunFiles
+from mapmore_cli.study.sections.data import STEP_OF, STEP_PRESSURE, Cycles, Levels
+from mapmore_cli.study.units import convert
 
 PLATEAU = "plateau"
 """1 on the plateau of a step response, else 0."""

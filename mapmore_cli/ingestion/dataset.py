@@ -45,8 +45,8 @@ from mapmore_cli.ingestion.samples import (
 )
 from mapmore_cli.ingestion.uncertainty import with_uncertainty
 from mapmore_cli.modelling.signals.cycles import last_cycles
-from mapmore_cli.spec.sections.data import Between, Data, Holdout
-from mapmore_cli.spec.sections.logs import FileEntry
+from mapmore_cli.study.sections.data import Between, Data, Holdout
+from mapmore_cli.study.sections.logs import FileEntry
 
 FEW = 10  # samples kept, below which a recording is worth a warning
 MUCH = 0.5  # fraction dropped, above which it is

@@ -17,11 +17,11 @@ from mapmore_cli.domain.declared import is_label
 from mapmore_cli.domain.errors import DataError, SpecError
 from mapmore_cli.fitting.kinds.dictionary import derivations_of, units_of
 from mapmore_cli.fitting.stage import Progress
-from mapmore_cli.spec.experiment import ExperimentSpec
-from mapmore_cli.spec.sections.data import Data
-from mapmore_cli.spec.sections.logs import FileEntry, Join, Keep
 from mapmore_cli.storage.readers import READERS
 from mapmore_cli.storage.tables.lines import name_of_packed
+from mapmore_cli.study.experiment import ExperimentSpec
+from mapmore_cli.study.sections.data import Data
+from mapmore_cli.study.sections.logs import FileEntry, Join, Keep
 
 Component = Literal["static", "hysteresis", "damping"]
 

@@ -17,12 +17,12 @@ from mapmore_cli.fitting.kinds.dictionary import signal_of
 from mapmore_cli.ingestion.files import Log, Meter
 from mapmore_cli.modelling import expressions as terms
 from mapmore_cli.modelling.signals.rates import signal_values
-from mapmore_cli.spec.sections.data import Data, Direction, MissingRule, Rate
-from mapmore_cli.spec.sections.logs import Keep, Logs, SourceColumn
-from mapmore_cli.spec.units import convert, is_canonical, is_same, unit_of_file
 from mapmore_cli.storage.readers import READERS
 from mapmore_cli.storage.tables import RawTable, TableRequest
 from mapmore_cli.storage.tables.cells import shortened
+from mapmore_cli.study.sections.data import Data, Direction, MissingRule, Rate
+from mapmore_cli.study.sections.logs import Keep, Logs, SourceColumn
+from mapmore_cli.study.units import convert, is_canonical, is_same, unit_of_file
 
 TURNS = (3600.0, 86400.0)
 """Where clocks begin anew, in s: those that show minutes after an hour, those that tell the time of

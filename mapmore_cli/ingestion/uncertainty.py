@@ -12,8 +12,8 @@ import numpy as np
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.recording import Curve, uncertainty_of
-from mapmore_cli.spec.sections.data import Data
-from mapmore_cli.spec.units import convert, is_quantity, split_quantity
+from mapmore_cli.study.sections.data import Data
+from mapmore_cli.study.units import convert, is_quantity, split_quantity
 
 Rule = float | str | dict[str, float]
 

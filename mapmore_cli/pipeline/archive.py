@@ -27,8 +27,6 @@ from mapmore_cli.pipeline.staleness import (
     plain,
     slice_differences,
 )
-from mapmore_cli.spec.sections.dictionary import DictionaryEntry
-from mapmore_cli.spec.sections.model import ModelChoice
 from mapmore_cli.storage.artefacts import read_model
 from mapmore_cli.storage.atomic import refusals_told, sync_tree, unfinished_beside, write_text
 from mapmore_cli.storage.run_folder import MODEL
@@ -40,6 +38,8 @@ from mapmore_cli.storage.run_record import (
     load_origin,
 )
 from mapmore_cli.storage.stamps import take_stamp
+from mapmore_cli.study.sections.dictionary import DictionaryEntry
+from mapmore_cli.study.sections.model import ModelChoice
 
 KEPT = (MODEL, "scores.json", "scores.csv", "experiment.yaml", RUN_RECORD)
 FROZEN = "frozen.json"

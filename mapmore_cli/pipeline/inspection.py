@@ -15,8 +15,8 @@ from mapmore_cli.ingestion.dataset import build_dataset
 from mapmore_cli.ingestion.files import IngestSlice, slice_of
 from mapmore_cli.modelling.selection import AUTO
 from mapmore_cli.pipeline.staleness import needed_runs, pipeline
-from mapmore_cli.spec.loader import LoadedSpec
 from mapmore_cli.storage.run_folder import RunFiles
+from mapmore_cli.study.loader import LoadedSpec
 
 ORDER = ("error", "warning", "hint")
 

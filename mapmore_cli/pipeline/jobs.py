@@ -14,12 +14,12 @@ from typing import TYPE_CHECKING, NoReturn
 from mapmore_cli.domain.errors import Stopped
 from mapmore_cli.pipeline.runner import AS_USUAL, Options, RunOutcome, bring_up_to_date
 from mapmore_cli.pipeline.validate import required_limits
-from mapmore_cli.spec.loader import load
 from mapmore_cli.storage.run_folder import RunFiles
+from mapmore_cli.study.loader import load
 
 if TYPE_CHECKING:
     from mapmore_cli.domain.scores import Limit, Published, ScoreTable
-    from mapmore_cli.spec.loader import LoadedSpec
+    from mapmore_cli.study.loader import LoadedSpec
 
 
 @dataclass(frozen=True)

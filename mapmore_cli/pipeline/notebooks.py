@@ -30,12 +30,12 @@ from mapmore_cli.modelling.program.model import slopes
 from mapmore_cli.modelling.signals.rates import with_signals
 from mapmore_cli.modelling.validation.intervals import INTERVAL, interval
 from mapmore_cli.pipeline.records import reading_of
-from mapmore_cli.spec.fields import as_target
-from mapmore_cli.spec.sections.logs import SourceColumn
-from mapmore_cli.spec.units import convert, default_unit, is_canonical
 from mapmore_cli.storage.atomic import refusals_told, write_bytes
 from mapmore_cli.storage.tables import known_names
 from mapmore_cli.storage.tables.cells import CellReader
+from mapmore_cli.study.fields import as_target
+from mapmore_cli.study.sections.logs import SourceColumn
+from mapmore_cli.study.units import convert, default_unit, is_canonical
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 
 from mapmore_cli.domain.errors import DataError, SpecError, UsageError
 from mapmore_cli.fitting.stage import Stage, Workspace
-from mapmore_cli.spec.experiment import ExperimentSpec, Muscle, Report, Validate
 from mapmore_cli.storage.run_folder import VALIDATION, RunFiles
+from mapmore_cli.study.experiment import ExperimentSpec, Muscle, Report, Validate
 
 if TYPE_CHECKING:
     from mapmore_cli.domain.fits import SegmentedCurve
@@ -189,7 +189,7 @@ def drawn_figure(
     from mapmore_cli.reporting.figures.drawing import compose, drawings, panel_of, to_bytes
     from mapmore_cli.reporting.figures.style import figure_style
     from mapmore_cli.reporting.report import data_csv
-    from mapmore_cli.spec.loader import load
+    from mapmore_cli.study.loader import load
 
     if not (run_dir / VALIDATION).is_file():
         raise DataError(
@@ -229,7 +229,7 @@ def _in_units(model: Model, units: Mapping[str, str]) -> dict[str, tuple[Equatio
     these.
     """
     from mapmore_cli.modelling.kinds import equations as model_equations
-    from mapmore_cli.spec.units import convert, default_unit
+    from mapmore_cli.study.units import convert, default_unit
 
     if not units:
         return {}

@@ -30,7 +30,6 @@ from mapmore_cli.pipeline.staleness import (
     plans_of,
     refuse_circle,
 )
-from mapmore_cli.spec.loader import LoadedSpec
 from mapmore_cli.storage.atomic import refusals_told, write_text
 from mapmore_cli.storage.run_folder import (
     RunFiles,
@@ -50,6 +49,7 @@ from mapmore_cli.storage.run_record import (
     tool_versions,
 )
 from mapmore_cli.storage.stamps import stamps_of
+from mapmore_cli.study.loader import LoadedSpec
 
 RESOLVED_SPEC = "experiment.yaml"
 FOUND = "found.yaml"

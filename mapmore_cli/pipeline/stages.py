@@ -24,9 +24,9 @@ from mapmore_cli.ingestion.files import IngestSlice, find_sources, slice_of
 from mapmore_cli.modelling.kinds import alone
 from mapmore_cli.modelling.pieces.recipe import Cuts, Fuse
 from mapmore_cli.modelling.selection import AUTO, Fit
-from mapmore_cli.spec.experiment import ExperimentSpec
-from mapmore_cli.spec.sections.model import ModelChoice
 from mapmore_cli.storage.run_folder import DATASET, FIT, MODEL, SEGMENTATION, RunFiles
+from mapmore_cli.study.experiment import ExperimentSpec
+from mapmore_cli.study.sections.model import ModelChoice
 
 if TYPE_CHECKING:
     from mapmore_cli.domain.models import Model

@@ -15,9 +15,9 @@ from mapmore_cli.domain.scores import OWN, Limit, deciding
 from mapmore_cli.fitting.kinds.choices import ModelChoices, model_choices, with_definitions
 from mapmore_cli.fitting.stage import Need, Progress, Stage, Warn, Workspace
 from mapmore_cli.modelling.selection import Fit
-from mapmore_cli.spec.experiment import Competitor, ExperimentSpec
-from mapmore_cli.spec.yaml_loader import as_overrides
 from mapmore_cli.storage.run_folder import VALIDATION
+from mapmore_cli.study.experiment import Competitor, ExperimentSpec
+from mapmore_cli.study.yaml_loader import as_overrides
 
 if TYPE_CHECKING:
     from mapmore_cli.domain.models import Model

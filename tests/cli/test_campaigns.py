@@ -6,7 +6,7 @@ import pytest
 from cli_samples import edit, write_study
 
 from mapmore_cli.domain.errors import SpecError
-from mapmore_cli.spec.campaign import load_campaign
+from mapmore_cli.study.campaign import load_campaign
 
 pytestmark = pytest.mark.usefixtures("batch_here")
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from cli_samples import PROJECT, write_study
 
-from mapmore_cli.spec.schema import json_schema
+from mapmore_cli.study.schema import json_schema
 
 RIG = PROJECT / "datasets/mckibben/load_cycles.yaml"
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from cli_samples import OWN, PROJECT, by_place, options, thinned
 
-from mapmore_cli.spec.loader import load
+from mapmore_cli.study.loader import load
 
 pytestmark = pytest.mark.usefixtures("quick_families")
 

@@ -7,7 +7,7 @@ import pytest
 from cli_samples import OWN, by_place, page_of, write_lines
 
 from mapmore_cli.modelling.validation.significance import Ranked
-from mapmore_cli.spec.loader import load
+from mapmore_cli.study.loader import load
 
 pytestmark = pytest.mark.usefixtures("fewer_families")
 

@@ -9,8 +9,8 @@ from cli_samples import write_columns
 from mapmore_cli.modelling.expressions import evaluate, parse
 from mapmore_cli.modelling.kinds import equations as model_equations
 from mapmore_cli.pipeline.runner import bring_up_to_date
-from mapmore_cli.spec.loader import load
 from mapmore_cli.storage.artefacts import read_model
+from mapmore_cli.study.loader import load
 
 TIME = np.arange(0.0, 4.0, 0.001)
 SEEDS = range(6)

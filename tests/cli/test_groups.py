@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.recording import Curve
 from mapmore_cli.ingestion.groups import group_effects
-from mapmore_cli.spec.sections.data import Groups
 from mapmore_cli.storage.run_folder import RunFiles
+from mapmore_cli.study.sections.data import Groups
 
 SPEC = """\
 name: specimens

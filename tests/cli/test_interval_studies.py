@@ -16,8 +16,8 @@ from mapmore_cli.fitting.kinds.choices import model_choices
 from mapmore_cli.fitting.left_out import residuals
 from mapmore_cli.modelling.forecast import forecast
 from mapmore_cli.modelling.validation.intervals import many_curves
-from mapmore_cli.spec.loader import load
 from mapmore_cli.storage.artefacts import read_dataset, read_model
+from mapmore_cli.study.loader import load
 
 HELD = "  split: {validate: {pressure: [200]}}\n"
 KINDS = {

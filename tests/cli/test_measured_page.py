@@ -11,8 +11,8 @@ from page_tables import PAGE, page_table
 from test_shipped_studies import NRMSE
 
 from mapmore_cli.modelling.kinds import predict
-from mapmore_cli.spec.campaign import load_campaign
 from mapmore_cli.storage.artefacts import read_model
+from mapmore_cli.study.campaign import load_campaign
 
 CLOSING = ("ratio, geometric mean", "ratio, worst", "runs better", "below the best formula")
 DIGITS = 0.006  # three of them

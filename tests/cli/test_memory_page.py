@@ -9,8 +9,8 @@ from cli_samples import CONFIGS, OWN, by_place, options
 from page_tables import MEMORY, numbers, page_table
 from test_shipped_studies import NRMSE
 
-from mapmore_cli.spec.campaign import load_campaign
 from mapmore_cli.storage.artefacts import read_fit, read_model
+from mapmore_cli.study.campaign import load_campaign
 
 REVERSALS = ("dmsp-20-88-inner-reversals", "peano-inner-reversals")
 DIGITS = 0.006  # three of them

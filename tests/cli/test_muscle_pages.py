@@ -9,7 +9,7 @@ import muscle_tables
 import pytest
 from page_tables import DOCS, numbers, page_table
 
-from mapmore_cli.spec.loader import load
+from mapmore_cli.study.loader import load
 
 WRIST, MUSCLE_LIKE = DOCS / "wrist.md", DOCS / "muscle-like.md"
 CONFIGS = DOCS.parent / "configs"

@@ -10,7 +10,7 @@ import yaml
 from page_tables import block_of, numbers, page_table
 from pages import BLOCK, DOCS, in_full, read_rows
 
-from mapmore_cli.spec.loader import load
+from mapmore_cli.study.loader import load
 
 WORDS, ROWS = 25_400, 15
 """What the documentation may have at most: in all, and in a table of a page."""

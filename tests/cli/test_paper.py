@@ -14,9 +14,9 @@ from hypothesis import strategies as st
 
 from mapmore_cli.annexes.paper.claims import related
 from mapmore_cli.annexes.paper.paper import PUBLISHED, judged
-from mapmore_cli.spec.campaign import load_campaign
-from mapmore_cli.spec.loader import load
-from mapmore_cli.spec.paper import Verdict, load_paper
+from mapmore_cli.study.campaign import load_campaign
+from mapmore_cli.study.loader import load
+from mapmore_cli.study.paper import Verdict, load_paper
 
 NUMBERED = {"m1": (6, 1, 6), "m2": (24, 5, 15), "p": (17, 4, 11), "w": (16, 0, 10), "h": (6, 1, 6)}
 """Equations, tables and figures that the papers number, counted in their texts."""

@@ -14,8 +14,8 @@ from cli_samples import CONFIGS, write_columns
 import mapmore_cli as mm
 from mapmore_cli.domain.errors import DataError, SpecError, UsageError
 from mapmore_cli.ingestion.files import expand
-from mapmore_cli.spec.experiment import ExperimentSpec
-from mapmore_cli.spec.sections.data import Data
+from mapmore_cli.study.experiment import ExperimentSpec
+from mapmore_cli.study.sections.data import Data
 
 
 def columns_of(path, names, delimiter=","):

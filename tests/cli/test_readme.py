@@ -10,8 +10,8 @@ from page_tables import MEMORY, numbers, page_table
 from test_shipped_studies import CONFIGS
 
 import mapmore_cli
-from mapmore_cli.spec.campaign import load_campaign
-from mapmore_cli.spec.loader import load, load_text
+from mapmore_cli.study.campaign import load_campaign
+from mapmore_cli.study.loader import load, load_text
 
 ROOT = Path(__file__).parents[2]
 README = (ROOT / "README.md").read_text(encoding="utf-8")

@@ -12,7 +12,7 @@ import mapmore_cli as mm
 from mapmore_cli.checking import applied
 from mapmore_cli.domain.errors import DataError, SpecError
 from mapmore_cli.pipeline.runner import bring_up_to_date
-from mapmore_cli.spec.loader import load
+from mapmore_cli.study.loader import load
 
 PER_CENT = ("--set", "data.columns.strain.scale=100")
 SIGN = "its sign looks turned"

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from mapmore_cli.domain.errors import DataError, FitError
 from mapmore_cli.pipeline.runner import Options, bring_up_to_date
-from mapmore_cli.spec.loader import load
+from mapmore_cli.study.loader import load
 
 MODELS = (
     (),

@@ -9,7 +9,7 @@ import pytest
 from pages import DOCS, run, scores
 
 from mapmore_cli.domain.scores import OWN
-from mapmore_cli.spec.loader import load
+from mapmore_cli.study.loader import load
 
 PAGE = Path(__file__).parents[2] / "docs" / "search.md"
 

@@ -14,7 +14,7 @@ from cli_samples import CONFIGS, held_out, options, without_figures
 from common import rows_of
 from page_tables import MEMORY, numbers, page_table
 
-from mapmore_cli.spec.loader import load
+from mapmore_cli.study.loader import load
 
 STUDIES = sorted(
     path

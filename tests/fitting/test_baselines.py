@@ -17,7 +17,7 @@ from mapmore_cli.domain.models import Memory, Model
 from mapmore_cli.domain.recording import Curve, Dataset
 from mapmore_cli.domain.scores import BASELINES
 from mapmore_cli.fitting import baselines
-from mapmore_cli.spec.loader import load
+from mapmore_cli.study.loader import load
 
 SPEC = """\
 schema_version: 1
@@ -90,7 +90,7 @@ def test_missing_inputs_give_no_prediction():
 def test_without_scikit_learn_a_spec_says_what_to_install(tmp_path, monkeypatch):
     spec = tmp_path / "bench.yaml"
     spec.write_text(SPEC.format(against="mlp"))
-    monkeypatch.setattr("mapmore_cli.spec.check_study.find_spec", lambda _name: None)
+    monkeypatch.setattr("mapmore_cli.study.check_study.find_spec", lambda _name: None)
     with pytest.raises(SpecError, match=r"bench\.yaml:\d+:\d+: `mlp` needs scikit-learn") as told:
         load(spec)
     assert "pip install 'mapmore[baselines]'" in str(told.value)
@@ -118,7 +118,7 @@ def test_scikit_learn_is_imported_only_to_fit_one(tmp_path):
     spec.write_text(SPEC.format(against="mlp"))
     script = (
         "import sys; from pathlib import Path; import mapmore_cli.fitting.baselines; from "
-        "mapmore_cli.spec.loader import load; "
+        "mapmore_cli.study.loader import load; "
     )
     script += f"load(Path({str(spec)!r})); assert 'sklearn' not in sys.modules"
     subprocess.run([sys.executable, "-c", script], check=True)

@@ -14,8 +14,8 @@ from mapmore_cli.domain.results import FitResult
 from mapmore_cli.fitting.competitors import Contest
 from mapmore_cli.modelling import literature
 from mapmore_cli.modelling.literature.backbone import fit_formula
-from mapmore_cli.spec.experiment import Competitor
 from mapmore_cli.storage.artefacts import write_fit, write_model
+from mapmore_cli.study.experiment import Competitor
 
 
 def curve(level, *, held):

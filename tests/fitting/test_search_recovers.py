@@ -18,7 +18,7 @@ from mapmore_cli.annexes.search.searching import search
 from mapmore_cli.modelling.expressions.operator import Setting, along
 from mapmore_cli.modelling.expressions.operators import OPERATORS
 from mapmore_cli.modelling.pieces.recipe import Fuse
-from mapmore_cli.spec.sections.model import ModelChoice
+from mapmore_cli.study.sections.model import ModelChoice
 
 Columns = dict[str, np.ndarray]
 STEP = 0.02

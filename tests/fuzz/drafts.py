@@ -16,8 +16,8 @@ from specs import is_yaml
 from mapmore_cli.annexes.drafting.answers import Answers
 from mapmore_cli.annexes.drafting.start import start
 from mapmore_cli.domain.errors import MapmoreError
-from mapmore_cli.spec.loader import load
-from mapmore_cli.spec.units import convert
+from mapmore_cli.study.loader import load
+from mapmore_cli.study.units import convert
 
 TITLES = (
     *(

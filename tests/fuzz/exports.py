@@ -28,7 +28,7 @@ from mapmore_cli.domain.errors import MapmoreError
 from mapmore_cli.domain.models import CurveFunction, CurveRange, Formula, Model, SegmentFunction
 from mapmore_cli.domain.recording import Quantity, Signal
 from mapmore_cli.reporting.table import Column, Table, to_csv, to_html, to_latex, to_markdown
-from mapmore_cli.spec.units import base_units
+from mapmore_cli.study.units import base_units
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "exporting"))
 

@@ -18,8 +18,8 @@ from driver import Fault, Target, at, changed_text, changed_tree, refused, ways
 
 from mapmore_cli.domain.errors import MapmoreError
 from mapmore_cli.pipeline.runner import bring_up_to_date
-from mapmore_cli.spec.loader import load
-from mapmore_cli.spec.units import convert
+from mapmore_cli.study.loader import load
+from mapmore_cli.study.units import convert
 
 PROJECT = Path(__file__).resolve().parents[2]
 

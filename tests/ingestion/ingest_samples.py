@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from mapmore_cli.spec.experiment import ExperimentSpec
+from mapmore_cli.study.experiment import ExperimentSpec
 
 COLUMNS = {
     "time": {"column": "t", "unit": "s"},

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from reading import refused
 
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.spec.units import is_same, unit_of_file
+from mapmore_cli.study.units import is_same, unit_of_file
 
 N = 40
 

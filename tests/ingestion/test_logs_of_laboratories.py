@@ -17,7 +17,7 @@ from mapmore_cli.domain.errors import DataError
 from mapmore_cli.ingestion.samples import unwrapped
 from mapmore_cli.modelling.signals.sampling import longest_ascent
 from mapmore_cli.pipeline.inspection import inspect
-from mapmore_cli.spec.loader import load
+from mapmore_cli.study.loader import load
 
 pytestmark = pytest.mark.usefixtures("quick_families")
 

@@ -9,7 +9,7 @@ from ingest_samples import spec_of
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.ingestion.dataset import build_dataset
 from mapmore_cli.ingestion.files import slice_of
-from mapmore_cli.spec.loader import load
+from mapmore_cli.study.loader import load
 
 PROJECT = Path(__file__).resolve().parents[2]
 # m; 0.182 m at rest

@@ -5,7 +5,7 @@ from reading import refused
 
 from mapmore_cli.domain.errors import DataError, SpecError
 from mapmore_cli.ingestion.files import find_sources, unique_ids
-from mapmore_cli.spec.sections.logs import FileEntry
+from mapmore_cli.study.sections.logs import FileEntry
 
 
 @pytest.fixture

@@ -98,7 +98,7 @@ def test_a_clock_that_was_set_back_is_none_that_begins_anew(ingest, cells):
     ],
 )
 def test_keys_that_cannot_be_meant(changes, part):
-    from mapmore_cli.spec.sections.data import Data
+    from mapmore_cli.study.sections.data import Data
 
     with pytest.raises(ValueError, match="(?s)" + part):
         Data.model_validate({"files": ["a.csv"], "columns": COLUMNS, **changes})

@@ -12,8 +12,8 @@ from mapmore_cli.annexes.search.candidate import offered_structures
 from mapmore_cli.annexes.search.searching import FAMILIES, choices_of, family
 from mapmore_cli.annexes.search.situation import Situation, situation_of
 from mapmore_cli.modelling.pieces.recipe import Fuse
-from mapmore_cli.spec.sections.data import Holdout
-from mapmore_cli.spec.sections.model import ModelChoice
+from mapmore_cli.study.sections.data import Holdout
+from mapmore_cli.study.sections.model import ModelChoice
 
 WHOLE = Slice(None, ModelChoice(type="auto"), Fuse(), {}, None, (), False)
 SITUATIONS = {

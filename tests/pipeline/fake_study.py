@@ -13,7 +13,7 @@ from pathlib import Path
 import yaml
 
 from mapmore_cli.fitting.stage import Stage
-from mapmore_cli.spec.experiment import ExperimentSpec
+from mapmore_cli.study.experiment import ExperimentSpec
 
 Hook = Callable[[str], None]
 """Called between the steps of a stage, to interrupt it."""

@@ -8,7 +8,7 @@ import pytest
 from mapmore_cli.annexes.rig.muscle import Hysteresis, Stop
 from mapmore_cli.annexes.rig.simulate import SimulationSpec
 from mapmore_cli.annexes.rig.static_muscles import McKibben, Peano
-from mapmore_cli.spec.loader import load_as
+from mapmore_cli.study.loader import load_as
 
 DATASETS = Path(__file__).parents[2] / "datasets"
 BRAID, TUBES = McKibben(kind="mckibben"), Peano(kind="peano")

@@ -89,9 +89,9 @@ def batch(
     from mapmore_cli.pipeline.jobs import Job, run_one, stoppable
     from mapmore_cli.pipeline.runner import Options
     from mapmore_cli.reporting.campaign import campaign_tables
-    from mapmore_cli.spec.campaign import expanded, run_names
     from mapmore_cli.storage.run_folder import refuse_foreign
     from mapmore_cli.storage.run_record import CAMPAIGN_RECORD
+    from mapmore_cli.study.campaign import expanded, run_names
 
     if cluster is not None and cluster_file is not None:
         raise UsageError("--cluster and --cluster-file exclude each other", "leave one of them out")

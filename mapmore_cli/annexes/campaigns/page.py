@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING
 from mapmore_cli.domain.errors import told
 from mapmore_cli.domain.scores import RUN_PAGE
 from mapmore_cli.reporting.table import Table, to_csv
-from mapmore_cli.spec.campaign import Campaign
 from mapmore_cli.storage.atomic import refusals_told, write_text
 from mapmore_cli.storage.run_folder import refuse_foreign
 from mapmore_cli.storage.run_record import CAMPAIGN_RECORD
+from mapmore_cli.study.campaign import Campaign
 
 if TYPE_CHECKING:
     from mapmore_cli.pipeline.jobs import Finished

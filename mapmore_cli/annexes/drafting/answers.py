@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 from mapmore_cli.annexes.drafting.draft import Named, NamedColumn
 from mapmore_cli.domain.errors import SpecError, UsageError
-from mapmore_cli.spec.units import CANONICAL, check_unit, convert, parse_quantity
+from mapmore_cli.study.units import CANONICAL, check_unit, convert, parse_quantity
 
 FORM = (
     'write `--columns "time:ms,_,pressure:bar,force:N"` by place, or `name=title:unit`; `_` '

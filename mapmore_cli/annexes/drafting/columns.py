@@ -17,7 +17,7 @@ from mapmore_cli.checking.names import POSITIONS, read_label
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import UsageError
 from mapmore_cli.ingestion.clock import MOST_GLITCHES
-from mapmore_cli.spec.units import CANONICAL, default_unit, unit_of
+from mapmore_cli.study.units import CANONICAL, default_unit, unit_of
 
 _KINDS = {"pressure": "pressure", "force": "force", "load": "force"} | dict.fromkeys(
     POSITIONS, "position"

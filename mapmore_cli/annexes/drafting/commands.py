@@ -121,7 +121,7 @@ def _write(files: Mapping[Path, tuple[str, Draft]], force: bool, reporter: Repor
     specs; then refuse where one was there.
     """
     from mapmore_cli.annexes.drafting.page import draft_page
-    from mapmore_cli.spec.schema import write_schema_beside
+    from mapmore_cli.study.schema import write_schema_beside
 
     free = {path: file for path, file in files.items() if force or not path.exists()}
     taken = files.keys() - free.keys()

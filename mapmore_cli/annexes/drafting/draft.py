@@ -11,8 +11,8 @@ import numpy as np
 
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.foreign import printable
-from mapmore_cli.spec.loader import MODELINE, SCHEMA
-from mapmore_cli.spec.yaml_loader import dump, escaped
+from mapmore_cli.study.loader import MODELINE, SCHEMA
+from mapmore_cli.study.yaml_loader import dump, escaped
 
 if TYPE_CHECKING:
     from mapmore_cli.domain.results import Search

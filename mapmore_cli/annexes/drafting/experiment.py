@@ -16,7 +16,7 @@ from mapmore_cli.domain.recording import Recording
 from mapmore_cli.modelling import literature
 from mapmore_cli.modelling.signals.cycles import split_cycles
 from mapmore_cli.modelling.signals.plateau import default_within, find_levels, match_levels
-from mapmore_cli.spec.units import default_unit
+from mapmore_cli.study.units import default_unit
 
 NEAR = 0.1  # of the distance of levels, that samples of one lie within where it was gone between
 FEWEST = 200  # samples of a record with memory, and of a branch of a cycle

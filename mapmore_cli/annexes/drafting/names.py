@@ -13,9 +13,9 @@ from mapmore_cli.annexes.drafting.answers import Hold
 from mapmore_cli.annexes.drafting.columns import words
 from mapmore_cli.checking.names import read_label
 from mapmore_cli.domain.errors import UsageError
-from mapmore_cli.spec.units import CANONICAL, can_convert, convert, unit_of
 from mapmore_cli.storage.readers import suffix_of
 from mapmore_cli.storage.tables.lines import name_of_packed
+from mapmore_cli.study.units import CANONICAL, can_convert, convert, unit_of
 
 _WRITTEN = {
     "pressure": ("kPa", "Pa hPa kPa MPa bar mbar psi psig barg"),

@@ -11,10 +11,10 @@ from pathlib import Path
 from typing import Any
 
 from mapmore_cli.domain.errors import DataError, SpecError
-from mapmore_cli.spec.units import check_unit
 from mapmore_cli.storage.readers import reader_of, suffix_of
 from mapmore_cli.storage.tables import Top
 from mapmore_cli.storage.tables.cells import stamp_of
+from mapmore_cli.study.units import check_unit
 
 WIDEST, LINES = 2000, 200  # columns, and lines of a table, that `init` looks at
 REMARKS = ("#", "%", "//", "!")  # what a line begins with that is no data

@@ -20,13 +20,13 @@ from mapmore_cli.domain.results import Search
 from mapmore_cli.domain.scores import Score, deciding
 from mapmore_cli.modelling.selection import AUTO
 from mapmore_cli.pipeline.runner import bring_up_to_date
-from mapmore_cli.spec.loader import load_text
-from mapmore_cli.spec.yaml_loader import dump
 from mapmore_cli.storage.run_folder import RunFiles
+from mapmore_cli.study.loader import load_text
+from mapmore_cli.study.yaml_loader import dump
 
 if TYPE_CHECKING:
     from mapmore_cli.fitting.stage import Progress
-    from mapmore_cli.spec.loader import LoadedSpec
+    from mapmore_cli.study.loader import LoadedSpec
 
 MODEL = ("segment", "dictionary", "model", "fit", "fuse")
 EXPERIMENT = ("cycles", "keep", "derive", "split", "levels", "resample", "gaps")

@@ -27,9 +27,9 @@ from mapmore_cli.domain.recording import Dataset
 from mapmore_cli.ingestion.dataset import build_dataset
 from mapmore_cli.ingestion.files import IngestSlice, Meter, find_sources
 from mapmore_cli.ingestion.samples import Samples, read_tables
-from mapmore_cli.spec.sections.data import Data
-from mapmore_cli.spec.units import can_convert, convert, default_unit, is_canonical
 from mapmore_cli.storage.tables.cells import NotANumber
+from mapmore_cli.study.sections.data import Data
+from mapmore_cli.study.units import can_convert, convert, default_unit, is_canonical
 
 MOST_FILES = 5  # that are looked at
 MOST_WORDS = 3  # that stand for missing numbers in one column; more are a column of words

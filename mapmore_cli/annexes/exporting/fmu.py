@@ -25,7 +25,7 @@ from mapmore_cli.annexes.exporting.verifying import (
 from mapmore_cli.domain.foreign import identifiers
 from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.recording import BaseUnits, Quantity
-from mapmore_cli.spec.units import base_units
+from mapmore_cli.study.units import base_units
 
 WRAPPERS = {
     2: ("unit.h", "co-simulation.h", "co-simulation.c"),

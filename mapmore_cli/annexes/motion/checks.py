@@ -7,9 +7,9 @@ from itertools import pairwise
 from typing import cast
 
 from mapmore_cli.annexes.motion.problem import MotionSettings
-from mapmore_cli.spec.check_names import unknown_quantity
-from mapmore_cli.spec.diagnostics import Finding
-from mapmore_cli.spec.experiment import ExperimentSpec, TargetColumn
+from mapmore_cli.study.check_names import unknown_quantity
+from mapmore_cli.study.diagnostics import Finding
+from mapmore_cli.study.experiment import ExperimentSpec, TargetColumn
 
 
 def findings(spec: ExperimentSpec) -> Iterator[Finding]:

@@ -11,7 +11,7 @@ from statistics import fmean
 
 from mapmore_cli.annexes.paper.runs import Row, Runs, as_float, cell_value
 from mapmore_cli.domain.errors import SpecError
-from mapmore_cli.spec.paper import REFERENCE, RELATION, Shown, Source
+from mapmore_cli.study.paper import REFERENCE, RELATION, Shown, Source
 
 CLOSE = 1.25
 """Within which factor numbers are of each other that `~` stands between."""

@@ -39,7 +39,7 @@ def paper(
         page,
         verdicts_table,
     )
-    from mapmore_cli.spec.paper import load_paper
+    from mapmore_cli.study.paper import load_paper
 
     loaded = [load_paper(config) for config in configs]
     with Reporter(quiet) as reporter:

@@ -24,7 +24,7 @@ from mapmore_cli.annexes.paper.runs import Row, Runs, as_float, cell_value, csv_
 from mapmore_cli.domain.errors import MapmoreError, SpecError, told
 from mapmore_cli.pipeline.report import drawn_figure
 from mapmore_cli.reporting.table import Cell, Column, Table, environment
-from mapmore_cli.spec.paper import Claim, Comparison, Item, LoadedPaper, Ours, Shown, Verdict
+from mapmore_cli.study.paper import Claim, Comparison, Item, LoadedPaper, Ours, Shown, Verdict
 
 PUBLISHED = Path(__file__).parent / "published"
 """Tables that the papers print, as printed; they ship with the program."""

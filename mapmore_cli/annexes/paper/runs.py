@@ -22,10 +22,10 @@ from mapmore_cli.pipeline.runner import bring_up_to_date
 from mapmore_cli.reporting.inputs import ReportInputs
 from mapmore_cli.reporting.sections import all_tables
 from mapmore_cli.reporting.table import Cell, Table
-from mapmore_cli.spec.loader import load
-from mapmore_cli.spec.paper import Ours, Source
 from mapmore_cli.storage.run_folder import RunFiles
 from mapmore_cli.storage.run_record import score_row
+from mapmore_cli.study.loader import load
+from mapmore_cli.study.paper import Ours, Source
 
 Row = Mapping[str, Cell]
 

@@ -57,7 +57,7 @@ def tune(
     """
     from mapmore_cli.annexes.planning import planning
     from mapmore_cli.cli import compared
-    from mapmore_cli.spec.loader import load
+    from mapmore_cli.study.loader import load
 
     refuse_endings(output)
     if over and budget is not None:
@@ -119,7 +119,7 @@ def plan(
     """
     from mapmore_cli.annexes.planning import planning
     from mapmore_cli.cli.compared import of_plan
-    from mapmore_cli.spec.loader import load
+    from mapmore_cli.study.loader import load
 
     refuse_endings(output)
     prices = _prices_of(cost)
@@ -141,9 +141,9 @@ def _values_of(over: Sequence[str]) -> dict[str, list[Any]]:
     """Return the values of every setting: `fit.max_terms=2,4,8`, each of them YAML; raises
     UsageError for another form, or no value.
     """
-    from mapmore_cli.spec.diagnostics import Mistake
-    from mapmore_cli.spec.tree import SourceText, written
-    from mapmore_cli.spec.yaml_loader import parse
+    from mapmore_cli.study.diagnostics import Mistake
+    from mapmore_cli.study.tree import SourceText, written
+    from mapmore_cli.study.yaml_loader import parse
 
     example = "write, for example, `--over fit.max_terms=2,4,8`"
     values_of: dict[str, list[Any]] = {}

@@ -29,7 +29,7 @@ def simulate(
     """Write recordings of a synthetic muscle."""
     from mapmore_cli.annexes.rig.simulate import SimulationSpec
     from mapmore_cli.annexes.rig.simulate import simulate as run_rig
-    from mapmore_cli.spec.loader import load_as
+    from mapmore_cli.study.loader import load_as
 
     loaded = load_as(config, SimulationSpec, overrides)
     with Reporter(quiet) as reporter:

@@ -48,10 +48,10 @@ from mapmore_cli.domain.arrays import Columns
 from mapmore_cli.domain.declared import Name
 from mapmore_cli.domain.errors import WriteError
 from mapmore_cli.fitting.stage import Progress
-from mapmore_cli.spec.fields import Section
-from mapmore_cli.spec.loader import load_as
-from mapmore_cli.spec.schema import write_schema_beside
 from mapmore_cli.storage.atomic import refusals_told, write_text
+from mapmore_cli.study.fields import Section
+from mapmore_cli.study.loader import load_as
+from mapmore_cli.study.schema import write_schema_beside
 
 KPA = 1e3  # Pa
 

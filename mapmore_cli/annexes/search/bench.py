@@ -21,8 +21,8 @@ from mapmore_cli.fitting.refitting import contiguous
 from mapmore_cli.modelling.pieces.cross_validation import BLOCKS
 from mapmore_cli.modelling.pieces.recipe import Fuse
 from mapmore_cli.modelling.simple import polynomial_fit
-from mapmore_cli.spec.sections.data import Between, Holdout, Levels
-from mapmore_cli.spec.sections.model import ModelChoice
+from mapmore_cli.study.sections.data import Between, Holdout, Levels
+from mapmore_cli.study.sections.model import ModelChoice
 
 LONGEST_FOLD = 1 / 3
 """Of a recording at most that a fold leaves out, where the study holds longer runs out."""

@@ -11,13 +11,13 @@ from mapmore_cli.annexes.search.bench import Slice
 from mapmore_cli.annexes.search.searching import formula_beside, search, settings_of
 from mapmore_cli.fitting.stage import Stage, Workspace
 from mapmore_cli.modelling.expressions import parse
-from mapmore_cli.spec.experiment import ExperimentSpec
-from mapmore_cli.spec.sections.data import Direction, Rate
 from mapmore_cli.storage.atomic import write_text
 from mapmore_cli.storage.run_folder import SEARCH, RunFiles
+from mapmore_cli.study.experiment import ExperimentSpec
+from mapmore_cli.study.sections.data import Direction, Rate
 
 if TYPE_CHECKING:
-    from mapmore_cli.spec.loader import LoadedSpec
+    from mapmore_cli.study.loader import LoadedSpec
 
 
 def search_slice(spec: ExperimentSpec) -> Slice:
@@ -87,8 +87,8 @@ def with_found(loaded: LoadedSpec, run_dir: Path) -> LoadedSpec:
     Where it names no competitors, the formula that erred least in the search is one: the page says
     what it reaches on the held-out data.
     """
-    from mapmore_cli.spec.loader import load
-    from mapmore_cli.spec.yaml_loader import as_overrides
+    from mapmore_cli.study.loader import load
+    from mapmore_cli.study.yaml_loader import as_overrides
 
     result = RunFiles(run_dir).search()
     if result is None:

@@ -25,8 +25,8 @@ from mapmore_cli.fitting.kinds.choices import ModelChoices
 from mapmore_cli.modelling.expressions import Name, parse
 from mapmore_cli.modelling.literature.backbone import pooled_training
 from mapmore_cli.modelling.tendon import Tendon
-from mapmore_cli.spec.sections.model import Summand, TendonSettings
-from mapmore_cli.spec.units import convert
+from mapmore_cli.study.sections.model import Summand, TendonSettings
+from mapmore_cli.study.units import convert
 
 
 def fit(part: ModelChoices, given: Given) -> FitResult:

@@ -28,7 +28,7 @@ from mapmore_cli.modelling.expressions import (
     to_text,
 )
 from mapmore_cli.modelling.literature.formula import Formula, LinearForm
-from mapmore_cli.spec.sections.model import Summand
+from mapmore_cli.study.sections.model import Summand
 
 
 def sum_of(

@@ -15,8 +15,8 @@ import numpy as np
 from mapmore_cli.checking.findings import Issue
 from mapmore_cli.domain.arrays import Array, extremes, joined
 from mapmore_cli.domain.recording import Dataset, Recording
-from mapmore_cli.spec.experiment import ExperimentSpec
-from mapmore_cli.spec.units import convert
+from mapmore_cli.study.experiment import ExperimentSpec
+from mapmore_cli.study.units import convert
 
 __all__ = ["Issue", "Issues", "Rule", "Subject"]
 

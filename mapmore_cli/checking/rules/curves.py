@@ -21,8 +21,8 @@ from mapmore_cli.modelling.pieces.recipe import Cuts
 from mapmore_cli.modelling.pieces.segmentation import cut_by_course
 from mapmore_cli.modelling.signals.sampling import MANY, even_share
 from mapmore_cli.modelling.validation.repeatability import WORTH, floors
-from mapmore_cli.spec.check_study import formula_called
-from mapmore_cli.spec.sections.dictionary import entries_of, texts_in
+from mapmore_cli.study.check_study import formula_called
+from mapmore_cli.study.sections.dictionary import entries_of, texts_in
 
 FEWEST = 5  # samples that show the shape of a curve
 

@@ -11,7 +11,7 @@ from mapmore_cli.checking.rules import Issue, Issues, Subject
 from mapmore_cli.domain.arrays import WIDE, IntArray, by_blocks, in_blocks
 from mapmore_cli.domain.errors import SpecError
 from mapmore_cli.domain.recording import Recording
-from mapmore_cli.spec.units import convert
+from mapmore_cli.study.units import convert
 
 VACUUM = -101.4  # kPa, of a gauge that reads zero in air
 WITH_ROWS = ("csv", "xlsx")  # readers of files with rows

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from mapmore_cli.checking.names import read_label
 from mapmore_cli.checking.rules import Issue, Issues, Subject
-from mapmore_cli.spec.units import can_convert, convert, default_unit, is_same, unit_of
 from mapmore_cli.storage.readers import READERS
 from mapmore_cli.storage.tables.cells import shortened
+from mapmore_cli.study.units import can_convert, convert, default_unit, is_same, unit_of
 
 
 def strain_in_per_cent(subject: Subject) -> Issues:

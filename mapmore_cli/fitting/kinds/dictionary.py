@@ -14,9 +14,9 @@ from mapmore_cli.domain.recording import Signal
 from mapmore_cli.modelling.expressions import candidate, parse, state, to_text
 from mapmore_cli.modelling.expressions.families import lags, operated, products
 from mapmore_cli.modelling.pieces.recipe import CutByDirection
-from mapmore_cli.spec.experiment import ExperimentSpec
-from mapmore_cli.spec.sections.data import Direction, Rate
-from mapmore_cli.spec.sections.dictionary import (
+from mapmore_cli.study.experiment import ExperimentSpec
+from mapmore_cli.study.sections.data import Direction, Rate
+from mapmore_cli.study.sections.dictionary import (
     AlongRange,
     DictionaryEntry,
     Lags,
@@ -24,7 +24,7 @@ from mapmore_cli.spec.sections.dictionary import (
     Products,
     numbers_of,
 )
-from mapmore_cli.spec.units import convert, default_unit
+from mapmore_cli.study.units import convert, default_unit
 
 
 def signal_of(name: str, rule: Rate | Direction, units: Mapping[str, str]) -> Signal:

@@ -19,7 +19,7 @@ from mapmore_cli.fitting.kinds.formula import fitted
 from mapmore_cli.modelling.pieces.recipe import Cut, Recipe
 from mapmore_cli.modelling.pieces.segmentation import trained_at
 from mapmore_cli.modelling.selection import AUTO
-from mapmore_cli.spec.sections.dictionary import remembers
+from mapmore_cli.study.sections.dictionary import remembers
 
 if TYPE_CHECKING:
     from mapmore_cli.domain.fits import FormulaFit, SegmentedCurve

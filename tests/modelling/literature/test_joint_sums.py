@@ -21,7 +21,7 @@ from mapmore_cli.domain.models import CurveRange, Formula, Model
 from mapmore_cli.domain.recording import Quantity
 from mapmore_cli.modelling.kinds import equations, outside_range, predict
 from mapmore_cli.modelling.literature import get
-from mapmore_cli.spec.sections.model import Summand
+from mapmore_cli.study.sections.model import Summand
 
 FORCE = Quantity("force", "N")
 

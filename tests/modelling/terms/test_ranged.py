@@ -14,7 +14,7 @@ from mapmore_cli.modelling.expressions import derivative, dictionary_matrix, eva
 from mapmore_cli.modelling.expressions.ranged import placed
 from mapmore_cli.modelling.pieces.build import build, scaled_inputs
 from mapmore_cli.modelling.pieces.recipe import Cuts
-from mapmore_cli.spec.sections.dictionary import DictionaryEntry
+from mapmore_cli.study.sections.dictionary import DictionaryEntry
 
 KNOTTED = [f"abs(strain - {place})^3" for place in (0.25, 0.5, 0.75)]
 

@@ -44,13 +44,13 @@ def test_one_new_file_adds_a_format(tmp_path):
     (tmp_path / "log.bar").write_text(f"strain|pressure|force\n{rows}")
     code = """
 from pathlib import Path
-from mapmore_cli.spec.schema import json_schema
+from mapmore_cli.study.schema import json_schema
 from mapmore_cli.annexes.drafting.preview import preview
 from mapmore_cli.ingestion.files import unique_ids
 assert "'bars'" in str(json_schema())
 assert preview(Path("log.bar")).columns == ("strain", "pressure", "force")
 print(*unique_ids(["log.bar"]))
-from mapmore_cli.spec.sections.logs import Logs
+from mapmore_cli.study.sections.logs import Logs
 columns = {"time": {"column": "strain"}}
 print(Logs.model_validate({"files": ["log.bar"], "reader": "bars", "columns": columns}).reader)
 try:

@@ -11,12 +11,12 @@ import jsonschema
 import pytest
 from spec_examples import GOOD, PROJECT, SHIPPED, STATIC
 
-from mapmore_cli.spec.experiment import ExperimentSpec
-from mapmore_cli.spec.loader import confirmed, questions_in
-from mapmore_cli.spec.schema import json_schema, reference
-from mapmore_cli.spec.sections.dictionary import FORMS
-from mapmore_cli.spec.tree import SourceText, written
-from mapmore_cli.spec.yaml_loader import parse
+from mapmore_cli.study.experiment import ExperimentSpec
+from mapmore_cli.study.loader import confirmed, questions_in
+from mapmore_cli.study.schema import json_schema, reference
+from mapmore_cli.study.sections.dictionary import FORMS
+from mapmore_cli.study.tree import SourceText, written
+from mapmore_cli.study.yaml_loader import parse
 
 VALIDATOR = jsonschema.Draft202012Validator(json_schema())
 

@@ -7,8 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mapmore_cli.domain.errors import SpecError
-from mapmore_cli.spec import units
-from mapmore_cli.spec.units import convert, default_unit, parse_quantity
+from mapmore_cli.study import units
+from mapmore_cli.study.units import convert, default_unit, parse_quantity
 
 ALONE = {
     "time": "s", "pressure": "kPa", "strain": "1", "force": "N", "length": "m", "displacement": "m",
@@ -121,7 +121,7 @@ def test_the_unit_that_a_text_names(text, like, unit):
 
 def test_everyday_units_need_no_pint():
     code = (
-        "import sys; from mapmore_cli.spec.units import convert; convert(1.0, 'kPa', 'kPa'); "
+        "import sys; from mapmore_cli.study.units import convert; convert(1.0, 'kPa', 'kPa'); "
         "convert(88.0, 'mm', 'm'); "
         "assert 'pint' not in sys.modules"
     )

@@ -15,7 +15,7 @@ from mapmore_cli.domain import plugins
 from mapmore_cli.domain.declared import Contradiction, Pair, Seconds, Settings, always_in
 from mapmore_cli.modelling import kinds
 from mapmore_cli.modelling.literature.own import FamilySettings
-from mapmore_cli.spec.fields import Quantity, Section, SpecPath
+from mapmore_cli.study.fields import Quantity, Section, SpecPath
 
 # ruff: noqa: RUF012 (pydantic copies the default of a field for every instance)
 
@@ -72,7 +72,7 @@ class OwnFormula(Section):
             to_text,
         )
         from mapmore_cli.modelling.literature.own import definition
-        from mapmore_cli.spec.units import convert
+        from mapmore_cli.study.units import convert
 
         scaled = {
             name: multiply(Number(convert(1.0, units[name], unit)), Name(name))

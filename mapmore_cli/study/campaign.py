@@ -13,10 +13,10 @@ from pydantic import Field
 
 from mapmore_cli.domain.declared import Contradiction, Name
 from mapmore_cli.domain.errors import SpecError, UsageError
-from mapmore_cli.spec.experiment import Competitor, OtherSettings
-from mapmore_cli.spec.fields import Section, SpecPath
-from mapmore_cli.spec.loader import load, load_as
-from mapmore_cli.spec.yaml_loader import as_overrides, read_source
+from mapmore_cli.study.experiment import Competitor, OtherSettings
+from mapmore_cli.study.fields import Section, SpecPath
+from mapmore_cli.study.loader import load, load_as
+from mapmore_cli.study.yaml_loader import as_overrides, read_source
 
 
 class Variant(Section):

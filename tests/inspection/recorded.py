@@ -12,7 +12,7 @@ from scipy.io import savemat
 
 from mapmore_cli.annexes.drafting.start import start
 from mapmore_cli.pipeline.inspection import inspect
-from mapmore_cli.spec.loader import load
+from mapmore_cli.study.loader import load
 
 Columns = Mapping[str, Any]
 

@@ -15,9 +15,9 @@ from warnings import catch_warnings
 from pydantic import AfterValidator, Field
 
 from mapmore_cli.domain.declared import Contradiction, Either, OfKey, Seconds, of_sibling
-from mapmore_cli.spec.fields import InColumnUnit, Quantity, Section, SignedSeconds, SpecPath
 from mapmore_cli.storage.readers import READERS
 from mapmore_cli.storage.tables.cells import FORMAT, THOUSANDS
+from mapmore_cli.study.fields import InColumnUnit, Quantity, Section, SignedSeconds, SpecPath
 
 OfQuantity = Annotated[float, of_sibling("quantity")]
 Interval = Annotated[tuple[OfQuantity, OfQuantity], Field(strict=False)]

@@ -32,7 +32,7 @@ from mapmore_cli.domain.declared import Contradiction, Either, Name, Settings
 from mapmore_cli.domain.scores import FIGURES, Published
 from mapmore_cli.modelling.pieces.recipe import CutByDirection, Fuse, Segmented
 from mapmore_cli.modelling.selection import Fit
-from mapmore_cli.spec.fields import (
+from mapmore_cli.study.fields import (
     Context,
     Metres,
     Metric,
@@ -47,9 +47,9 @@ from mapmore_cli.spec.fields import (
     moved_path,
     read_path,
 )
-from mapmore_cli.spec.sections.data import Data
-from mapmore_cli.spec.sections.dictionary import DictionaryEntry, remembers
-from mapmore_cli.spec.sections.model import (
+from mapmore_cli.study.sections.data import Data
+from mapmore_cli.study.sections.dictionary import DictionaryEntry, remembers
+from mapmore_cli.study.sections.model import (
     FitMethod,
     ModelChoice,
     Needs,

@@ -19,8 +19,8 @@ from typing import Any, Generic, TypeVar
 from pydantic import BaseModel, ValidationError
 
 from mapmore_cli.domain.errors import SpecError, UsageError
-from mapmore_cli.spec import check_names, check_study
-from mapmore_cli.spec.diagnostics import (
+from mapmore_cli.study import check_names, check_study
+from mapmore_cli.study.diagnostics import (
     MOST_ERRORS,
     Finding,
     KeysAt,
@@ -31,9 +31,9 @@ from mapmore_cli.spec.diagnostics import (
     lost,
     raise_if_any,
 )
-from mapmore_cli.spec.experiment import ExperimentSpec
-from mapmore_cli.spec.fields import Context, possible_path, stray_variables
-from mapmore_cli.spec.tree import (
+from mapmore_cli.study.experiment import ExperimentSpec
+from mapmore_cli.study.fields import Context, possible_path, stray_variables
+from mapmore_cli.study.tree import (
     Loc,
     Node,
     SourceText,
@@ -44,8 +44,8 @@ from mapmore_cli.spec.tree import (
     without,
     written,
 )
-from mapmore_cli.spec.units import default_unit, is_kept
-from mapmore_cli.spec.yaml_loader import VARIABLES, dump, escaped, expand, parse, read_source
+from mapmore_cli.study.units import default_unit, is_kept
+from mapmore_cli.study.yaml_loader import VARIABLES, dump, escaped, expand, parse, read_source
 
 
 def findings(spec: ExperimentSpec) -> Iterator[Finding]:

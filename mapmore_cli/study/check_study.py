@@ -20,12 +20,12 @@ from mapmore_cli.modelling.kinds import kinds
 from mapmore_cli.modelling.literature.own import formula_of
 from mapmore_cli.modelling.pieces.recipe import CutByDirection, Cuts
 from mapmore_cli.modelling.selection import AUTO
-from mapmore_cli.spec.check_names import DERIVED, OF_NOTHING, unknown_quantity
-from mapmore_cli.spec.diagnostics import Finding, did_you_mean, refused, told
-from mapmore_cli.spec.experiment import Competitor, ExperimentSpec, TargetColumn
-from mapmore_cli.spec.fields import OF_TARGET, TargetKind
-from mapmore_cli.spec.sections.data import STEP_OF
-from mapmore_cli.spec.sections.dictionary import (
+from mapmore_cli.study.check_names import DERIVED, OF_NOTHING, unknown_quantity
+from mapmore_cli.study.diagnostics import Finding, did_you_mean, refused, told
+from mapmore_cli.study.experiment import Competitor, ExperimentSpec, TargetColumn
+from mapmore_cli.study.fields import OF_TARGET, TargetKind
+from mapmore_cli.study.sections.data import STEP_OF
+from mapmore_cli.study.sections.dictionary import (
     AlongRange,
     DictionaryEntry,
     Products,
@@ -33,10 +33,10 @@ from mapmore_cli.spec.sections.dictionary import (
     feeds_back,
     texts_in,
 )
-from mapmore_cli.spec.sections.logs import Logs
-from mapmore_cli.spec.sections.model import OwnFormula
-from mapmore_cli.spec.tree import Loc
-from mapmore_cli.spec.units import CANONICAL, check_unit, convert, default_unit, is_canonical
+from mapmore_cli.study.sections.logs import Logs
+from mapmore_cli.study.sections.model import OwnFormula
+from mapmore_cli.study.tree import Loc
+from mapmore_cli.study.units import CANONICAL, check_unit, convert, default_unit, is_canonical
 
 if TYPE_CHECKING:
     from mapmore_cli.modelling.literature import Formula

@@ -16,9 +16,9 @@ from pydantic import Field
 
 from mapmore_cli.domain.declared import Contradiction, Name
 from mapmore_cli.domain.scores import FIGURES
-from mapmore_cli.spec.diagnostics import Finding
-from mapmore_cli.spec.fields import Section, SpecPath
-from mapmore_cli.spec.loader import Loaded, load_as
+from mapmore_cli.study.diagnostics import Finding
+from mapmore_cli.study.fields import Section, SpecPath
+from mapmore_cli.study.loader import Loaded, load_as
 
 _ID = re.compile(r"(equation|table|figure|text) (\d+)(?:([a-z])|(?: to (\d+)))?(?:, .*)?")
 REFERENCE = re.compile(r"(?:(least|greatest|mean) )?([A-Za-z_]\w*)\[([^\]]*)\]\.(\w+)")

@@ -4,8 +4,8 @@ editors.
 
 from spec_examples import STATIC
 
-from mapmore_cli.spec.loader import load
-from mapmore_cli.spec.yaml_loader import dump
+from mapmore_cli.study.loader import load
+from mapmore_cli.study.yaml_loader import dump
 
 MODELINE = "# yaml-language-server: $schema="
 

@@ -21,7 +21,7 @@ from recorded import drafts, loaded, write
 
 from mapmore_cli.domain.errors import DataError, UsageError
 from mapmore_cli.pipeline.inspection import inspect
-from mapmore_cli.spec.units import convert
+from mapmore_cli.study.units import convert
 
 TITLES: Mapping[str, tuple[str, ...]] = {
     "time": ("t [s]", "Time", "Zeit (s)"),

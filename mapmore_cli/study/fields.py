@@ -27,15 +27,15 @@ from pydantic import (
 from mapmore_cli.domain.declared import Contradiction, Either, InUnit, OfKey, always_in
 from mapmore_cli.domain.errors import SpecError
 from mapmore_cli.modelling.literature.own import is_definition
-from mapmore_cli.spec.tree import Loc, Node, Written, values_at, written
-from mapmore_cli.spec.units import (
+from mapmore_cli.study.tree import Loc, Node, Written, values_at, written
+from mapmore_cli.study.units import (
     CANONICAL,
     default_unit,
     of_difference,
     parse_quantity,
     split_quantity,
 )
-from mapmore_cli.spec.yaml_loader import VARIABLES, expand, variable_in
+from mapmore_cli.study.yaml_loader import VARIABLES, expand, variable_in
 
 TargetKind = Literal["static", "hysteresis", "damping", "dynamic"]
 """What of the force is modelled, where the target is no measured quantity."""

@@ -18,8 +18,8 @@ from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import DataError, SpecError
 from mapmore_cli.modelling.validation.repeatability import monotone_floor
 from mapmore_cli.pipeline.inspection import inspect
-from mapmore_cli.spec.loader import load
-from mapmore_cli.spec.yaml_loader import dump
+from mapmore_cli.study.loader import load
+from mapmore_cli.study.yaml_loader import dump
 
 Table = dict[str, Array]
 Spoil = Callable[[float, Table], Table]
@@ -412,7 +412,7 @@ def test_a_rule_is_silent_where_nothing_is_wrong(tmp_path, id_, spoil, spec):
 
 
 def test_every_issue_that_a_rule_can_raise_is_on_the_page_and_no_other():
-    project = Path(__file__).resolve().parents[3]
+    project = Path(__file__).resolve().parents[2]
     sources = (project / "mapmore_cli").rglob("*.py")
     raised = {
         id_

@@ -11,8 +11,8 @@ from typing import Annotated, Literal
 from pydantic import ConfigDict, Field
 
 from mapmore_cli.domain.declared import Contradiction, Either, OfKey, Seconds, always_in, of_sibling
-from mapmore_cli.spec.fields import PathOrName, Quantity, Section, SignedSeconds, Uncertainty
-from mapmore_cli.spec.sections.logs import FileEntry, Join, Keep, Logs
+from mapmore_cli.study.fields import PathOrName, Quantity, Section, SignedSeconds, Uncertainty
+from mapmore_cli.study.sections.logs import FileEntry, Join, Keep, Logs
 
 OfLevel = Annotated[float, of_sibling("of")]
 

@@ -8,8 +8,8 @@ from hypothesis import strategies as st
 from spec_examples import DAMPING, FORCE, FORMULA, LOGS, MEASURED, MOTION, RECORD, STATIC, refusal
 
 from mapmore_cli.domain.errors import SpecError
-from mapmore_cli.spec.loader import load
-from mapmore_cli.spec.units import is_quantity, split_quantity
+from mapmore_cli.study.loader import load
+from mapmore_cli.study.units import is_quantity, split_quantity
 
 EVEN = "{method: even, count: 4}"
 BASES = {

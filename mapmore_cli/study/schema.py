@@ -17,12 +17,12 @@ from pydantic.json_schema import GenerateJsonSchema, JsonSchemaValue
 
 from mapmore_cli.domain.declared import prose
 from mapmore_cli.domain.scores import METRICS
-from mapmore_cli.spec.experiment import ExperimentSpec
-from mapmore_cli.spec.fields import OF_TARGET
-from mapmore_cli.spec.loader import SCHEMA
-from mapmore_cli.spec.tree import SourceText, written
-from mapmore_cli.spec.yaml_loader import parse
 from mapmore_cli.storage.atomic import write_text
+from mapmore_cli.study.experiment import ExperimentSpec
+from mapmore_cli.study.fields import OF_TARGET
+from mapmore_cli.study.loader import SCHEMA
+from mapmore_cli.study.tree import SourceText, written
+from mapmore_cli.study.yaml_loader import parse
 
 KEY = re.compile(r"^- `(\w+)`(?: \((.+?)\))?: (.*?)(?:, as `([^`]+)`)?$\n?", re.MULTILINE)
 """What the docstring of a section says of a key: `- `z_s` (its unit): what it is, as `0.25``."""

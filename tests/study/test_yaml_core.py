@@ -15,9 +15,9 @@ from hypothesis import strategies as st
 from spec_examples import STATIC, refusal
 
 from mapmore_cli.domain.errors import SpecError
-from mapmore_cli.spec.loader import load
-from mapmore_cli.spec.tree import SourceText, nearest, written
-from mapmore_cli.spec.yaml_loader import dump, parse
+from mapmore_cli.study.loader import load
+from mapmore_cli.study.tree import SourceText, nearest, written
+from mapmore_cli.study.yaml_loader import dump, parse
 
 
 def tree(text):

@@ -19,8 +19,8 @@ from typing import Any, NoReturn
 import yaml
 
 from mapmore_cli.domain.errors import SpecError
-from mapmore_cli.spec.diagnostics import Mistake, fail
-from mapmore_cli.spec.tree import Node, Position, SourceText
+from mapmore_cli.study.diagnostics import Mistake, fail
+from mapmore_cli.study.tree import Node, Position, SourceText
 
 _TAG = "tag:yaml.org,2002:"
 _SCALARS = {

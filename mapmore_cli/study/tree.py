@@ -8,7 +8,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
-from mapmore_cli.spec.units import is_quantity
+from mapmore_cli.study.units import is_quantity
 
 Loc = Sequence[str | int]
 """The way from the root to a value: keys and list indices."""

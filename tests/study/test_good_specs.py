@@ -22,7 +22,7 @@ from mapmore_cli.fitting.kinds.choices import model_choices
 from mapmore_cli.fitting.kinds.dictionary import signals_of, units_of
 from mapmore_cli.fitting.kinds.pieces import recipe_of
 from mapmore_cli.pipeline.stages import segment_slice
-from mapmore_cli.spec.loader import load
+from mapmore_cli.study.loader import load
 
 
 def test_the_static_study(tmp_path):

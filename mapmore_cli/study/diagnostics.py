@@ -13,7 +13,7 @@ from pydantic_core import ErrorDetails
 
 from mapmore_cli.domain.declared import Contradiction, shape
 from mapmore_cli.domain.errors import MapmoreError, SpecError
-from mapmore_cli.spec.tree import Loc, Node, Position, nearest
+from mapmore_cli.study.tree import Loc, Node, Position, nearest
 
 _WIDEST = 110  # characters of a source line that are shown
 _MOST = 25  # mistakes that are shown

@@ -9,8 +9,8 @@ from common import parts, rows_of
 from spec_examples import FORMULA, STATIC, assert_says, load_text, refusal
 
 from mapmore_cli.domain.errors import SpecError, UsageError
-from mapmore_cli.spec.loader import load
-from mapmore_cli.spec.yaml_loader import as_overrides, expand
+from mapmore_cli.study.loader import load
+from mapmore_cli.study.yaml_loader import as_overrides, expand
 
 # Environment
 # --------------------------------------------------------------------------------------------------

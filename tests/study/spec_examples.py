@@ -7,7 +7,7 @@ import yaml
 
 from mapmore_cli.domain.errors import SpecError
 from mapmore_cli.pipeline.staleness import plain
-from mapmore_cli.spec.loader import load
+from mapmore_cli.study.loader import load
 
 STATIC = """\
 schema_version: 1

@@ -12,11 +12,11 @@ from typing import get_args
 from mapmore_cli.domain.recording import DIRECTION
 from mapmore_cli.modelling.expressions import ExpressionError, Operated, parse, state
 from mapmore_cli.modelling.expressions.states import Lagged, Measured, State
-from mapmore_cli.spec.diagnostics import Finding, did_you_mean, refused, told
-from mapmore_cli.spec.experiment import ExperimentSpec, TargetColumn
-from mapmore_cli.spec.fields import TargetKind
-from mapmore_cli.spec.sections.data import Rate
-from mapmore_cli.spec.sections.dictionary import (
+from mapmore_cli.study.diagnostics import Finding, did_you_mean, refused, told
+from mapmore_cli.study.experiment import ExperimentSpec, TargetColumn
+from mapmore_cli.study.fields import TargetKind
+from mapmore_cli.study.sections.data import Rate
+from mapmore_cli.study.sections.dictionary import (
     Family,
     Lags,
     OperatorFamily,
@@ -27,8 +27,8 @@ from mapmore_cli.spec.sections.dictionary import (
     remembers,
     texts_in,
 )
-from mapmore_cli.spec.tree import Loc, values_at
-from mapmore_cli.spec.units import default_unit, is_quantity
+from mapmore_cli.study.tree import Loc, values_at
+from mapmore_cli.study.units import default_unit, is_quantity
 
 NO_TIME = "add `time` to `columns`, or `sample_time` to `data`"
 ONE = "one model with memory stands in place of the segments"

@@ -14,8 +14,8 @@ from mapmore_cli.domain.declared import Contradiction, Either, ListToo, always_i
 from mapmore_cli.modelling.expressions import ExpressionError, parse, state
 from mapmore_cli.modelling.expressions.operator import Operator
 from mapmore_cli.modelling.expressions.operators import families
-from mapmore_cli.spec.fields import OfTarget, Section
-from mapmore_cli.spec.tree import Loc
+from mapmore_cli.study.fields import OfTarget, Section
+from mapmore_cli.study.tree import Loc
 
 Of = Annotated[list[str], Field(min_length=1)]
 """Names of quantities, or of states as `play(pressure, 0.16)`."""
