@@ -3,6 +3,7 @@ PYTHON ?= python3
 BIN := .venv/bin
 export OPENBLAS_NUM_THREADS := 1
 export OMP_NUM_THREADS := 1
+export PYTHONPATH := .  # scripts of docs/ use datasets/rig
 unexport PYTHONDONTWRITEBYTECODE  # a set one has each of some hundred processes compile the program anew
 
 STUDIES := configs/m2/dmsp-20-88-found.yaml configs/m2/peano-found.yaml
@@ -31,7 +32,8 @@ schema: .venv/program
 	$(BIN)/mapmore schema > configs/experiment.schema.new && mv configs/experiment.schema.new configs/experiment.schema.json
 
 datasets: .venv/program
-	for spec in datasets/*/*.yaml; do $(BIN)/mapmore simulate $$spec --force || exit; done
+	for spec in datasets/*/*.yaml; do $(BIN)/python -m datasets.rig $$spec --force || exit; done
+	$(BIN)/python -m datasets.rig datasets/peano/autumn/load_cycles.yaml -o mapmore_cli/pipeline/shipped/autumn --force
 
 docs: .venv/development  # the site, into build/site; needs no network
 	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict --quiet --config-file docs/site/mkdocs.yml

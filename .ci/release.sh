@@ -22,27 +22,26 @@ visit() {  # PROGRAMS FOLDER: what the visitors type, one after the other
   mapmore example muscle -q
   mapmore check muscle/study.yaml -q
   mapmore run muscle/study.yaml -q
-  mapmore show runs/example/model.h5
+  mapmore show runs/muscle/model.h5
   mapmore run muscle/search.yaml -q
   mapmore init muscle --name mine -o mine.yaml --yes -q
   mapmore run mine.yaml -q
   : controls engineer
-  mapmore export runs/example/model.h5 --to c -o controller
-  mapmore export runs/example/model.h5 --to py -o controller
-  mapmore export runs/example/model.h5 --to table -o tables
-  mapmore predict runs/example/model.h5 --grid pressure=80:500:140,strain=0:0.1:0.05 -o table.csv
+  mapmore export runs/muscle/model.h5 --to c -o controller
+  mapmore export runs/muscle/model.h5 --to py -o controller
+  mapmore export runs/muscle/model.h5 --to table -o tables
+  mapmore predict runs/muscle/model.h5 --grid pressure=80:500:140,strain=0:0.1:0.05 -o table.csv
   : engineer of CI
   mapmore run muscle/study.yaml --json -q --junit junit.xml --summary summary.md
-  mapmore freeze example --tag spring
-  mapmore compare spring example --fail-on 0.03
+  mapmore freeze muscle --tag spring
+  mapmore compare spring muscle --fail-on 0.03
   mapmore batch muscle/study.yaml muscle/search.yaml -q
   : reviewer
-  mapmore paper muscle/paper.yaml -q
-  mapmore figure example fit --curve 350 -o fig.pdf --data fig.csv
+  mapmore figure muscle fit --curve 350 -o fig.pdf --data fig.csv
   mapmore tune muscle/study.yaml --over segment.strain.count=2,4 -q
   : notebook
-  python -c "import mapmore_cli as mm; assert mm.load_model('runs/example/model.h5')(pressure=200, strain=0.05) > 0; mm.run('muscle/study.yaml').scores"
-  ls runs/{example,example-search,mine}/report/index.html runs/paper.html controller/example.{c,py} tables/example.mat junit.xml summary.md fig.pdf
+  python -c "import mapmore_cli as mm; assert mm.load_model('runs/muscle/model.h5')(pressure=200, strain=0.05) > 0; mm.run('muscle/study.yaml').scores"
+  ls runs/{muscle,muscle-search,mine}/report/index.html controller/muscle.{c,py} tables/muscle.mat junit.xml summary.md fig.pdf
   { set +x; } 2> /dev/null
 }
 

@@ -13,8 +13,8 @@ import fmpy
 import numpy as np
 from fmpy.fmi2 import FMU2Slave
 
+from datasets.rig.antagonists import SIGNS, Joint
 from mapmore_cli.annexes.exporting.exports import exported
-from mapmore_cli.annexes.rig.antagonists import SIGNS, Joint
 from mapmore_cli.annexes.sums.joint import actuator
 from mapmore_cli.domain.arrays import Array, Columns
 from mapmore_cli.domain.models import Model

@@ -15,9 +15,9 @@ from pathlib import Path
 import numpy as np
 from pages import DOCS, run, write_page
 
-from mapmore_cli.annexes.rig.load_cycle import LoadCycles, load_cycle
-from mapmore_cli.annexes.rig.sensors import measure
-from mapmore_cli.annexes.rig.simulate import KPA, SimulationSpec
+from datasets.rig.load_cycle import LoadCycles, load_cycle
+from datasets.rig.sensors import measure
+from datasets.rig.simulate import KPA, SimulationSpec
 from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.recording import Curve, Quantity
 from mapmore_cli.modelling.pieces.build import build

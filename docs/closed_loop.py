@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mapmore_cli.annexes.rig.muscle import GRAVITY, Hysteresis, StaticMuscle
+from datasets.rig.muscle import GRAVITY, Hysteresis, StaticMuscle
 from mapmore_cli.domain.arrays import Array, Columns
 
 

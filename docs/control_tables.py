@@ -11,7 +11,7 @@ import yaml
 from closed_loop import Lift, Loop, closed_loop, wanted_force
 from pages import DOCS, rms, run, write_page
 
-from mapmore_cli.annexes.rig.simulate import KPA, SimulationSpec
+from datasets.rig.simulate import KPA, SimulationSpec
 from mapmore_cli.domain.arrays import Array, Columns
 from mapmore_cli.domain.models import Model
 from mapmore_cli.modelling.inverse import NEAREST, invert

@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 from pages import CONFIGS, DOCS, campaign, printed, rms, run, scores, write_page
 
-from mapmore_cli.annexes.rig.simulate import SimulationSpec, simulate
+from datasets.rig.simulate import SimulationSpec, simulate
 from mapmore_cli.domain.arrays import Array, Columns
 from mapmore_cli.modelling import literature
 from mapmore_cli.modelling.kinds import predict

@@ -20,8 +20,8 @@ import yaml
 from pages import DOCS, rms, run, shipped, write_page
 from planning_tables import FESTO, LEVELS, quiet, trained_on
 
-from mapmore_cli.annexes.rig.load_cycle import LoadCycles, turning_strain
-from mapmore_cli.annexes.rig.simulate import KPA, SimulationSpec
+from datasets.rig.load_cycle import LoadCycles, turning_strain
+from datasets.rig.simulate import KPA, SimulationSpec
 from mapmore_cli.domain.arrays import Array, BoolArray
 from mapmore_cli.domain.models import LeftOut, Model
 from mapmore_cli.domain.recording import Curve, Dataset, Quantity

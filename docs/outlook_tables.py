@@ -22,11 +22,11 @@ from scipy.optimize import minimize_scalar
 from wrist_loop import Force, ModelMuscles, RigMuscles, Wrist, followed, lag_of
 
 import mapmore_cli
-from mapmore_cli.annexes.rig.air import Air, ClosedMuscle, Regulator
-from mapmore_cli.annexes.rig.antagonists import Antagonists, Joint
-from mapmore_cli.annexes.rig.muscle import Rubber
-from mapmore_cli.annexes.rig.simulate import KPA, SimulationSpec
-from mapmore_cli.annexes.rig.static_muscles import McKibben
+from datasets.rig.air import Air, ClosedMuscle, Regulator
+from datasets.rig.antagonists import Antagonists, Joint
+from datasets.rig.muscle import Rubber
+from datasets.rig.simulate import KPA, SimulationSpec
+from datasets.rig.static_muscles import McKibben
 from mapmore_cli.domain.arrays import Array, Columns
 from mapmore_cli.modelling import literature
 from mapmore_cli.modelling.kinds import predict

@@ -11,7 +11,7 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 from scipy.signal import lfilter
 
-from mapmore_cli.annexes.rig.air import ClosedMuscle, Regulator
+from datasets.rig.air import ClosedMuscle, Regulator
 from mapmore_cli.domain.arrays import Array, Columns
 
 Force = Callable[[Array, Array], Array]

@@ -8,7 +8,7 @@ import pytest
 import yaml
 from common import mapmore
 
-from mapmore_cli.annexes.rig.simulate import write_example
+from mapmore_cli.pipeline.example import write_example
 
 PROJECT = Path(__file__).resolve().parents[1]
 COMMANDS = {
@@ -17,7 +17,6 @@ COMMANDS = {
     "campaigns": ["batch", "study.yaml"],
     "paper": ["paper", "study.yaml"],
     "exporting": ["export", "model.h5", "--to", "c"],
-    "rig": ["simulate", "rig.yaml"],
 }
 KEYS = {
     "motion": ({"type": "state_space"}, "state_space"),
@@ -29,7 +28,7 @@ KEYS = {
 @pytest.fixture(scope="module")
 def example(tmp_path_factory):
     folder = tmp_path_factory.mktemp("example") / "example"
-    write_example(folder, lambda *_: None)
+    write_example(folder)
     first, _, _ = (folder / "study.yaml").read_text().partition("\n")
     assert first == "# yaml-language-server: $schema=mapmore.schema.json"
     assert (folder / "mapmore.schema.json").is_file()

@@ -24,7 +24,7 @@ MODULES = {
     **dict.fromkeys(("ingest", "segment", "fit", "fuse", "validate", "report", "run"), "pipeline"),
     **dict.fromkeys(("predict", "adapt", "invert"), "predict"),
     **dict.fromkeys(("freeze", "compare"), "compare"),
-    **dict.fromkeys(("figure", "show", "schema"), "files"),
+    **dict.fromkeys(("figure", "show", "schema", "example"), "files"),
     "check": "check",
     "clean": "clean",
 }
@@ -34,7 +34,7 @@ themselves (`domain.plugins`).
 
 ORDER = (
     *("ingest", "segment", "fit", "fuse", "validate", "report", "run", "batch", "tune", "plan"),
-    *("predict", "adapt", "invert", "freeze", "compare", "export", "figure", "paper", "simulate"),
+    *("predict", "adapt", "invert", "freeze", "compare", "export", "figure", "paper"),
     *("show", "clean", "init", "example", "check", "schema"),
 )
 """The order of the work, in which `--help` lists what there is."""

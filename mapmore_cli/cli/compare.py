@@ -17,6 +17,7 @@ from mapmore_cli.cli.console import (
     Quiet,
     Runs,
     View,
+    folder_of,
     print_view,
     refuse_endings,
     write_figure,
@@ -178,7 +179,7 @@ def freeze(
     """
     from mapmore_cli.pipeline import archive as frozen
 
-    folder = run if run.is_dir() else runs / run
+    folder = folder_of(run, runs)
     with Reporter(quiet) as reporter:
         for name in frozen.runs_of(folder) or [folder.name]:
             place = frozen.freeze(folder.parent / name, tag, archive)

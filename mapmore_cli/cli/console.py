@@ -162,6 +162,16 @@ def _as_json(value: Any) -> Any:
 FIGURE_FILES, TABLE_FILES = ("svg", "pdf", "png", "pgf"), ("csv", "tex")
 
 
+def folder_of(run: Path, runs: Path) -> Path:
+    """Return the folder of a run that is named, or given by its path.
+
+    A run of this name comes before a folder that is called likewise, as the folder of its study may
+    be.
+    """
+    named = runs / run
+    return run if run.is_dir() and not named.is_dir() else named
+
+
 def refuse_endings(
     paths: Sequence[Path],
     endings: Sequence[str] = (*FIGURE_FILES, *TABLE_FILES),

@@ -1,8 +1,9 @@
-"""What a run holds: `mapmore show`, `schema` and `figure`."""
+"""What a run or the package holds: `mapmore show`, `schema`, `figure` and `example`."""
 
 from __future__ import annotations
 
 from pathlib import Path
+from shlex import quote
 from typing import Annotated, Literal
 
 from typer import Argument, Option
@@ -16,6 +17,7 @@ from mapmore_cli.cli.console import (
     RunOrName,
     Runs,
     Unverified,
+    folder_of,
     print_document,
     print_view,
     refuse_endings,
@@ -40,6 +42,24 @@ def show(
     with Reporter(quiet) as reporter:
         view = of_file(file, reporter.warn, unverified)
     print_view(view, as_json)
+
+
+def example(
+    folder: Annotated[Path, Argument(metavar="DIR", help="A new folder.")],
+    as_json: AsJson = False,
+    quiet: Quiet = False,
+) -> None:
+    """Copy a small study to start from, which is called as its folder.
+
+    Its recordings are of a simulated muscle.
+    """
+    from mapmore_cli.cli.console import View
+    from mapmore_cli.pipeline.example import write_example
+
+    with Reporter(quiet):
+        written = tuple(map(str, write_example(folder)))
+    lines = (*written, "", f"Next: mapmore run {quote(written[0])}")
+    print_view(View({"files": written}, lines=lines), as_json)
 
 
 def schema(
@@ -138,7 +158,7 @@ def figure(
     if data is not None and curve is None:
         raise UsageError("--data needs one panel", "name it with --curve")
     wanted = [one.strip() for one in (models or "").split(",") if one.strip()]
-    folder = run if run.is_dir() else runs / run
+    folder = folder_of(run, runs)
     with Reporter(quiet) as reporter:
         drawn, numbers = drawn_figure(folder, name, curve, suffix, reporter.warn, looks, wanted)
     write_bytes(out, drawn)

@@ -1,15 +1,12 @@
-"""`check`, `simulate`, `schema` and `batch`."""
+"""`check`, `schema` and `batch`."""
 
 import json
 import re
-from pathlib import Path
 
 import pytest
-from cli_samples import PROJECT, write_study
+from cli_samples import write_study
 
 from mapmore_cli.study.schema import json_schema
-
-RIG = PROJECT / "datasets/mckibben/load_cycles.yaml"
 
 
 def test_check_says_what_was_found_and_writes_nothing(study, document, mapmore):
@@ -38,22 +35,6 @@ def test_warnings_go_to_stderr_and_quiet_silences_them(study, mapmore):
     arguments = ("check", study, "--set", "data.levels.at=[100, 200]")
     assert "warning: bench_300.csv" in mapmore(*arguments).stderr
     assert mapmore(*arguments, "-q").stderr == ""
-
-
-def test_simulate_writes_where_it_is_told(tmp_path, document):
-    told = document(
-        "simulate", RIG, "-o", tmp_path / "out", "--set", "experiment.pressures=[100]", "-q"
-    )
-    assert told["files"] == [str(tmp_path / "out/load_cycle_100.csv")]
-    assert Path(told["files"][0]).read_text().startswith("t,P,eps,F\n")
-
-
-def test_simulate_writes_beside_its_spec_by_default(tmp_path, mapmore):
-    spec = tmp_path / "rig.yaml"
-    spec.write_bytes(RIG.read_bytes())
-    result = mapmore("simulate", spec, "--set", "experiment.pressures=[100, 150]")
-    assert result.stdout.splitlines() == [str(tmp_path / f"load_cycle_{p}.csv") for p in (100, 150)]
-    mapmore("simulate", write_study(tmp_path), code=3)
 
 
 def test_the_schema_and_references(mapmore):

@@ -40,7 +40,6 @@ COMMANDS = [
         "export",
         "figure",
         "paper",
-        "simulate",
         "show",
         "clean",
         "init",

@@ -97,14 +97,18 @@ def test_every_command_has_the_arguments_that_it_is_shown_with(page, command):
 
 
 def test_readme_and_the_front_page_begin_with_a_run_that_prints_what_they_show(mapmore):
-    """Install line apart; every line of the output stands in what is printed."""
+    """Every line that a page shows as output is printed by the commands above it."""
     printed = ""
     for command in (["example", "muscle"], ["run", "muscle/study.yaml"]):
         printed += mapmore(*command, "--quiet", code=0).stdout
-    for page in (ROOT / "README.md", ROOT / "docs" / "index.md"):
-        (_, first), (_, result), (_, sections) = FENCE.findall(page.read_text(encoding="utf-8"))[:3]
+    targets = set(re.findall(r"^([\w-]+):", (ROOT / "Makefile").read_text(), re.MULTILINE))
+    made, *_ = FENCE.findall((ROOT / "README.md").read_text(encoding="utf-8"))
+    assert {line.split()[1] for line in made[1].splitlines()} == {"demo", "test"} <= targets
+    for page, before in ((ROOT / "README.md", 1), (ROOT / "docs" / "index.md", 0)):
+        fences = FENCE.findall(page.read_text(encoding="utf-8"))[before:]
+        (_, first), (_, result), (_, sections) = fences[:3]
         assert first.splitlines() == [
-            "pip install mapmore",
+            "pip install .",
             "mapmore example muscle",
             "mapmore run muscle/study.yaml",
         ]
@@ -130,17 +134,17 @@ def test_the_tutorial_from_beginning_to_end(mapmore):
     assert {name: study[name] for block in blocks for name in block} == {
         name: section for block in blocks for name, section in block.items()
     }
-    report = Path("runs/example/report")
+    report = Path("runs/bench/report")
     assert (report / "tables" / "scores.tex").read_text().startswith("%")
     assert Path("fig3.pdf").read_bytes().startswith(b"%PDF")
     assert any((report / "panels").glob("*.pdf"))
     assert any(Path("controller").glob("*.c"))
-    assert "autumn is the same within 1 %" in printed["compare", "spring"]
+    assert "bench-autumn is the same within 1 %" in printed["compare", "spring"]
     assert (
         "simplest (the best itself): --set segment.strain.count=4"
         in printed["tune", "bench/study.yaml"]
     )
-    scores = json.loads(Path("runs/example-search/scores.json").read_text())["scores"]
+    scores = json.loads(Path("runs/bench-search/scores.json").read_text())["scores"]
     errors = {row["model"]: row["nrmse"] for row in scores if row["split"] == "validate"}
     found = errors.pop("mapmore")
     assert found <= min(errors.values())

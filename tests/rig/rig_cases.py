@@ -5,9 +5,9 @@ from pathlib import Path
 
 import pytest
 
-from mapmore_cli.annexes.rig.muscle import Hysteresis, Stop
-from mapmore_cli.annexes.rig.simulate import SimulationSpec
-from mapmore_cli.annexes.rig.static_muscles import McKibben, Peano
+from datasets.rig.muscle import Hysteresis, Stop
+from datasets.rig.simulate import SimulationSpec
+from datasets.rig.static_muscles import McKibben, Peano
 from mapmore_cli.study.loader import load_as
 
 DATASETS = Path(__file__).parents[2] / "datasets"

@@ -13,14 +13,14 @@ from rig_cases import DATASETS, spec
 from scipy.integrate import solve_ivp, trapezoid
 from scipy.interpolate import CubicSpline
 
+from datasets.rig.air import ATMOSPHERE, ClosedMuscle
+from datasets.rig.antagonists import Joint, driven, swung
+from datasets.rig.random_velocity import random_velocity
+from datasets.rig.sensors import recording_generator
+from datasets.rig.simulate import recording
+from datasets.rig.static_muscles import volume
+from datasets.rig.waveform import Waveform, waveform_response
 from mapmore_cli.annexes.paper.paper import PUBLISHED
-from mapmore_cli.annexes.rig.air import ATMOSPHERE, ClosedMuscle
-from mapmore_cli.annexes.rig.antagonists import Joint, driven, swung
-from mapmore_cli.annexes.rig.random_velocity import random_velocity
-from mapmore_cli.annexes.rig.sensors import recording_generator
-from mapmore_cli.annexes.rig.simulate import recording
-from mapmore_cli.annexes.rig.static_muscles import volume
-from mapmore_cli.annexes.rig.waveform import Waveform, waveform_response
 
 
 @cache

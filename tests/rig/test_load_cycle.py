@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from rig_cases import MUSCLES, both, friction, spec
 
-from mapmore_cli.annexes.rig.load_cycle import (
+from datasets.rig.load_cycle import (
     load_cycle,
     resting_strains,
     strain_path,
 )
-from mapmore_cli.annexes.rig.muscle import zero_force_strain
-from mapmore_cli.annexes.rig.simulate import recording
+from datasets.rig.muscle import zero_force_strain
+from datasets.rig.simulate import recording
 from mapmore_cli.domain.errors import SpecError
 
 FRICTION = friction(3.0, 3e-5, (0.001, 0.01), (0.5, 0.5))

@@ -12,12 +12,12 @@ from hypothesis import strategies as st
 from rig_cases import BRAID, MUSCLES, TUBES, both, friction
 from scipy.integrate import quad, trapezoid
 
-from mapmore_cli.annexes.rig.muscle import (
+from datasets.rig.muscle import (
     effective_pressure,
     stop,
     zero_force_strain,
 )
-from mapmore_cli.annexes.rig.static_muscles import (
+from datasets.rig.static_muscles import (
     opening_angle,
     volume,
 )

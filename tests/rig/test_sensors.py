@@ -7,8 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from rig_cases import friction
 
-from mapmore_cli.annexes.rig.muscle import GRAVITY
-from mapmore_cli.annexes.rig.sensors import Sensor, recording_generator
+from datasets.rig.muscle import GRAVITY
+from datasets.rig.sensors import Sensor, recording_generator
 
 
 @given(

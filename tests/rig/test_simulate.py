@@ -1,5 +1,7 @@
 """`simulate`: the committed recordings regenerate, files are whole, bad specs are refused."""
 
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -7,7 +9,7 @@ import pytest
 from common import rows_of
 from rig_cases import DATASETS, spec
 
-from mapmore_cli.annexes.rig.simulate import (
+from datasets.rig.simulate import (
     COLUMNS,
     SET_STEPS,
     causes_of,
@@ -19,6 +21,7 @@ from mapmore_cli.annexes.rig.simulate import (
 )
 from mapmore_cli.domain.errors import SpecError, WriteError
 
+PROJECT = DATASETS.parent
 PEANO = "peano/load_cycles"
 SHORT = ("experiment.pressures=[80]", "experiment.duration=10", "experiment.sample_time=0.1")
 
@@ -130,6 +133,31 @@ def test_a_file_in_place_of_the_folder_is_refused(tmp_path):
     (tmp_path / "taken").write_text("")
     with pytest.raises(WriteError, match="taken"):
         simulate(spec(PEANO, *SHORT), tmp_path / "taken", silent)
+
+
+def test_the_second_campaign_of_the_example_regenerates(tmp_path):
+    """`python -m datasets.rig` writes what `mapmore example` copies."""
+    line = [sys.executable, "-m", "datasets.rig", "datasets/peano/autumn/load_cycles.yaml"]
+    line += ["-o", tmp_path, "--set", "experiment.pressures=[80]"]
+    made = subprocess.run(line, cwd=PROJECT, check=True, capture_output=True, text=True)
+    path = tmp_path / "load_cycle_080.csv"
+    assert made.stdout == f"{path}\n"
+    shipped = PROJECT / "mapmore_cli/pipeline/shipped/autumn/load_cycle_080.csv"
+    assert np.loadtxt(path, delimiter=",", skiprows=1) == pytest.approx(
+        np.loadtxt(shipped, delimiter=",", skiprows=1), abs=0.11
+    )  # one step of the pressure's or the force's sensor
+
+
+def test_a_simulation_that_cannot_be_made_ends_with_the_code_of_its_error(tmp_path):
+    """A spec of a study is not one of a simulation (3), and recordings that exist stay (7)."""
+    for spec_, output, code in (
+        ("mapmore_cli/pipeline/shipped/study.yaml", tmp_path, 3),
+        ("datasets/peano/load_cycles.yaml", "datasets/peano", 7),
+    ):
+        line = [sys.executable, "-m", "datasets.rig", spec_, "-o", output]
+        refused = subprocess.run(line, cwd=PROJECT, capture_output=True, text=True)
+        assert (refused.returncode, refused.stdout) == (code, "")
+        assert refused.stderr.startswith("error: ")
 
 
 BAD = """

@@ -13,12 +13,12 @@ from rig_cases import BRAID, MUSCLES, both, spec
 from scipy.integrate import quad, trapezoid
 from scipy.signal import find_peaks
 
-from mapmore_cli.annexes.rig.air import ATMOSPHERE, Reservoir, valve_flow
-from mapmore_cli.annexes.rig.load_cycle import perturbation
-from mapmore_cli.annexes.rig.sensors import integrate, low_pass
-from mapmore_cli.annexes.rig.static_muscles import volume
-from mapmore_cli.annexes.rig.step_response import Bumper, PressureStep, step_response
-from mapmore_cli.annexes.rig.water import (
+from datasets.rig.air import ATMOSPHERE, Reservoir, valve_flow
+from datasets.rig.load_cycle import perturbation
+from datasets.rig.sensors import integrate, low_pass
+from datasets.rig.static_muscles import volume
+from datasets.rig.step_response import Bumper, PressureStep, step_response
+from datasets.rig.water import (
     WATER_DENSITY,
     WATER_VISCOSITY,
     Pipe,

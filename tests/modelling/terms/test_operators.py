@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from mapmore_cli.annexes.rig.muscle import stop as rig_stop
+from datasets.rig.muscle import stop as rig_stop
 from mapmore_cli.domain import plugins
 from mapmore_cli.modelling.expressions import Name, operators
 from mapmore_cli.modelling.expressions.operator import (

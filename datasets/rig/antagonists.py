@@ -14,11 +14,11 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from annotated_types import Len
 
-from mapmore_cli.annexes.rig.air import TOLERANCE, Air, ClosedMuscle, Regulator
-from mapmore_cli.annexes.rig.muscle import Hysteresis, PositiveKpa, Pressure, Rubber
-from mapmore_cli.annexes.rig.random_velocity import PressureCourse, RestLength
-from mapmore_cli.annexes.rig.sensors import clock, integrate, low_pass
-from mapmore_cli.annexes.rig.static_muscles import McKibben
+from datasets.rig.air import TOLERANCE, Air, ClosedMuscle, Regulator
+from datasets.rig.muscle import Hysteresis, PositiveKpa, Pressure, Rubber
+from datasets.rig.random_velocity import PressureCourse, RestLength
+from datasets.rig.sensors import clock, integrate, low_pass
+from datasets.rig.static_muscles import McKibben
 from mapmore_cli.domain.arrays import Array, Columns
 from mapmore_cli.domain.declared import ListToo, NonNegative, Positive, Settings
 

@@ -12,7 +12,7 @@ import numpy as np
 from annotated_types import Interval
 from scipy.signal import lfilter
 
-from mapmore_cli.annexes.rig.muscle import (
+from datasets.rig.muscle import (
     IN_KPA,
     SLACK_WIDTH,
     MovingMuscle,
@@ -20,8 +20,8 @@ from mapmore_cli.annexes.rig.muscle import (
     softplus,
     zero_force_strain,
 )
-from mapmore_cli.annexes.rig.sensors import low_pass
-from mapmore_cli.annexes.rig.static_muscles import McKibben, volume, volume_slope
+from datasets.rig.sensors import low_pass
+from datasets.rig.static_muscles import McKibben, volume, volume_slope
 from mapmore_cli.domain.arrays import Array, Columns
 from mapmore_cli.domain.declared import NonNegative, Positive, Settings
 

@@ -1,4 +1,4 @@
-"""`mapmore simulate`: runs a synthetic rig and writes what its logger would have written.
+"""Run a synthetic rig and write what its logger would have written.
 
 A simulation says which muscle, on which rig, seen through which sensors. Numbers in its file are in
 the units of the recordings: kPa, N, kg, m, s, strain as a fraction; angles in degrees. The same
@@ -10,16 +10,15 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from decimal import Decimal
-from importlib.resources import as_file, files
 from pathlib import Path
 from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import Field
 
-from mapmore_cli.annexes.rig.air import ClosedMuscle
-from mapmore_cli.annexes.rig.antagonists import Antagonists, Joint, driven, swung
-from mapmore_cli.annexes.rig.load_cycle import (
+from datasets.rig.air import ClosedMuscle
+from datasets.rig.antagonists import Antagonists, Joint, driven, swung
+from datasets.rig.load_cycle import (
     ContractionTable,
     LoadCycles,
     Perturbations,
@@ -27,31 +26,29 @@ from mapmore_cli.annexes.rig.load_cycle import (
     load_cycle,
     perturbation,
 )
-from mapmore_cli.annexes.rig.muscle import Hysteresis
-from mapmore_cli.annexes.rig.random_velocity import RandomVelocity, random_velocity
-from mapmore_cli.annexes.rig.sensors import (
+from datasets.rig.muscle import Hysteresis
+from datasets.rig.random_velocity import RandomVelocity, random_velocity
+from datasets.rig.sensors import (
     Sensor,
     measure,
     pressure_label,
     quantity,
     recording_generator,
 )
-from mapmore_cli.annexes.rig.static_muscles import McKibben, Peano
-from mapmore_cli.annexes.rig.step_response import (
+from datasets.rig.static_muscles import McKibben, Peano
+from datasets.rig.step_response import (
     PressureStep,
     StepResponses,
     step_response,
 )
-from mapmore_cli.annexes.rig.water import WetMuscle
-from mapmore_cli.annexes.rig.waveform import Waveform, Waveforms, waveform_response
+from datasets.rig.water import WetMuscle
+from datasets.rig.waveform import Waveform, Waveforms, waveform_response
 from mapmore_cli.domain.arrays import Columns
 from mapmore_cli.domain.declared import Name
 from mapmore_cli.domain.errors import WriteError
 from mapmore_cli.fitting.stage import Progress
 from mapmore_cli.storage.atomic import refusals_told, write_text
 from mapmore_cli.study.fields import Section
-from mapmore_cli.study.loader import load_as
-from mapmore_cli.study.schema import write_schema_beside
 
 KPA = 1e3  # Pa
 
@@ -108,8 +105,8 @@ Experiment = (
 
 
 class SimulationSpec(Section):
-    """One synthetic campaign; `mapmore simulate` writes `<output>_<pressure>.csv` for each pressure
-    (or waveform) beside the spec.
+    """One synthetic campaign: `python -m datasets.rig SPEC` writes `<output>_<pressure>.csv` for
+    each pressure (or waveform) beside the spec.
     """
 
     schema_version: Literal[1] = 1
@@ -257,32 +254,3 @@ def csv_text(columns: Columns, digits: Mapping[str, int]) -> str:
     header = [name.replace(quantity(name), COLUMNS[quantity(name)][0], 1) for name in names]
     lines = map(",".join, [header, *zip(*formatted, strict=True)])
     return "\n".join([*lines, ""])
-
-
-EXAMPLE = files("mapmore_cli.annexes.rig") / "example_study"
-
-
-def write_example(folder: Path, progress: Progress) -> list[Path]:
-    """Write the study, the rig and its simulated recordings into a folder, which is made where
-    missing; their paths, the study first.
-
-    Raises WriteError where the folder is not empty, or cannot be written.
-    """
-    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
-        raise WriteError(f"{folder}: is not an empty folder", "name a new folder")
-    with refusals_told(folder):
-        folder.mkdir(parents=True, exist_ok=True)
-        for name in ("rig.yaml", "study.yaml", "search.yaml", "paper.yaml"):
-            write_text(folder / name, EXAMPLE.joinpath(name).read_text(encoding="utf-8"))
-    write_schema_beside(folder / "study.yaml")
-    recordings = simulate(load_as(folder / "rig.yaml", SimulationSpec, ()).spec, folder, progress)
-    return [folder / "study.yaml", folder / "rig.yaml", *recordings]
-
-
-def example_recordings() -> list[Columns]:
-    """Return the recordings of the example study, in the units of the files; without that of the
-    vented muscle, which the study leaves out.
-    """
-    with as_file(EXAMPLE / "rig.yaml") as path:
-        spec = load_as(path, SimulationSpec).spec
-    return [recording(spec, cause) for cause in causes_of(spec) if cause]

@@ -16,10 +16,10 @@ from typing import Annotated, Literal
 import numpy as np
 from annotated_types import Len
 
-from mapmore_cli.annexes.rig.air import Reservoir
-from mapmore_cli.annexes.rig.muscle import GRAVITY, zero_force_strain
-from mapmore_cli.annexes.rig.sensors import TOLERANCE, distinct, integrate_phases, pressure_label
-from mapmore_cli.annexes.rig.water import DrivingPressure, WaterRig, WetMuscle, observe
+from datasets.rig.air import Reservoir
+from datasets.rig.muscle import GRAVITY, zero_force_strain
+from datasets.rig.sensors import TOLERANCE, distinct, integrate_phases, pressure_label
+from datasets.rig.water import DrivingPressure, WaterRig, WetMuscle, observe
 from mapmore_cli.domain.arrays import Array, Columns
 from mapmore_cli.domain.declared import NonNegative, Positive, Settings
 

@@ -18,7 +18,7 @@ from annotated_types import Ge, Interval, Len
 from scipy.interpolate import CubicHermiteSpline
 from scipy.signal import lfilter
 
-from mapmore_cli.annexes.rig.muscle import (
+from datasets.rig.muscle import (
     GRAVITY,
     SLACK_WIDTH,
     Hysteresis,
@@ -27,8 +27,8 @@ from mapmore_cli.annexes.rig.muscle import (
     softplus,
     zero_force_strain,
 )
-from mapmore_cli.annexes.rig.sensors import Pressures, clock, distinct, integrate, pressure_label
-from mapmore_cli.annexes.rig.water import DrivingPressure, WaterRig, WetMuscle, observe
+from datasets.rig.sensors import Pressures, clock, distinct, integrate, pressure_label
+from datasets.rig.water import DrivingPressure, WaterRig, WetMuscle, observe
 from mapmore_cli.domain.arrays import Array, Columns
 from mapmore_cli.domain.declared import NonNegative, Pair, Positive, Settings
 

@@ -14,9 +14,9 @@ from typing import Annotated, NamedTuple
 import numpy as np
 from annotated_types import Interval
 
-from mapmore_cli.annexes.rig.air import ATMOSPHERE
-from mapmore_cli.annexes.rig.muscle import IN_KPA, SLACK_WIDTH, MovingMuscle, Rubber, softplus
-from mapmore_cli.annexes.rig.sensors import low_pass
+from datasets.rig.air import ATMOSPHERE
+from datasets.rig.muscle import IN_KPA, SLACK_WIDTH, MovingMuscle, Rubber, softplus
+from datasets.rig.sensors import low_pass
 from mapmore_cli.domain.arrays import Array, Columns
 from mapmore_cli.domain.declared import NonNegative, Positive, Settings
 

@@ -11,10 +11,10 @@ import numpy as np
 from annotated_types import Ge, Interval
 from scipy.interpolate import CubicHermiteSpline
 
-from mapmore_cli.annexes.rig.air import ATMOSPHERE, TOLERANCE, Air, ClosedMuscle, Regulator
-from mapmore_cli.annexes.rig.muscle import PositiveKpa, Pressure, Rubber
-from mapmore_cli.annexes.rig.sensors import Pressures, clock, integrate, low_pass
-from mapmore_cli.annexes.rig.static_muscles import volume
+from datasets.rig.air import ATMOSPHERE, TOLERANCE, Air, ClosedMuscle, Regulator
+from datasets.rig.muscle import PositiveKpa, Pressure, Rubber
+from datasets.rig.sensors import Pressures, clock, integrate, low_pass
+from datasets.rig.static_muscles import volume
 from mapmore_cli.domain.arrays import Array, Columns
 from mapmore_cli.domain.declared import ListToo, Positive, Settings
 

@@ -16,10 +16,10 @@ from typing import Annotated, Literal
 import numpy as np
 from annotated_types import Ge, Interval, Len
 
-from mapmore_cli.annexes.rig.air import TOLERANCE, Air, ClosedMuscle, Regulator
-from mapmore_cli.annexes.rig.muscle import GRAVITY, Hysteresis, Rubber
-from mapmore_cli.annexes.rig.sensors import clock, distinct, integrate_phases
-from mapmore_cli.annexes.rig.static_muscles import McKibben
+from datasets.rig.air import TOLERANCE, Air, ClosedMuscle, Regulator
+from datasets.rig.muscle import GRAVITY, Hysteresis, Rubber
+from datasets.rig.sensors import clock, distinct, integrate_phases
+from datasets.rig.static_muscles import McKibben
 from mapmore_cli.domain.arrays import Array, Columns
 from mapmore_cli.domain.declared import Name, NonNegative, Positive, Settings
 

@@ -15,7 +15,7 @@ import numpy as np
 from annotated_types import Ge, Interval
 from scipy.optimize import brentq
 
-from mapmore_cli.annexes.rig.muscle import (
+from datasets.rig.muscle import (
     NonNegativeKpa,
     PositiveKpa,
     Response,

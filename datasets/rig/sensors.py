@@ -13,7 +13,7 @@ from annotated_types import Len
 from scipy.integrate import solve_ivp
 from scipy.signal import lfilter
 
-from mapmore_cli.annexes.rig.muscle import Pressure
+from datasets.rig.muscle import Pressure
 from mapmore_cli.domain.arrays import Array, Columns
 from mapmore_cli.domain.declared import After, NonNegative, Positive, Settings
 from mapmore_cli.domain.errors import SpecError
