@@ -11,7 +11,7 @@ STUDIES := configs/m2/dmsp-20-88-found.yaml configs/m2/peano-found.yaml
 # The tests of one file follow each other in one process, so that what they share is made once; the folders with the long ones come first.
 TESTS := $(BIN)/pytest -q -n 2 --dist worksteal
 
-.PHONY: release-check demo test test-all lint schema docs datasets measured motion paper peers bench fuzz torture test-lowest test-newest audit clean bench-id
+.PHONY: release-check demo test test-all lint schema docs datasets measured motion paper peers bench fuzz torture test-lowest test-newest audit sbom constraints clean bench-id
 
 demo: .venv/program
 	$(BIN)/mapmore batch $(STUDIES)
@@ -92,9 +92,16 @@ test-newest:  # the newest Python here, or NEWEST=python3.12, with the newest li
 	$(PYTHON) tests/newest/newest.py "$(NEWEST)" $(LOWEST_TESTS)
 
 audit: .venv-audit/program  # known weaknesses of the tested versions; asks an advisory service over the network
-	.venv-audit/bin/pip-audit --strict --no-deps --disable-pip -r constraints.txt
+	.venv-audit/bin/pip-audit --strict --disable-pip --require-hashes -r requirements-hashed.txt
+
+sbom: .venv-audit/program  # bill of materials (CycloneDX) of the tested versions with the hashes of their files
 	mkdir -p build
-	.venv-audit/bin/pip-audit --strict --no-deps --disable-pip -r constraints.txt --format cyclonedx-json --output build/mapmore.cdx.json
+	.venv-audit/bin/cyclonedx-py requirements requirements-hashed.txt --output-reproducible -o build/mapmore.cdx.json
+
+constraints: .venv-audit/program  # after a change of constraints.txt: the same versions with the hashes of their files
+	echo "# constraints.txt with the hashes of all files, for Python 3.11 and later on every system; made by \`make constraints\`." > requirements-hashed.new
+	.venv-audit/bin/uv pip compile pyproject.toml --all-extras --constraint constraints.txt --python-version 3.11.0 --universal --generate-hashes \
+	  --no-header --no-annotate --no-emit-index-url --quiet >> requirements-hashed.new && mv requirements-hashed.new requirements-hashed.txt
 
 release-check: .venv/development  # archive and wheel without a network, then five visitors on 3.11, 3.12 and 3.13 where these are
 	.ci/release.sh $(PYTHONS)
@@ -129,5 +136,5 @@ clean:
 
 .venv-audit/program:
 	$(PYTHON) -m venv .venv-audit
-	.venv-audit/bin/pip install --quiet --disable-pip-version-check pip-audit
+	.venv-audit/bin/pip install --quiet --disable-pip-version-check pip-audit cyclonedx-bom uv
 	touch $@
