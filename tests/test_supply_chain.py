@@ -5,6 +5,7 @@ that the project says it runs on.
 import re
 import tomllib
 from importlib.metadata import distributions
+from itertools import chain
 from pathlib import Path
 
 import pytest
@@ -36,7 +37,7 @@ def test_every_version_has_its_hashes():
 
 
 def test_what_the_project_needs_is_pinned_within_its_limits():
-    needed = [*PROJECT["dependencies"], *sum(PROJECT["optional-dependencies"].values(), [])]
+    needed = [*PROJECT["dependencies"], *chain(*PROJECT["optional-dependencies"].values())]
     for requirement in map(Requirement, needed):
         assert requirement.specifier.contains(PINS[canonicalize_name(requirement.name)])
 
