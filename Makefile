@@ -11,7 +11,7 @@ STUDIES := configs/m2/dmsp-20-88-found.yaml configs/m2/peano-found.yaml
 # The tests of one file follow each other in one process, so that what they share is made once; the folders with the long ones come first.
 TESTS := $(BIN)/pytest -q -n 2 --dist worksteal
 
-.PHONY: release-check demo test test-all lint schema docs datasets measured motion paper peers bench fuzz torture test-lowest test-newest audit sbom constraints clean bench-id
+.PHONY: release-check demo test test-all lint schema docs datasets measured motion paper peers bench fuzz torture mutants test-lowest test-newest audit sbom constraints clean bench-id
 
 demo: .venv/program
 	$(BIN)/mapmore batch $(STUDIES)
@@ -76,6 +76,9 @@ fuzz: .venv/development  # what strangers may write, and result files with flipp
 TORTURE ?= 100
 torture: .venv/development  # commands that are killed, interrupted, out of room, not allowed to write, or two at once; docs/reliability.md
 	$(BIN)/python tests/torture/torture.py $(TORTURE)
+
+mutants: .venv/development  # a hundred small faults, each against the tests of its room (tests/mutants); at most 15 may survive
+	$(BIN)/python tests/mutants/mutants.py run
 
 LOWEST_TESTS := tests/modelling/frols tests/modelling/terms tests/modelling/scores tests/study tests/storage tests/ingestion
 # it compares a text that today's pydantic writes
