@@ -37,12 +37,11 @@ visit() {  # PROGRAMS FOLDER: what the visitors type, one after the other
   mapmore compare spring example --fail-on 0.03
   mapmore batch muscle/study.yaml muscle/search.yaml -q
   : reviewer
-  mapmore paper muscle/paper.yaml -q
   mapmore figure example fit --curve 350 -o fig.pdf --data fig.csv
   mapmore tune muscle/study.yaml --over segment.strain.count=2,4 -q
   : notebook
   python -c "import mapmore_cli as mm; assert mm.load_model('runs/example/model.h5')(pressure=200, strain=0.05) > 0; mm.run('muscle/study.yaml').scores"
-  ls runs/{example,example-search,mine}/report/index.html runs/paper.html controller/example.{c,py} tables/example.mat junit.xml summary.md fig.pdf
+  ls runs/{example,example-search,mine}/report/index.html controller/example.{c,py} tables/example.mat junit.xml summary.md fig.pdf
   { set +x; } 2> /dev/null
 }
 

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from pages import PUBLISHED
 from rig_cases import DATASETS, spec
 from scipy.integrate import solve_ivp, trapezoid
 from scipy.interpolate import CubicSpline
 
-from mapmore_cli.annexes.paper.paper import PUBLISHED
 from mapmore_cli.annexes.rig.air import ATMOSPHERE, ClosedMuscle
 from mapmore_cli.annexes.rig.antagonists import Joint, driven, swung
 from mapmore_cli.annexes.rig.random_velocity import random_velocity

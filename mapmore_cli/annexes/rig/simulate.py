@@ -272,7 +272,7 @@ def write_example(folder: Path, progress: Progress) -> list[Path]:
         raise WriteError(f"{folder}: is not an empty folder", "name a new folder")
     with refusals_told(folder):
         folder.mkdir(parents=True, exist_ok=True)
-        for name in ("rig.yaml", "study.yaml", "search.yaml", "paper.yaml"):
+        for name in ("rig.yaml", "study.yaml", "search.yaml"):
             write_text(folder / name, EXAMPLE.joinpath(name).read_text(encoding="utf-8"))
     write_schema_beside(folder / "study.yaml")
     recordings = simulate(load_as(folder / "rig.yaml", SimulationSpec, ()).spec, folder, progress)
