@@ -19,7 +19,6 @@ from pathlib import Path
 import numpy as np
 
 from mapmore_cli.annexes.campaigns.page import scores_of
-from mapmore_cli.annexes.paper.paper import PUBLISHED
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.scores import OWN, Score
 from mapmore_cli.pipeline.jobs import Finished, Job, run_one
@@ -32,6 +31,7 @@ from mapmore_cli.study.loader import LoadedSpec, load
 
 DOCS = Path(__file__).parent
 CONFIGS = DOCS.parent / "configs"
+PUBLISHED = DOCS / "papers" / "published"
 
 
 def finished(entry: Entry, runs: Path) -> Finished:

@@ -15,7 +15,6 @@ COMMANDS = {
     "drafting": ["init", "."],
     "planning": ["tune", "study.yaml"],
     "campaigns": ["batch", "study.yaml"],
-    "paper": ["paper", "study.yaml"],
     "exporting": ["export", "model.h5", "--to", "c"],
 }
 KEYS = {

@@ -19,6 +19,7 @@ from typer.core import TyperGroup
 
 from mapmore_cli.cli import console
 from mapmore_cli.domain import plugins
+from mapmore_cli.domain.errors import UsageError
 
 MODULES = {
     **dict.fromkeys(("ingest", "segment", "fit", "fuse", "validate", "report", "run"), "pipeline"),
@@ -34,10 +35,23 @@ themselves (`domain.plugins`).
 
 ORDER = (
     *("ingest", "segment", "fit", "fuse", "validate", "report", "run", "batch", "tune", "plan"),
-    *("predict", "adapt", "invert", "freeze", "compare", "export", "figure", "paper"),
+    *("predict", "adapt", "invert", "freeze", "compare", "export", "figure"),
     *("show", "clean", "init", "example", "check", "schema"),
 )
 """The order of the work, in which `--help` lists what there is."""
+
+REMOVED = {
+    "paper": (
+        "`mapmore paper` has left the program: its page is made by docs/papers/compare.py",
+        "run `make paper` in a checkout of the sources",
+    ),
+    "simulate": (
+        "`mapmore simulate` has left the program: the rig that makes the shipped recordings is "
+        "datasets/rig",
+        "run `python -m datasets.rig SPEC` in a checkout of the sources",
+    ),
+}
+"""What became of commands that there were, and what to do instead."""
 
 AS_JSON = "mapmore.json"
 """Key of the context: whether the line asks for JSON, in which errors are then told too."""
@@ -53,14 +67,21 @@ def _function(name: str) -> Any:
     return plugins.load("commands", name)
 
 
-def _absent(fault: plugins.NotInstalled) -> Any:
+def _command(name: str, function: Any, **settings: Any) -> Any:
+    """Return the command that calls a function."""
+    alone = typer.Typer(add_completion=False, rich_markup_mode=None)
+    alone.command(name, **settings)(function)
+    return typer.main.get_command(alone)
+
+
+def _absent(name: str, fault: UsageError) -> Any:
     """Return a command that says why it is missing."""
 
     def absent() -> None:
         """Not installed."""
         raise fault
 
-    return absent
+    return _command(name, absent, context_settings=ANYTHING)
 
 
 class Commands(TyperGroup):
@@ -69,19 +90,19 @@ class Commands(TyperGroup):
     """
 
     def __init__(self, **settings: Any) -> None:
-        names = {*MODULES, *plugins.points("commands")}
+        names = {*MODULES, *plugins.points("commands")} - {*REMOVED}
         ordered = [*(one for one in ORDER if one in names), *sorted(names - {*ORDER})]
         super().__init__(**{**settings, "commands": dict.fromkeys(ordered)})
 
     def get_command(self, ctx: Any, name: str) -> Any:
         """Return a command, built the first time that it is asked for; None for others."""
+        if name in REMOVED:
+            return _absent(name, UsageError(*REMOVED[name]))
         if name in self.commands and self.commands[name] is None:
-            alone = typer.Typer(add_completion=False, rich_markup_mode=None)
             try:
-                alone.command(name)(_function(name))
+                self.commands[name] = _command(name, _function(name))
             except plugins.NotInstalled as fault:
-                alone.command(name, context_settings=ANYTHING)(_absent(fault))
-            self.commands[name] = typer.main.get_command(alone)
+                self.commands[name] = _absent(name, fault)
         return super().get_command(ctx, name)
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:

@@ -172,7 +172,6 @@ def drawn_figure(
     warn: Callable[[str], None],
     looks: Sequence[str] = (),
     models: Sequence[str] = (),
-    alone: Sequence[str] = (),
 ) -> tuple[bytes, str | None]:
     """Draw a figure of a run as a file: all of it, or the panel of one curve (or model) as wide as
     the spec says, with its numbers as CSV.
@@ -180,7 +179,6 @@ def drawn_figure(
     - `name`: as `fit`; of several outputs, with that of one, as `tip_x.fit`.
     - `warn`: is told of a font that this machine does not have.
     - `models`: competitors that are drawn, where that is not all of them.
-    - `alone`: models that alone are drawn, without the run's own.
     - `looks`: values that replace those of the run's spec, as `report.style.width=120 mm`.
 
     Raises DataError where the folder holds no finished run; UsageError where there is no such panel
@@ -209,7 +207,7 @@ def drawn_figure(
         raise UsageError(f"{run_dir}: has no figure {prefix}{name}", f"choose one of {known}")
     for warning in faults_of(inputs.style):
         warn(warning)
-    inputs = inputs.showing(alone) if alone else inputs.beside(models) if models else inputs
+    inputs = inputs.beside(models) if models else inputs
     with figure_style(inputs.style):
         drawing, panel = (
             (next(iter(drawings(name, inputs)), None), None)

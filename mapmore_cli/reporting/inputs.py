@@ -153,22 +153,16 @@ class ReportInputs:
         """Return the inputs with these models beside the run's own, in this order. Raises
         UsageError for one that the run has not.
         """
-        return self.showing((self.own, *names))
-
-    def showing(self, names: Sequence[str]) -> ReportInputs:
-        """Return the inputs with these models alone, in this order; raises as `beside`."""
         if unknown := [name for name in names if name not in self.models]:
             raise UsageError(
                 f"the run compares no model called {unknown[0]!r}",
                 f"choose of {', '.join(self.models[1:])}",
             )
-        predictions = {name: self.validation.predictions[name] for name in names}
+        predictions = {name: self.validation.predictions[name] for name in (self.own, *names)}
         kept = {*predictions, REPEATABILITY}
         scores = tuple(row for row in self.validation.scores if row.model in kept)
-        # intervals are those of the run's own model
-        model = self.model if self.own in predictions else replace(self.model, left_out=None)
         validation = replace(self.validation, predictions=predictions, scores=scores)
-        return replace(self, model=model, validation=validation)
+        return replace(self, validation=validation)
 
     @property
     def lines(self) -> tuple[str, ...]:

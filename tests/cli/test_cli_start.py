@@ -39,7 +39,6 @@ COMMANDS = [
         "compare",
         "export",
         "figure",
-        "paper",
         "show",
         "clean",
         "init",

@@ -20,6 +20,7 @@ LINES = """
 3  run none.yaml                             none.yaml
 2  batch SPEC --jobs 0                       greater than or equal to 1
 2  batch SPEC --cluster tcp://host:1 --cluster-file x.json  exclude each other
+2  simulate rig.yaml                         has left the program
 7  example .                                 is not an empty folder
 4  freeze . --tag x --archive archive        is no finished run
 2  freeze RUN --tag ../x --archive archive   cannot be a tag

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from pages import PUBLISHED
 from rig_cases import DATASETS, spec
 from scipy.integrate import solve_ivp, trapezoid
 from scipy.interpolate import CubicSpline
@@ -20,7 +21,6 @@ from datasets.rig.sensors import recording_generator
 from datasets.rig.simulate import recording
 from datasets.rig.static_muscles import volume
 from datasets.rig.waveform import Waveform, waveform_response
-from mapmore_cli.annexes.paper.paper import PUBLISHED
 
 
 @cache

@@ -3,10 +3,10 @@
 import csv
 
 import numpy as np
+from pages import PUBLISHED
 
 from mapmore_cli.annexes.motion.body import Motion, MotionSection
 from mapmore_cli.annexes.motion.problem import MotionRecipe
-from mapmore_cli.annexes.paper.paper import PUBLISHED
 from mapmore_cli.modelling.memory.records import Record
 
 LISTED = PUBLISHED / "p_table_1.csv"

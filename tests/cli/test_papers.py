@@ -1,5 +1,5 @@
-"""`mapmore paper` and the five shipped papers: nothing is without a place, verdicts follow their
-rules, the page needs nothing else.
+"""`docs/papers` and the five papers there: nothing is without a place, verdicts follow their rules,
+the page needs nothing else.
 """
 
 import csv
@@ -7,16 +7,17 @@ import json
 import re
 
 import pytest
+from claims import related
 from cli_samples import CONFIGS, PROJECT, edit, held_out, write_study
 from common import rows_of
+from compare import main
+from comparison import HERE, PUBLISHED, judged
 from hypothesis import given
 from hypothesis import strategies as st
+from paper import PaperError, Verdict, load_paper
 
-from mapmore_cli.annexes.paper.claims import related
-from mapmore_cli.annexes.paper.paper import PUBLISHED, judged
 from mapmore_cli.study.campaign import load_campaign
 from mapmore_cli.study.loader import load
-from mapmore_cli.study.paper import Verdict, load_paper
 
 NUMBERED = {"m1": (6, 1, 6), "m2": (24, 5, 15), "p": (17, 4, 11), "w": (16, 0, 10), "h": (6, 1, 6)}
 """Equations, tables and figures that the papers number, counted in their texts."""
@@ -27,7 +28,7 @@ def test_every_equation_table_and_figure_has_a_place(name):
     """The loader refuses an unlisted number and a place that is not there; here the counts are
     those of the papers.
     """
-    spec = load_paper(CONFIGS / "papers" / f"{name}.yaml").spec
+    spec = load_paper(HERE / f"{name}.yaml").spec
     assert tuple(spec.has[kind] for kind in ("equation", "table", "figure")) == NUMBERED[name]
     numbers = [one for item in spec.items for one in item.stands_for if one[0] != "text"]
     assert len(numbers) == len(set(numbers)) == sum(NUMBERED[name])
@@ -50,7 +51,7 @@ def test_every_section_that_claims_something_has_its_claims_with_a_verdict(name)
     """The loader refuses a claim without a rule or a reason, without a place, or of a number that
     is not there; most have a rule, and every difference is explained or called a conjecture.
     """
-    spec = load_paper(CONFIGS / "papers" / f"{name}.yaml").spec
+    spec = load_paper(HERE / f"{name}.yaml").spec
     said = {section for claim in spec.claims for section in re.split(r", | \(", claim.of)}
     assert said >= set(CLAIMED[name])
     assert sum(bool(claim.untold) for claim in spec.claims) <= len(spec.claims) / 5
@@ -58,7 +59,7 @@ def test_every_section_that_claims_something_has_its_claims_with_a_verdict(name)
 
 
 def test_every_number_of_the_published_tables_stands_beside_one_of_ours():
-    specs = [load_paper(path).spec for path in (CONFIGS / "papers").glob("*.yaml")]
+    specs = [load_paper(path).spec for path in HERE.glob("*.yaml")]
     shown = {one.published for spec in specs for item in spec.items for one in item.compare}
     elsewhere = {"w_starts.csv"}  # docs/wrist.md
     assert shown | elsewhere == {path.name for path in PUBLISHED.glob("*.csv")}
@@ -70,11 +71,9 @@ def test_every_shipped_study_is_run_by_make_paper():
     )
     assert recipe
     campaigns = re.findall(r"configs/campaigns/\w+\.yaml", recipe[1])
-    assert re.search(r"mapmore paper configs/papers/\*\.yaml", recipe[1])
+    assert "python docs/papers/compare.py && exit" in recipe[1]
     studies = {
-        path.resolve()
-        for path in CONFIGS.glob("*/[!_]*.yaml")
-        if path.parent.name not in ("campaigns", "papers")
+        path.resolve() for path in CONFIGS.glob("*/[!_]*.yaml") if path.parent.name != "campaigns"
     }
     run = {
         entry.config.resolve() for path in campaigns for entry in load_campaign(PROJECT / path)[1]
@@ -174,9 +173,19 @@ place: [bench.csv]            place: [table 9]           there is no
 {file: bench.csv, key         {key                       a source is
 """),
 )
-def test_wrong_papers(paper, old, new, words, mapmore):
+def test_wrong_papers(paper, old, new, words, capsys):
     edit(paper, old, new)
-    mapmore("paper", paper, code=3, says=words)
+    with pytest.raises(PaperError, match=re.escape(words)):
+        load_paper(paper)
+    assert main([str(paper)]) == 3
+    assert words in capsys.readouterr().err
+
+
+def test_the_command_that_there_was_says_what_to_do_instead(mapmore):
+    mapmore(
+        "paper", "x.yaml", "--json", "-q", code=2, says=["has left the program", "`make paper`"]
+    )
+    assert " paper " not in mapmore("--help", code=0).stdout
 
 
 def write_table(paper, rmse, nrmse):
@@ -184,7 +193,14 @@ def write_table(paper, rmse, nrmse):
     (paper.parent / "table.csv").write_text("\n".join(["study,model,rmse,nrmse", *rows]) + "\n")
 
 
-def test_what_agrees_and_what_differs(paper, tmp_path, mapmore):
+def compared(paper, runs, capsys):
+    """The exit code, what is printed, and the verdicts."""
+    code = main([str(paper), "--runs", str(runs)])
+    (found,) = json.loads((runs / "paper.json").read_text(encoding="utf-8"))
+    return code, capsys.readouterr(), found
+
+
+def test_what_agrees_and_what_differs(paper, tmp_path, mapmore, capsys):
     """Our own numbers as the printed ones agree; others differ by kind, each told with its count
     and distance.
     """
@@ -196,8 +212,8 @@ def test_what_agrees_and_what_differs(paper, tmp_path, mapmore):
         for metric in ("rmse", "nrmse")
     }
     write_table(paper, ours["rmse"], ours["nrmse"])
-    done = mapmore("paper", paper, "--json", "-q", code=0)
-    (found,) = json.loads(done.stdout)["papers"]
+    code, _, found = compared(paper, runs, capsys)
+    assert code == 0
     agree = {"size": (2, 2), "value": (2, 2), "order": (1, 1), "claim": (1, 2)}
     assert {
         kind: (count["agree"], count["compared"]) for kind, count in found["counts"].items()
@@ -213,12 +229,13 @@ def test_what_agrees_and_what_differs(paper, tmp_path, mapmore):
         {"mapmore": 1.9 * ours["rmse"]["mapmore"], "polynomial_2": -ours["rmse"]["polynomial_2"]},
         swapped,
     )
-    done = mapmore("paper", paper, "-q", code=0)
+    code, printed, _ = compared(paper, runs, capsys)
+    assert code == 0
     for words in (
         "RMSE: 1 of 2 sizes within a factor of 2 (ours are -1 to 0.526 of the printed)",
         "order by NRMSE: 0 of 1 as printed",
     ):
-        assert words in done.stdout
+        assert words in printed.out
     html = (runs / "paper.html").read_text(encoding="utf-8")
     assert "A paper of &lt;one&gt; table" in html
     assert "<script" not in html
@@ -244,11 +261,13 @@ def test_what_agrees_and_what_differs(paper, tmp_path, mapmore):
         ("rows[a].size_m / 2", "rows[a].none", "size_m"),
     ],
 )
-def test_what_is_not_there_is_told_and_the_page_is_written(paper, old, new, words, mapmore):
+def test_what_is_not_there_is_told_and_the_page_is_written(paper, old, new, words, capsys):
     write_table(paper, {"mapmore": 1.0, "polynomial_2": 2.0}, {"mapmore": 1.0, "polynomial_2": 2.0})
     edit(paper, old, new)
     runs = paper.parent / "runs"
-    assert mapmore("paper", paper, "--runs", runs, says=words).exit_code in (3, 4)
+    code, printed, _ = compared(paper, runs, capsys)
+    assert code == 3
+    assert words in printed.err
     assert words in (runs / "paper.html").read_text(encoding="utf-8")
 
 

@@ -2,23 +2,22 @@
 speak to it.
 """
 
-# ruff: noqa: RUF012 (pydantic copies the default of a field for every instance)
-
 from __future__ import annotations
 
 import re
 from collections.abc import Collection, Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
+import yaml
 from annotated_types import Gt
-from pydantic import Field
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
-from mapmore_cli.domain.declared import Contradiction, Name
-from mapmore_cli.domain.scores import FIGURES
-from mapmore_cli.study.diagnostics import Finding
-from mapmore_cli.study.fields import Section, SpecPath
-from mapmore_cli.study.loader import Loaded, load_as
+
+class PaperError(Exception):
+    """A paper, a published table or a number of ours that is not as it should be."""
+
 
 _ID = re.compile(r"(equation|table|figure|text) (\d+)(?:([a-z])|(?: to (\d+)))?(?:, .*)?")
 REFERENCE = re.compile(r"(?:(least|greatest|mean) )?([A-Za-z_]\w*)\[([^\]]*)\]\.(\w+)")
@@ -29,6 +28,22 @@ RELATION = re.compile(r"\s([<>~])\s")
 
 Role = Literal["result", "input", "setting"]
 """What agrees is a result, or was put in: an input of the experiment, a setting of the method."""
+
+
+class Section(BaseModel):
+    """Base of every part of a paper: closed and immutable."""
+
+    model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
+
+    def _faults(self) -> Iterator[str]:
+        """Yield what does not fit each other within the section."""
+        yield from ()
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Self:
+        for fault in self._faults():
+            raise ValueError(fault)
+        return self
 
 
 class Verdict(Section):
@@ -44,11 +59,9 @@ class Verdict(Section):
     bound: Literal["at_least", "at_most"] | None = None  # what the printed number is to ours
     same: Literal[True] | None = None  # words
 
-    def _contradictions(self) -> Iterator[ValueError]:
+    def _faults(self) -> Iterator[str]:
         if len(self.model_fields_set) != 1:
-            yield Contradiction(
-                "a verdict has one rule", "give `within`, `factor`, `order`, `bound` or `same`"
-            )
+            yield "a verdict has one rule: give `within`, `factor`, `order`, `bound` or `same`"
 
 
 class Ours(Section):
@@ -58,7 +71,7 @@ class Ours(Section):
     same rows take them in turn.
     """
 
-    run: SpecPath
+    run: str
     table: str = "scores"
     rows: dict[str, str] = {}  # which: texts by column
     total: bool = False  # adds up the numbers of these rows
@@ -67,13 +80,13 @@ class Ours(Section):
 class OfRun(Section):
     """What is of a `run`, or a `file` below the paper's `root` that a command wrote."""
 
-    run: SpecPath | None = None
+    run: str | None = None
     file: str | None = None
 
-    def _contradictions(self) -> Iterator[ValueError]:
+    def _faults(self) -> Iterator[str]:
         if (self.run is None) == (self.file is None):
             kind = "figure is of" if isinstance(self, Drawn) else "source is"
-            yield Contradiction(f"a {kind} a `run` or a `file`", "give one of them", "run")
+            yield f"a {kind} a `run` or a `file`: give one of them"
 
 
 class Source(OfRun):
@@ -84,6 +97,7 @@ class Source(OfRun):
     """
 
     table: str = "scores"
+    along: str = ""  # the quantity that `shapes` go along
     rows: dict[str, str] = {}
     key: Annotated[list[str], Field(min_length=1)] = ["model"]
 
@@ -132,12 +146,10 @@ class Shown(Section):
     says: str
     holds: list[str] = []
 
-    def _contradictions(self) -> Iterator[ValueError]:
+    def _faults(self) -> Iterator[str]:
         for text in self.holds:
             if not RELATION.search(text):
-                yield Contradiction(
-                    f"{text!r} is no inequality", "write <, > or ~ between numbers", "holds"
-                )
+                yield f"{text!r} is no inequality: write <, > or ~ between numbers"
 
 
 class Reason(Shown):
@@ -156,12 +168,10 @@ class Claim(Shown):
     untold: str = ""
     role: Role = "result"
 
-    def _contradictions(self) -> Iterator[ValueError]:
-        yield from super()._contradictions()
+    def _faults(self) -> Iterator[str]:
+        yield from super()._faults()
         if bool(self.holds) == bool(self.untold):
-            yield Contradiction(
-                "a claim has a verdict", "give `holds`, or `untold` with the reason", "holds"
-            )
+            yield "a claim has a verdict: give `holds`, or `untold` with the reason"
 
 
 class Drawn(OfRun):
@@ -169,7 +179,7 @@ class Drawn(OfRun):
     shows, where that is not all of the run.
     """
 
-    figure: Literal[tuple(FIGURES)] = "fit"  # type: ignore[valid-type]
+    figure: str = "fit"
     panel: str | None = None
     models: list[str] = []
     caption: str
@@ -193,11 +203,11 @@ class Item(Section):
     compare: list[Comparison] = []
     figures: list[Drawn] = []
 
-    def _contradictions(self) -> Iterator[ValueError]:
+    def _faults(self) -> Iterator[str]:
         if self.status == "drawn" and not self.figures:
-            yield Contradiction("no figure is drawn", "give `figures`", "status")
+            yield "no figure is drawn: give `figures`"
         if self.status == "absent" and not self.note:
-            yield Contradiction("absent without a reason", "give `note`", "status")
+            yield "absent without a reason: give `note`"
 
     @property
     def stands_for(self) -> tuple[tuple[str, int], ...]:
@@ -212,72 +222,80 @@ class Paper(Section):
     """A paper. `has` counts what it numbers: each of these must be among the `items`."""
 
     schema_version: Literal[1] = 1
-    paper: Name
+    paper: str
     title: str
     has: dict[Literal["equation", "table", "figure"], Annotated[int, Field(ge=0, le=200)]]
-    root: SpecPath = "."  # where places start
-    tables: SpecPath = "."  # where published tables are that do not ship with the program
+    root: str = "."  # where places start
+    tables: str = "."  # where published tables are that do not ship with the program
     sources: dict[str, Source] = {}
     items: Annotated[list[Item], Field(min_length=1)]
     claims: list[Claim] = []
 
 
-LoadedPaper = Loaded[Paper]
+@dataclass(frozen=True)
+class LoadedPaper:
+    """A paper, and the folder that its paths start at."""
+
+    spec: Paper
+    folder: Path
 
 
 def load_paper(path: Path) -> LoadedPaper:
-    """Read a paper; raises SpecError for every mistake at once, also a numbered item that is not
+    """Read a paper; raises PaperError for every mistake at once, also a numbered item that is not
     listed, and a place or a source that is not there.
     """
-    return load_as(path, Paper, check=lambda paper: _findings(paper, path.parent))
+    try:
+        paper = Paper.model_validate(yaml.safe_load(path.read_text(encoding="utf-8")))
+    except ValidationError as fault:
+        mistakes = [
+            f"{'.'.join(map(str, one['loc']))}: {one['msg']}"
+            for one in fault.errors(include_url=False)
+        ]
+    except (OSError, yaml.YAMLError) as fault:
+        raise PaperError(f"{path} cannot be read: {fault}") from fault
+    else:
+        mistakes = list(_mistakes(paper, path.parent))
+    if mistakes:
+        raise PaperError("\n".join(f"{path}: {one}" for one in mistakes))
+    return LoadedPaper(paper, path.parent)
 
 
-def _findings(paper: Paper, folder: Path) -> Iterator[Finding]:
+def _mistakes(paper: Paper, folder: Path) -> Iterator[str]:
     listed = {one for item in paper.items for one in item.stands_for}
     counted = ((kind, n + 1) for kind, count in paper.has.items() for n in range(count))
     for kind, number in counted:
         if (kind, number) not in listed:
-            what = f"{kind} {number} is not listed"
-            yield Finding("items:", what, "add an item with its status and its place")
+            yield f"{kind} {number} is not listed: add an item with its status and its place"
     ids = {item.id for item in paper.items}
     spoken_of = {place for claim in paper.claims for place in claim.place}
-    for k, item in enumerate(paper.items):
-        yield from _place_findings(item.place, folder / paper.root, ("items", k, "place"))
-        for j, reason in enumerate(item.why):
-            yield from _source_findings(paper, reason.holds, ("items", k, "why", j, "holds"))
+    for item in paper.items:
+        yield from _wrong_places(item.id, item.place, folder / paper.root)
+        for reason in item.why:
+            yield from _unknown_sources(item.id, paper, reason.holds)
         if item.status == "compared" and not item.compare and item.id not in spoken_of:
-            yield Finding(
-                ("items", k, "status"),
-                "compared with nothing",
-                "give `compare`, or a claim with this `place`",
-            )
-    for k, claim in enumerate(paper.claims):
-        yield from _place_findings(claim.place, folder / paper.root, ("claims", k, "place"), ids)
-        yield from _source_findings(paper, claim.holds, ("claims", k, "holds"))
+            yield f"{item.id} is compared with nothing: give `compare`, or a claim at this `place`"
+    for claim in paper.claims:
+        yield from _wrong_places(claim.says, claim.place, folder / paper.root, ids)
+        yield from _unknown_sources(claim.says, paper, claim.holds)
 
 
-def _place_findings(
-    places: Sequence[str], root: Path, loc: tuple[str | int, ...], items: Collection[str] = ()
-) -> Iterator[Finding]:
-    for j, place in enumerate(places):
+def _wrong_places(
+    what: str, places: Sequence[str], root: Path, items: Collection[str] = ()
+) -> Iterator[str]:
+    for place in places:
         name, _, words = place.partition("#")
-        file, at = root / name, (*loc, j)
+        file = root / name
         if place in items:
             continue
         if not file.exists():
-            yield Finding(at, f"there is no {file}", "places start at the paper's `root`")
+            yield f"{what}: there is no {file}; places start at the paper's `root`"
         elif words and words not in " ".join(file.read_text(encoding="utf-8").split()):
-            yield Finding(at, f"{name} does not hold {words!r}", "name words that stand there")
+            yield f"{what}: {name} does not hold {words!r}"
 
 
-def _source_findings(
-    paper: Paper, texts: Sequence[str], loc: tuple[str | int, ...]
-) -> Iterator[Finding]:
-    for j, text in enumerate(texts):
+def _unknown_sources(what: str, paper: Paper, texts: Sequence[str]) -> Iterator[str]:
+    for text in texts:
         for _, name, *_ in REFERENCE.findall(text):
             if name not in paper.sources:
-                yield Finding(
-                    (*loc, j),
-                    f"there is no source {name!r}",
-                    f"there are {', '.join(paper.sources) or 'none'}",
-                )
+                known = ", ".join(paper.sources) or "none"
+                yield f"{what}: there is no source {name!r}; there are {known}"

@@ -9,9 +9,8 @@ from fnmatch import fnmatchcase
 from pathlib import Path
 from statistics import fmean
 
-from mapmore_cli.annexes.paper.runs import Row, Runs, as_float, cell_value
-from mapmore_cli.domain.errors import SpecError
-from mapmore_cli.study.paper import REFERENCE, RELATION, Shown, Source
+from our_numbers import Row, Runs, as_float, cell_value
+from paper import REFERENCE, RELATION, PaperError, Shown, Source
 
 CLOSE = 1.25
 """Within which factor numbers are of each other that `~` stands between."""
@@ -33,7 +32,7 @@ class Judge:
     def judged(self, shown: Shown) -> tuple[bool, str]:
         """Return whether all inequalities hold, and the numbers that they come to.
 
-        Raises SpecError for a number that is not there.
+        Raises PaperError for a number that is not there.
         """
         chains = [self._chain(text) for text in shown.holds]
         return all(holds for holds, _ in chains), "; ".join(numbers for _, numbers in chains)
@@ -66,9 +65,9 @@ class Judge:
             cells for text, cells in rows.items() if any(fnmatchcase(text, one) for one in asked)
         ]
         if not matching or (way is None and len(matching) > 1):
-            raise SpecError(
-                f"{name}[{row}]: {len(matching)} rows of ours",
-                f"name one of {', '.join(rows)}, or write least, greatest or mean before it",
+            raise PaperError(
+                f"{name}[{row}]: {len(matching)} rows of ours; name one of {', '.join(rows)}, or "
+                "write least, greatest or mean before it"
             )
         values = [as_float(cell_value(column, cells)) for cells in matching]
         known = [value for value in values if not math.isnan(value)] if way else values

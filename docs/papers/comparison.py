@@ -16,18 +16,20 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
+from claims import CLOSE, Judge
+from jinja2 import ChoiceLoader, FileSystemLoader
+from our_numbers import Cell, Row, Runs, as_float, cell_value, csv_rows
+from paper import Claim, Comparison, Item, LoadedPaper, Ours, PaperError, Shown, Verdict
 from scipy.stats import kendalltau
 
 from mapmore_cli import __version__
-from mapmore_cli.annexes.paper.claims import CLOSE, Judge
-from mapmore_cli.annexes.paper.runs import Row, Runs, as_float, cell_value, csv_rows
-from mapmore_cli.domain.errors import MapmoreError, SpecError, told
+from mapmore_cli.domain.errors import MapmoreError
 from mapmore_cli.pipeline.report import drawn_figure
-from mapmore_cli.reporting.table import Cell, Column, Table, environment
-from mapmore_cli.study.paper import Claim, Comparison, Item, LoadedPaper, Ours, Shown, Verdict
+from mapmore_cli.reporting.table import Column, Table, environment
 
-PUBLISHED = Path(__file__).parent / "published"
-"""Tables that the papers print, as printed; they ship with the program."""
+HERE = Path(__file__).parent
+PUBLISHED = HERE / "published"
+"""Tables that the papers print, as printed."""
 
 WORDS = {
     "value": "{what}: {count} values within {rule:g} (off by {span})",
@@ -102,8 +104,8 @@ def counts(compared: Sequence[Compared]) -> dict[str, tuple[int, int]]:
 
 
 def beside(one: Comparison, tables: Path, runs: Runs) -> tuple[list[Table], list[Compared]]:
-    """Return the tables and the verdicts of a comparison; raises SpecError for a published table, a
-    column or a row that is not there.
+    """Return the tables and the verdicts of a comparison; raises PaperError for a published table,
+    a column or a row that is not there.
     """
     own, shipped = (folder / one.published for folder in (tables, PUBLISHED))
     printed = _printed_rows(shipped if shipped.is_file() and not own.is_file() else own, one.where)
@@ -149,7 +151,7 @@ def _printed_rows(path: Path, where: Mapping[str, Sequence[str]]) -> list[dict[s
     """Return the rows of a published table that are asked for, all texts."""
     kept = csv_rows(path).kept(where)
     if not kept:
-        raise SpecError(f"{path.name}: no row is left", "mend `where`")
+        raise PaperError(f"{path.name}: no row is left: mend `where`")
     return [{name: str(cell) for name, cell in row.items()} for row in kept]
 
 
@@ -165,10 +167,9 @@ def _rows_beside(ours: Ours, printed: Sequence[Mapping[str, str]], runs: Runs) -
         turn = 0 if ours.total else taken[key]
         taken[key] += 1
         if turn >= len(rows):
-            raise SpecError(
+            raise PaperError(
                 f"table {ours.table!r}: {len(rows)} rows of ours for the printed row "
-                f"{', '.join(row.values())}",
-                "mend `rows`",
+                f"{', '.join(row.values())}: mend `rows`"
             )
         pair = rows[turn]
         if ours.total:
@@ -319,9 +320,9 @@ def compare_paper(
     def noted(what: str, one: Told | Result) -> Iterator[None]:
         try:
             yield
-        except (MapmoreError, OSError) as fault:
-            codes.append(fault.exit_code if isinstance(fault, MapmoreError) else 4)
-            one.failed = told(fault)
+        except (MapmoreError, PaperError, OSError) as fault:
+            codes.append(getattr(fault, "exit_code", 3))
+            one.failed = str(fault)
             tell(f"{spec.paper}, {what}: {one.failed}")
 
     def spoken(shown: Shown) -> Told:
@@ -350,7 +351,7 @@ def _fill(result: Result, loaded: LoadedPaper, runs: Runs, tell: Callable[[str],
             svg = path.read_text(encoding="utf-8")
         else:
             what = (figure.figure, figure.panel, "svg", tell)
-            data, _ = drawn_figure(runs.run_dir(figure.run), *what, alone=figure.models)
+            data, _ = drawn_figure(runs.run_dir(figure.run), *what, models=figure.models)
             svg = data.decode()
         result.figures.append((svg[svg.index("<svg") :], figure.caption))
 
@@ -397,7 +398,10 @@ def verdicts_table(papers: Sequence[PaperResult]) -> Table:
 
 def page(papers: Sequence[PaperResult], target: Path) -> str:
     """Return the page as HTML, one file that loads nothing; `target` is where it will be."""
-    template = environment().get_template("paper.html")
+    reports = environment()  # which have the frame and the tables
+    assert reports.loader is not None
+    loader = ChoiceLoader([FileSystemLoader(HERE), reports.loader])
+    template = reports.overlay(loader=loader).get_template("papers.html")
     return template.render(
         version=__version__, overview=overview(papers), papers=papers, target=target
     )

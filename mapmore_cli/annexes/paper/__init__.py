@@ -1,1 +1,0 @@
-"""What a paper claims, beside what is measured here."""
