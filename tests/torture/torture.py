@@ -32,7 +32,7 @@ from cli_samples import write_study
 
 from mapmore_cli.__main__ import main as mapmore
 from mapmore_cli.cli.app import app
-from mapmore_cli.storage.run_folder import LOCK
+from mapmore_cli.storage.ownership import LOCK
 
 RUN_RECORD = "run.json"  # tells seconds, so its bytes differ from run to run
 NEW = ("--set", "fit.max_terms=2", "--set", "segment.strain.count=3")

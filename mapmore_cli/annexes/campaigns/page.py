@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from mapmore_cli.domain.errors import told
 from mapmore_cli.domain.scores import RUN_PAGE
 from mapmore_cli.reporting.table import Table, to_csv
-from mapmore_cli.storage.atomic import refusals_told, write_text
+from mapmore_cli.storage.atomic import make_folder, refusals_told, write_text
 from mapmore_cli.storage.run_folder import refuse_foreign
 from mapmore_cli.storage.run_record import CAMPAIGN_RECORD
 from mapmore_cli.study.campaign import Campaign
@@ -55,7 +55,8 @@ def write_page(
     }
     with refusals_told(folder):
         refuse_foreign(folder, CAMPAIGN_RECORD)
-        (folder / "tables").mkdir(parents=True, exist_ok=True)
+        folder.mkdir(parents=True, exist_ok=True)
+        make_folder(folder / "tables")
         for name, text in texts.items():
             write_text(folder / name, text)
     return folder / "index.html", tables
