@@ -4,6 +4,7 @@ with later ones.
 
 from __future__ import annotations
 
+import errno
 import json
 import re
 from collections.abc import Iterator, Mapping
@@ -74,8 +75,9 @@ def freeze(run_dir: Path, tag: str, archive: Path) -> Path:
         )
     place = archive / f"{name}@{tag}"
     refuse_link(place)
+    taken = WriteError(f"{place}: is frozen already, and stays as it is", "choose another tag")
     if place.exists():
-        raise WriteError(f"{place}: is frozen already, and stays as it is", "choose another tag")
+        raise taken
     with refusals_told(archive):
         archive.mkdir(parents=True, exist_ok=True)
         with unfinished_beside(place, folder=True) as unfinished:
@@ -95,7 +97,12 @@ def freeze(run_dir: Path, tag: str, archive: Path) -> Path:
                 (unfinished / file).chmod(0o444)  # read-only
             sync_tree(unfinished)
             unfinished.chmod(0o755)
-            unfinished.rename(place)
+            try:
+                unfinished.rename(place)
+            except OSError as fault:
+                if fault.errno in (errno.ENOTEMPTY, errno.EEXIST):  # by another process meanwhile
+                    raise taken from fault
+                raise
     return place
 
 

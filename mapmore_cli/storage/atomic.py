@@ -38,6 +38,7 @@ _REFUSED = {
     errno.ENAMETOOLONG,
     errno.ELOOP,
     errno.EXDEV,
+    errno.ENOTEMPTY,
 }
 
 

@@ -261,7 +261,8 @@ def swap_in(
     """
     sync_tree(folder)
     for output in outputs:
-        refuse_link(run_dir / output)
+        for new in (folder / output, *(folder / output).rglob("*")):
+            refuse_link(run_dir / new.relative_to(folder))
     taken = list[str]()
     for output in outputs:
         new, place = folder / output, run_dir / output

@@ -46,7 +46,10 @@ COMMANDS = {
     },
     "run": ("run", "one.yaml", *NEW, "-q"),
     "freeze": ("freeze", "runs/one", "--tag", "new", "--archive", "archive"),
-    "compare": ("compare", "archive/one@old", "runs/one", "--figure", "drift.svg"),
+    "compare": (
+        *("compare", "archive/one@old", "runs/one"),
+        *("--figure", "drift.svg", "--allow-other-settings"),
+    ),
     "export": ("export", "runs/one/model.h5", "--to", "c", "-o", "out", "-q"),
     "batch": ("batch", "one.yaml", "two.yaml", "--jobs", "2", "-q"),
     "cluster": ("batch", "one.yaml", "two.yaml", "--cluster-file", "../scheduler.json", "-q"),
