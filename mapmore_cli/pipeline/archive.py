@@ -76,11 +76,11 @@ def freeze(run_dir: Path, tag: str, archive: Path) -> Path:
     place = archive / f"{name}@{tag}"
     refuse_link(place)
     taken = WriteError(f"{place}: is frozen already, and stays as it is", "choose another tag")
-    if place.exists():
-        raise taken
     with refusals_told(archive):
         archive.mkdir(parents=True, exist_ok=True)
         with unfinished_beside(place, folder=True) as unfinished:
+            if place.exists():
+                raise taken
             for kept in KEPT:
                 write_bytes(unfinished / kept, (run_dir / kept).read_bytes())
             hashes = {kept: take_stamp(unfinished / kept).sha256 for kept in KEPT}

@@ -233,3 +233,20 @@ def test_no_run_overwrites_what_changed_since(copied, mapmore):
         assert (run / name).read_bytes() != edited[name].encode()
     mapmore("run", spec, "--runs", runs, "--force", code=0)
     assert len([path for path in (runs / ".trash").rglob("*") if path.is_file()]) == len(changed)
+
+
+@pytest.mark.usefixtures("batch_here")
+def test_no_page_of_a_campaign_is_overwritten_that_changed_since(copied, mapmore):
+    spec, runs = copied
+    campaign = spec.with_name("sweep.yaml")
+    campaign.write_text(f"campaign: sweep\nruns:\n  - {{base: {spec.name}}}\n")
+    batch = ("batch", campaign, "--runs", runs, "--jobs", "1")
+    mapmore(*batch, code=0)
+    assert "changed after" not in mapmore(*batch, code=0).stderr
+    assert not (runs / ".trash").exists()
+    precious(runs / "sweep", "index.html", "edited")
+    precious(runs / "sweep", "notes.txt")
+    assert "index.html: was changed after" in mapmore(*batch, code=0).stderr
+    (kept,) = (runs / ".trash").glob("*/sweep/*")
+    assert (kept.name, kept.read_text()) == ("index.html", "edited")
+    assert (runs / "sweep" / "notes.txt").read_text() == "mine"
