@@ -33,6 +33,7 @@ def clean(
     named.
     """
     from mapmore_cli.pipeline.staleness import named_runs
+    from mapmore_cli.storage.atomic import refusals_told
     from mapmore_cli.storage.ownership import TRASH, contents_of, remove_own
     from mapmore_cli.storage.run_folder import run_lock
     from mapmore_cli.study.campaign import expanded
@@ -45,14 +46,15 @@ def clean(
     entries = expanded(configs, ())[1]
     names = named_runs([load(entry.config, entry.overrides) for entry in entries])
     gone, kept = dict[Path, tuple[str, ...]](), dict[Path, tuple[str, ...]]()
-    for folder in _unnamed(runs, names):
-        found = contents_of(folder)
-        if yes and not found.others:
-            with run_lock(folder):
-                found = contents_of(folder, rehash=now)
-                if not found.others:
-                    remove_own(folder, found.own, now)
-        (kept if found.others else gone)[folder] = found.others or found.own
+    with refusals_told(runs):
+        for folder in _unnamed(runs, names):
+            found = contents_of(folder)
+            if yes and not found.others:
+                with run_lock(folder):
+                    found = contents_of(folder, rehash=now)
+                    if not found.others:
+                        remove_own(folder, found.own, now)
+            (kept if found.others else gone)[folder] = found.others or found.own
     print_view(_view(gone, kept, yes, f" to {runs / TRASH}" if yes and not now else ""), as_json)
 
 
