@@ -25,7 +25,7 @@ def clean(
     ] = False,
     as_json: AsJson = False,
 ) -> None:
-    """List the files of runs that no spec names, and remove them with --yes.
+    """List runs that no spec names, by file; remove them with --yes.
 
     Kept are the runs of the specs and campaigns, their variations, and the runs that they are built
     on or compared with. A run is removed as a whole or not at all: a file that its record does not
