@@ -37,6 +37,23 @@ lazy = late:lazy
 e = broken
 [mapmore.commands]
 c = broken
+run = broken
+export = broken
+loud = loud:loud
+"""
+LOUD = """
+import os, sys
+print("printed at import")
+os.write(1, b"written at import\\n")
+sys.__stdout__.flush()
+
+def loud(as_json: bool = False):
+    "Print a document."
+    from mapmore_cli.cli.console import print_document
+    print("printed at work")
+    print_document({"loud": 1})
+
+loud.__annotations__["as_json"] = __import__("mapmore_cli.cli.console").cli.console.AsJson
 """
 LATE = """
 from types import ModuleType
@@ -106,6 +123,7 @@ def folder(tmp_path_factory):
     subprocess.run([*pip, *offline, place / "path", place / "template"], check=True)
     (place / "path" / "broken.py").write_text("1/0\n")
     (place / "path" / "late.py").write_text(LATE)
+    (place / "path" / "loud.py").write_text(LOUD)
     about = place / "path" / "zbroken-1.0.dist-info"
     about.mkdir()
     (about / "METADATA").write_text("Metadata-Version: 2.1\nName: zbroken\nVersion: 1.0\n")
@@ -140,6 +158,48 @@ def test_the_template_is_found_and_what_is_broken_is_named_and_left_out(folder):
     failed = run("ingest", "study.yaml", "-q", *as_late)
     assert failed.returncode == 1
     assert failed.stderr.startswith("error: the plug-in late failed: ZeroDivisionError")
+
+
+def test_a_plug_in_replaces_no_command_and_prints_into_no_document(folder):
+    run = partial(mapmore, cwd=folder, env={"PYTHONPATH": str(folder / "path")}, timeout=60)
+    loud = run("loud", "--json")
+    assert (loud.returncode, json.loads(loud.stdout)) == (0, {"loud": 1})
+    for words in ("printed at import", "written at import", "printed at work"):
+        assert words in loud.stderr
+    for name in ("run", "export"):
+        assert loud.stderr.count(f"plug-in `{name}` (commands) of zbroken is left out: ") == 1
+    for line in (("--no-plugins", "run", "--help"), ("export", "--help", "--no-plugins")):
+        shown = run(*line)
+        assert (shown.returncode, shown.stderr) == (0, "")
+        assert shown.stdout.startswith("Usage: mapmore ")
+    without = run("--no-plugins", "hello", "--name", "me")
+    assert (without.returncode, "No such command" in without.stderr) == (2, True)
+
+
+UNREADABLE = (
+    b"[mapmore.commands]\ngarbage\n",
+    b"[mapmore.commands]\nx = not a module!\n",
+    b"[mapmore.commands]\nx =\n",
+    b"garbage = 1\n[console_scripts]\ny\n",
+    b"[mapmore.readers]\nx = \xff\xfe\n",
+)
+
+
+def test_lists_of_entry_points_that_cannot_be_read_are_named_and_left_out(tmp_path):
+    for number, text in enumerate(UNREADABLE):
+        about = tmp_path / f"odd{number}-1.0.dist-info"
+        about.mkdir()
+        head = f"Metadata-Version: 2.1\nName: odd{number}\nVersion: 1.0\n"
+        (about / "METADATA").write_text(head)
+        (about / "entry_points.txt").write_bytes(text)
+    run = partial(mapmore, cwd=tmp_path, env={"PYTHONPATH": str(tmp_path)}, timeout=60)
+    found = run("schema", "--help")
+    assert (found.returncode, found.stdout.startswith("Usage: mapmore ")) == (0, True)
+    told = "warning: the plug-ins of odd{} are left out: its entry_points.txt cannot be read ("
+    lines = zip(sorted(found.stderr.splitlines()), range(len(UNREADABLE)), strict=True)
+    assert all(line.startswith(told.format(number)) for line, number in lines)
+    for line in (("--version",), ("--no-plugins", "schema", "--help")):
+        assert (run(*line).returncode, run(*line).stderr) == (0, "")
 
 
 def test_a_family_of_structures_is_offered_to_the_search(folder, monkeypatch):

@@ -10,7 +10,6 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from html import escape
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 
 from mapmore_cli.checking.findings import sentences
@@ -23,7 +22,7 @@ from mapmore_cli.pipeline.runner import Options, bring_up_to_date
 from mapmore_cli.reporting.score_tables import score_table
 from mapmore_cli.reporting.summary import summary_table
 from mapmore_cli.reporting.table import Table
-from mapmore_cli.storage.atomic import refusals_told, write_bytes, write_text
+from mapmore_cli.storage.atomic import refusals_told, scratch_folder, write_bytes, write_text
 from mapmore_cli.storage.run_folder import MODEL, RunFiles
 from mapmore_cli.storage.run_record import score_row
 from mapmore_cli.study.experiment import ExperimentSpec
@@ -121,12 +120,12 @@ class Study:
     def fitted(self, changes: Mapping[str, Any] | None = None) -> Fitted:
         """Return the model and its scores, made in a temporary folder that is removed."""
         told: list[str] = []
-        with TemporaryDirectory(prefix="mapmore-") as place:
-            loaded = self.loaded(Path(place) / "spec.yaml", changes)
+        with scratch_folder() as place:
+            loaded = self.loaded(place / "spec.yaml", changes)
             try:
                 outcome = bring_up_to_date(
                     loaded,
-                    Path(place) / "runs",
+                    place / "runs",
                     "validate",
                     options=Options(check=self.check),
                     progress=_show_progress if self.progress else lambda *_: None,

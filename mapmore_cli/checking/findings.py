@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING, Literal
 from pydantic import TypeAdapter
 
 from mapmore_cli.domain.errors import DataError, SpecError
-from mapmore_cli.storage.atomic import write_text
 
 if TYPE_CHECKING:
     from mapmore_cli.study.loader import LoadedSpec
@@ -108,10 +107,9 @@ def kept(run_dir: Path, mark: str | None = None) -> tuple[Issue, ...] | None:
     return None
 
 
-def keep(run_dir: Path, mark: str, issues: Sequence[Issue]) -> None:
-    """Write the findings into the folder of the run."""
-    text = _KEPT.dump_json(Kept(mark, tuple(issues)), indent=1).decode()
-    write_text(run_dir / FINDINGS, f"{text}\n")
+def as_text(mark: str, issues: Sequence[Issue]) -> str:
+    """Return the findings as they are kept in the folder of the run."""
+    return _KEPT.dump_json(Kept(mark, tuple(issues)), indent=1).decode() + "\n"
 
 
 def sentences(run_dir: Path) -> tuple[str, ...]:

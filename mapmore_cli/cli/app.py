@@ -10,6 +10,7 @@ import io
 import os
 import sys
 import warnings
+from contextlib import nullcontext
 from importlib import import_module
 from typing import Annotated, Any, cast
 
@@ -86,18 +87,25 @@ def _absent(name: str, fault: UsageError) -> Any:
 
 class Commands(TyperGroup):
     """The group of subcommands: imports a command when it is asked for, turns errors into exit
-    codes, and takes `--debug` and `--env` anywhere on the line.
+    codes, and takes `--debug`, `--no-plugins` and `--env` anywhere on the line.
     """
 
-    def __init__(self, **settings: Any) -> None:
-        names = {*MODULES, *plugins.points("commands")} - {*REMOVED}
-        ordered = [*(one for one in ORDER if one in names), *sorted(names - {*ORDER})]
-        super().__init__(**{**settings, "commands": dict.fromkeys(ordered)})
+    def list_commands(self, ctx: Any) -> list[str]:  # noqa: ARG002 - as click calls it
+        """Return the names of all commands, in the order of the work."""
+        if not self.commands:  # what is installed is looked at when the line is known
+            added = plugins.points("commands")
+            for name in added.keys() & MODULES.keys():
+                plugins.leave_plugin_out("commands", name, ValueError("mapmore has such a command"))
+            names = {*MODULES, *added} - {*REMOVED}
+            ordered = [*(one for one in ORDER if one in names), *sorted(names - {*ORDER})]
+            self.commands = cast(dict[str, Any], dict.fromkeys(ordered))
+        return [*self.commands]
 
     def get_command(self, ctx: Any, name: str) -> Any:
         """Return a command, built the first time that it is asked for; None for others."""
         if name in REMOVED:
             return _absent(name, UsageError(*REMOVED[name]))
+        self.list_commands(ctx)
         if name in self.commands and self.commands[name] is None:
             try:
                 self.commands[name] = _command(name, _function(name))
@@ -106,12 +114,14 @@ class Commands(TyperGroup):
         return super().get_command(ctx, name)
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """Move `--debug` and `--env NAME` to the front, so that they can be added at the end of a
-        line that failed.
+        """Move `--debug`, `--no-plugins` and `--env NAME` to the front, so that they can be added
+        at the end of a line that failed.
         """
         ctx.meta[AS_JSON] = "--json" in args
-        if "--debug" in args:
-            args = ["--debug", *(arg for arg in args if arg != "--debug")]
+        if "--no-plugins" in args:
+            plugins.leave_out_others()
+        for anywhere in {"--debug", "--no-plugins"} & {*args}:
+            args = [anywhere, *(arg for arg in args if arg != anywhere)]
         for _ in range(args.count("--env")):
             at = len(args) - 1 - args[::-1].index("--env")
             args = [*args[at : at + 2], *args[:at], *args[at + 2 :]]
@@ -129,7 +139,8 @@ class Commands(TyperGroup):
             *typer.BadParameter.__bases__,
         )
         try:
-            super().invoke(ctx)
+            with console.documents_alone() if ctx.meta[AS_JSON] else nullcontext():
+                super().invoke(ctx)
             sys.stdout.flush()
         except typers_own:
             raise
@@ -180,6 +191,10 @@ def _common(
             help="Let specs read this environment variable too.",
         ),
     ] = console.NONE,
+    no_plugins: Annotated[
+        bool,
+        Option("--no-plugins", help="Leave out the plug-ins of other packages."),
+    ] = False,
 ) -> None:
     """Models of soft fluidic muscles from measured curves: one spec, one command, a validated model
     and a page to look at.

@@ -17,34 +17,84 @@ def clean(
         Argument(metavar="CONFIG...", help="All specs and campaigns whose runs are kept."),
     ],
     runs: Runs = RUNS,
-    yes: Annotated[bool, Option("--yes", help="Remove what is listed.")] = False,
+    yes: Annotated[
+        bool, Option("--yes", help="Move what is listed to the trash, RUNS/.trash/DATE.")
+    ] = False,
+    now: Annotated[
+        bool, Option("--now", help="With --yes: remove it at once, without the trash.")
+    ] = False,
     as_json: AsJson = False,
 ) -> None:
-    """List the runs that no spec names, and remove them with --yes.
+    """List runs that no spec names, by file; remove them with --yes.
 
     Kept are the runs of the specs and campaigns, their variations, and the runs that they are built
-    on or compared with; and every folder that is no run.
+    on or compared with. A run is removed as a whole or not at all: a file that its record does not
+    list, or that has changed since, and a folder or a link of somebody else, keep it. They are
+    named.
     """
     from mapmore_cli.pipeline.staleness import named_runs
-    from mapmore_cli.storage.atomic import remove
+    from mapmore_cli.storage.atomic import refusals_told
+    from mapmore_cli.storage.ownership import TRASH, contents_of, remove_own
     from mapmore_cli.storage.run_folder import run_lock
-    from mapmore_cli.storage.run_record import load_origin
     from mapmore_cli.study.campaign import expanded
     from mapmore_cli.study.loader import load
 
     if not runs.is_dir():
         raise UsageError(f"{runs}: there is no such folder", "name the folder of the runs, --runs")
+    if now and not yes:
+        raise UsageError("--now goes with --yes", "write `--yes --now`")
     entries = expanded(configs, ())[1]
-    kept = named_runs([load(entry.config, entry.overrides) for entry in entries])
-    unnamed = [
+    names = named_runs([load(entry.config, entry.overrides) for entry in entries])
+    gone, kept = dict[Path, tuple[str, ...]](), dict[Path, tuple[str, ...]]()
+    with refusals_told(runs):
+        for folder in _unnamed(runs, names):
+            found = contents_of(folder)
+            if yes and not found.others:
+                with run_lock(folder):
+                    found = contents_of(folder, rehash=now)
+                    if not found.others:
+                        remove_own(folder, found.own, now)
+            (kept if found.others else gone)[folder] = found.others or found.own
+    print_view(_view(gone, kept, yes, f" to {runs / TRASH}" if yes and not now else ""), as_json)
+
+
+def _unnamed(runs: Path, names: set[str]) -> list[Path]:
+    """Return the folders of runs, and no links, that none of the names leads to, as the file system
+    takes names.
+    """
+    from mapmore_cli.storage.run_record import load_origin
+
+    named = {_identity(place) for name in names if (place := runs / name).exists()}
+    return [
         folder
         for folder in sorted(runs.iterdir())
-        if folder.name not in kept and not folder.is_symlink() and load_origin(folder)
+        if not folder.is_symlink() and load_origin(folder) and _identity(folder) not in named
     ]
-    for folder in unnamed if yes else ():
-        with run_lock(folder):
-            remove(folder)
-    names = [str(folder) for folder in unnamed]
-    end = f"{len(names)} removed" if yes else f"{len(names)} would be removed; add --yes"
-    document = {"unnamed": names, "removed": yes}
-    print_view(View(document, lines=(*names, end)), as_json)
+
+
+def _identity(place: Path) -> tuple[int, int]:
+    """Return what tells a folder from others, however its name is written."""
+    state = place.stat()
+    return state.st_dev, state.st_ino
+
+
+def _view(
+    gone: dict[Path, tuple[str, ...]], kept: dict[Path, tuple[str, ...]], yes: bool, where: str
+) -> View:
+    """Return what was removed, or would be, and what keeps other runs."""
+    files = [str(folder / one) for folder, own in gone.items() for one in own]
+    count = f"{len(files)} files of {len(gone)} runs"
+    done = f"{count} {'moved' if where else 'removed'}{where}"
+    end = done if yes else f"{count} would be removed; add --yes"
+    why = [
+        f"kept: {folder}, which holds what its run did not write, or what changed since: "
+        f"{', '.join(others)}"
+        for folder, others in kept.items()
+    ]
+    document = {
+        "unnamed": [str(folder) for folder in gone],
+        "files": files,
+        "kept": {str(folder): others for folder, others in kept.items()},
+        "removed": yes,
+    }
+    return View(document, lines=(*files, *why, end))

@@ -10,10 +10,12 @@ import math
 import os
 import sys
 import traceback
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager, redirect_stdout
+from contextvars import ContextVar
 from dataclasses import dataclass, fields, is_dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, TextIO
 
 from typer import Argument, Option
 
@@ -138,7 +140,21 @@ def print_view(view: View, as_json: bool) -> None:
 
 def print_document(document: Mapping[str, Any]) -> None:
     """Print one JSON document; NaN and infinities, which JSON does not have, become null."""
-    print(json.dumps(_as_json(document), indent=2, allow_nan=False))
+    print(json.dumps(_as_json(document), indent=2, allow_nan=False), file=_documents.get())
+
+
+_documents: ContextVar[TextIO | None] = ContextVar("_documents", default=None)
+
+
+@contextmanager
+def documents_alone() -> Iterator[None]:
+    """Let nothing but documents go to stdout meanwhile: what a plug-in prints goes to stderr."""
+    token = _documents.set(sys.stdout)
+    try:
+        with redirect_stdout(sys.stderr):
+            yield
+    finally:
+        _documents.reset(token)
 
 
 def _as_json(value: Any) -> Any:

@@ -5,17 +5,20 @@ Both have one form. An entry point `NAME = "module"` or `NAME = "module:OBJECT"`
 `mapmore.GROUP` names what a file of ours holds: for `readers` a `READER`, or several `READERS`.
 Groups are `formulas`, `readers`, `operators`, `families`, `figures`, `exports`, `kinds` and
 `commands`; our annexes also use `stages` and `python`. Nothing is imported before it is asked for.
-A part that is broken is named in a warning and left out.
+A part that is broken is named in a warning and left out, and so is one that has the name of a part
+of ours. Where the variable MAPMORE_NO_PLUGINS is set, there are only ours.
 """
 
 from __future__ import annotations
 
+import os
 import sys
 import warnings
 from collections.abc import Iterator
+from contextlib import contextmanager, nullcontext, redirect_stdout
 from functools import cache
 from importlib import import_module
-from importlib.metadata import EntryPoint, entry_points
+from importlib.metadata import Distribution, EntryPoint, distribution, distributions
 from pkgutil import iter_modules
 from traceback import walk_tb
 from typing import Any, NamedTuple
@@ -69,20 +72,22 @@ def parts(group: str, form: Any, package: str = "") -> Iterator[Added]:
 
 def leave_plugin_out(group: str, name: str, fault: BaseException) -> None:
     """Warn that a part of a plug-in is left out, and why."""
-    point = points(group)[name]
-    package = point.dist.name if point.dist else point.module
-    what = f"plug-in `{name}` ({group}) of {package} is left out"
-    warnings.warn(f"{what}: {type(fault).__name__}: {fault}", PluginLeftOut, stacklevel=3)
+    _leave_out(group, points(group)[name], f"{type(fault).__name__}: {fault}")
+
+
+def _leave_out(group: str, point: EntryPoint, why: str) -> None:
+    what = f"plug-in `{point.name}` ({group}) of {_owner(point)} is left out"
+    warnings.warn(f"{what}: {why}", PluginLeftOut, stacklevel=4)
+
+
+def _owner(point: EntryPoint) -> str:
+    """Return the name of the package that an entry point comes with."""
+    return point.dist.name if point.dist else point.module
 
 
 def blamed(fault: BaseException) -> str | None:
     """Return the package whose plug-in was at work when something failed; None for our own."""
-    packages = {
-        point.module.partition(".")[0]
-        for group in _installed().groups
-        if group.startswith("mapmore.")
-        for point in _installed().select(group=group)
-    }
+    packages = {point.module.partition(".")[0] for point in _installed()}
     frames = (frame for frame, _ in walk_tb(fault.__traceback__))
     names = (str(frame.f_globals.get("__name__")).partition(".")[0] for frame in frames)
     return next((name for name in names if name in packages - {"mapmore_cli"}), None)
@@ -99,17 +104,78 @@ def _parts_in(group: str, name: str, source: Any) -> Iterator[Added]:
         yield Added(getattr(value, "name", name), value, source)
 
 
+OURS = "mapmore"
+"""The package whose parts none of another package replaces."""
+
+NONE_OF_OTHERS = "MAPMORE_NO_PLUGINS"
+"""The variable that leaves out the plug-ins of other packages, also in worker processes."""
+
+
+def leave_out_others() -> None:
+    """Leave out the plug-ins of all other packages, in this process and those that it starts."""
+    os.environ[NONE_OF_OTHERS] = "1"
+    for remembered in (_installed, points):
+        remembered.cache_clear()
+
+
 @cache  # reading what is installed takes longer than all else at the start
-def _installed() -> Any:
-    return entry_points()
+def _installed() -> tuple[EntryPoint, ...]:
+    """Return our entry points and those of others for us; a package whose list of them cannot be
+    read is left out.
+    """
+    found, packages = list[EntryPoint](), set[str]()
+    for package in [distribution(OURS)] if os.environ.get(NONE_OF_OTHERS) else distributions():
+        try:
+            ours = [one for one in package.entry_points if one.group.startswith("mapmore.")]
+            # the first on Python's path is the one that is imported
+            if not ours or package.name in packages:
+                continue
+            packages.add(package.name)
+            _ = [one.module for one in ours]  # asks for the form of the value
+        except Exception as fault:  # whatever is wrong there, the rest goes on without it
+            what = f"the plug-ins of {_name_of(package)} are left out"
+            why = f"its entry_points.txt cannot be read ({type(fault).__name__}: {fault})"
+            warnings.warn(f"{what}: {why}", PluginLeftOut, stacklevel=2)
+            continue
+        found += ours
+    return tuple(found)
+
+
+def _name_of(package: Distribution) -> str:
+    try:
+        return str(package.name)
+    except Exception:  # its other files are broken too
+        return str(package.locate_file(""))
 
 
 @cache
 def points(group: str) -> dict[str, EntryPoint]:
-    """Return the entry points of a group by name; of two with one name, the first by module."""
-    of_group = _installed().select(group=f"mapmore.{group}")
-    by_module = sorted(of_group, key=lambda point: point.value)
-    return {point.name: point for point in reversed(by_module)}
+    """Return the entry points of a group by name; of two with one name, ours, else the first by
+    module. The other one is named in a warning.
+    """
+    found = dict[str, EntryPoint]()
+    of_group = (point for point in _installed() if point.group == f"mapmore.{group}")
+    for point in sorted(of_group, key=lambda one: (_owner(one) != OURS, one.value)):
+        if point.name not in found:
+            found[point.name] = point
+        elif point.value != found[point.name].value:
+            _leave_out(group, point, f"`{point.name}` is that of {_owner(found[point.name])}")
+    return found
+
+
+@contextmanager
+def _printing_to_stderr() -> Iterator[None]:
+    """Let what is printed meanwhile go to stderr, also by libraries in C: results alone belong on
+    stdout.
+    """
+    with redirect_stdout(sys.stderr):
+        kept = os.dup(1)
+        os.dup2(2, 1)
+        try:
+            yield
+        finally:
+            os.dup2(kept, 1)
+            os.close(kept)
 
 
 @cache
@@ -117,7 +183,8 @@ def load(group: str, name: str) -> Any:
     """Return what an entry point names; raises NotInstalled where it cannot be imported."""
     point = points(group)[name]
     try:
-        return point.load()
+        with nullcontext() if _owner(point) == OURS else _printing_to_stderr():
+            return point.load()
     except (Exception, SystemExit) as fault:
         raise NotInstalled(
             f"`{name}` is not installed: {point.value} cannot be imported ({fault})",

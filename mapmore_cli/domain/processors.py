@@ -84,9 +84,10 @@ def processes(count: int, method: str, work: Any = None) -> Iterator[ProcessPool
     begin = partial(_begin, os.getpid(), work)
     try:
         pool = ProcessPoolExecutor(count, get_context(method), initializer=begin)
-    except OSError as fault:  # the system keeps the locks between processes as small files
+    # the system keeps the locks between processes as small files, or has none
+    except (OSError, NotImplementedError) as fault:
         raise WriteError(
-            f"no worker process can be started: {os.strerror(fault.errno or 0)}",
+            f"no worker process can be started: {getattr(fault, 'strerror', None) or fault}",
             "make room in shared memory (/dev/shm) and on the disk",
         ) from fault
     with pool:

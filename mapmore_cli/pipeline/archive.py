@@ -4,9 +4,9 @@ with later ones.
 
 from __future__ import annotations
 
+import errno
 import json
 import re
-import shutil
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
@@ -28,7 +28,14 @@ from mapmore_cli.pipeline.staleness import (
     slice_differences,
 )
 from mapmore_cli.storage.artefacts import read_model
-from mapmore_cli.storage.atomic import refusals_told, sync_tree, unfinished_beside, write_text
+from mapmore_cli.storage.atomic import (
+    refusals_told,
+    refuse_link,
+    sync_tree,
+    unfinished_beside,
+    write_bytes,
+    write_text,
+)
 from mapmore_cli.storage.run_folder import MODEL
 from mapmore_cli.storage.run_record import (
     CAMPAIGN_RECORD,
@@ -67,13 +74,15 @@ def freeze(run_dir: Path, tag: str, archive: Path) -> Path:
             "make the run anew with `mapmore run CONFIG --force`",
         )
     place = archive / f"{name}@{tag}"
-    if place.exists():
-        raise WriteError(f"{place}: is frozen already, and stays as it is", "choose another tag")
+    refuse_link(place)
+    taken = WriteError(f"{place}: is frozen already, and stays as it is", "choose another tag")
     with refusals_told(archive):
         archive.mkdir(parents=True, exist_ok=True)
         with unfinished_beside(place, folder=True) as unfinished:
+            if place.exists():
+                raise taken
             for kept in KEPT:
-                shutil.copyfile(run_dir / kept, unfinished / kept)
+                write_bytes(unfinished / kept, (run_dir / kept).read_bytes())
             hashes = {kept: take_stamp(unfinished / kept).sha256 for kept in KEPT}
             document = {
                 "creator": f"mapmore {__version__}",
@@ -88,7 +97,12 @@ def freeze(run_dir: Path, tag: str, archive: Path) -> Path:
                 (unfinished / file).chmod(0o444)  # read-only
             sync_tree(unfinished)
             unfinished.chmod(0o755)
-            unfinished.rename(place)
+            try:
+                unfinished.rename(place)
+            except OSError as fault:
+                if fault.errno in (errno.ENOTEMPTY, errno.EEXIST):  # by another process meanwhile
+                    raise taken from fault
+                raise
     return place
 
 

@@ -30,7 +30,7 @@ from mapmore_cli.modelling.program.model import slopes
 from mapmore_cli.modelling.signals.rates import with_signals
 from mapmore_cli.modelling.validation.intervals import INTERVAL, interval
 from mapmore_cli.pipeline.records import reading_of
-from mapmore_cli.storage.atomic import refusals_told, write_bytes
+from mapmore_cli.storage.atomic import make_folder, refusals_told, replacing, write_bytes
 from mapmore_cli.storage.tables import known_names
 from mapmore_cli.storage.tables.cells import CellReader
 from mapmore_cli.study.fields import as_target
@@ -355,9 +355,10 @@ def write_frames(
                 f"{label}: columns of different length: {lengths}",
                 "they do not belong to one recording",
             )
-        folder.mkdir(parents=True, exist_ok=True)
+        folder.parent.mkdir(parents=True, exist_ok=True)
+        make_folder(folder)
         paths.append(folder / f"recording_{number}.h5")
-        with h5py.File(paths[-1], "w") as file:
+        with replacing(paths[-1]) as raw, h5py.File(raw, "w") as file:
             for name, values in arrays.items():
                 file.create_dataset(name, data=values, track_times=False)
     for name, told in read.items():

@@ -10,7 +10,7 @@ from __future__ import annotations
 import os
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TypedDict
 
@@ -31,9 +31,11 @@ from mapmore_cli.pipeline.staleness import (
     refuse_circle,
 )
 from mapmore_cli.storage.atomic import refusals_told, write_text
+from mapmore_cli.storage.ownership import TRASH
 from mapmore_cli.storage.run_folder import (
     RunFiles,
     is_tidy,
+    make_way,
     open_run_folder,
     recover,
     run_lock,
@@ -43,12 +45,14 @@ from mapmore_cli.storage.run_folder import (
 from mapmore_cli.storage.run_record import (
     Origin,
     StageRecord,
+    Stamp,
     load_origin,
     load_records,
     save_records,
     tool_versions,
+    written_files,
 )
-from mapmore_cli.storage.stamps import stamps_of
+from mapmore_cli.storage.stamps import stamps_of, take_stamp
 from mapmore_cli.study.loader import LoadedSpec
 
 RESOLVED_SPEC = "experiment.yaml"
@@ -198,7 +202,7 @@ def _from(run_dir: Path, path: Path) -> str:
 @dataclass(frozen=True)
 class _Run:
     """A run in its folder, and who is told of it; `given` are other stages than those of the
-    pipeline.
+    pipeline, and `written` are files besides theirs that the record does not list yet.
     """
 
     loaded: LoadedSpec
@@ -209,6 +213,7 @@ class _Run:
     progress: Progress
     warn: Warn
     on_stage: OnStage
+    written: dict[str, Stamp] = field(default_factory=dict)
 
     def settled(self, until: str) -> list[StagePlan] | None:
         """Return the plans where nothing is to be done, seen without the lock of the run, since
@@ -252,8 +257,7 @@ class _Run:
         if self.loaded.spec.model.type != AUTO:
             records.pop(SEARCH_STAGE, None)
         if load_origin(self.run_dir) != self.origin:
-            # a new run as well: from now on the folder is known as a run's
-            save_records(self.run_dir, self.loaded.spec.name, self.origin, records)
+            self.save(records)  # a new run as well: from now on the folder is known as a run's
         plans, kept = list[StagePlan](), dict(records)
         for plan in self.planned(until, records):
             plans.append(plan)
@@ -268,12 +272,37 @@ class _Run:
                     raise
             if now != kept.get(name):
                 kept[name] = now
-                save_records(self.run_dir, self.loaded.spec.name, self.origin, kept)
+                self.save(kept)
             if self.checks(plan, until):
                 self.apply_rules(plan)
-        for path, text in self.unwritten(until).items():
-            write_text(path, text)
+        for name, text in self.unwritten(until).items():
+            self.write(name, text)
+        if self.written:
+            self.save(kept)
         return plans
+
+    def save(self, records: Mapping[str, StageRecord]) -> None:
+        """Write the record, with what was written besides the stages since."""
+        name = self.loaded.spec.name
+        save_records(self.run_dir, name, self.origin, records, self.written)
+        self.written.clear()
+
+    def write(self, name: str, text: str) -> None:
+        """Write a file besides those of the stages, where it does not say so already."""
+        path = self.run_dir / name
+        if not path.is_file() or path.read_bytes() != text.encode():
+            self.tell_taken(make_way(self.run_dir, name, written_files(self.run_dir)))
+            write_text(path, text)
+        self.written[name] = take_stamp(path)
+
+    def tell_taken(self, paths: Sequence[str]) -> None:
+        """Warn of files that had to make way, and that the run did not write as they were."""
+        if paths:
+            self.warn(
+                f"{self.run_dir}: {', '.join(paths)} was changed after the run, or came from "
+                "elsewhere. The new results take this place, and what was there is in "
+                f"{self.run_dir.parent / TRASH}"
+            )
 
     def planned(self, until: str, records: Mapping[str, StageRecord]) -> Iterator[StagePlan]:
         """Yield the plans, each from the files as they are then."""
@@ -299,7 +328,8 @@ class _Run:
             with one_blas_thread():
                 stage.run(plan.part, workspace)
             outputs = stamps_of(out, stage.outputs)
-            swap_in(out, self.run_dir, stage.outputs)
+            known = written_files(self.run_dir)
+            self.tell_taken(swap_in(out, self.run_dir, stage.outputs, known))
         seconds, why = round(time.perf_counter() - started, 3), plan.reason or ""
         return replace(plan.now, outputs=outputs, tools=tool_versions(), seconds=seconds, why=why)
 
@@ -313,7 +343,7 @@ class _Run:
         """
         issues = findings.kept(self.run_dir, findings.mark_of(self.loaded, ingest.now.fingerprint))
         ends = self.options.check and issues is not None and findings.refusal(issues)
-        return None if ends else issues
+        return None if ends or findings.FINDINGS not in written_files(self.run_dir) else issues
 
     def apply_rules(self, ingest: StagePlan) -> None:
         """Apply the rules to the ingested data, unless they were, and tell what they find; raises
@@ -327,7 +357,8 @@ class _Run:
 
         issues = tuple(issues_of(self.loaded, RunFiles(self.run_dir).dataset()))
         self.tell(issues)
-        findings.keep(self.run_dir, findings.mark_of(self.loaded, ingest.now.fingerprint), issues)
+        mark = findings.mark_of(self.loaded, ingest.now.fingerprint)
+        self.write(findings.FINDINGS, findings.as_text(mark, issues))
 
     def tell(self, issues: Sequence[findings.Issue]) -> None:
         """Warn of the findings; raise those that are errors, unless they do not count."""
@@ -394,18 +425,21 @@ class _Run:
             and (run_dir / RESOLVED_SPEC).is_file()
         )
 
-    def unwritten(self, until: str) -> dict[Path, str]:
+    def unwritten(self, until: str) -> dict[str, str]:
         """Return the specs that belong to the run and are not there already, by their files: what
-        runs again where it lies, and what a search found.
+        runs again where it lies, and what a search found. So are those that the record lacks.
         """
         if until == SEARCH_STAGE:
             return {}
         spec = as_found(self.loaded, self.run_dir)
-        texts = {self.run_dir / RESOLVED_SPEC: spec.resolved_in(self.run_dir)}
+        texts = {RESOLVED_SPEC: spec.resolved_in(self.run_dir)}
         if spec is not self.loaded:
-            texts[self.run_dir / FOUND] = spec.resolved_in(self.run_dir, given_only=True)
+            texts[FOUND] = spec.resolved_in(self.run_dir, given_only=True)
+        known = written_files(self.run_dir)
         return {
-            path: text
-            for path, text in texts.items()
-            if not path.is_file() or path.read_bytes() != text.encode()
+            name: text
+            for name, text in texts.items()
+            if name not in known
+            or not (path := self.run_dir / name).is_file()
+            or path.read_bytes() != text.encode()
         }

@@ -10,21 +10,23 @@ import re
 import shutil
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager, nullcontext, suppress
 from io import BufferedRandom
 from pathlib import Path
 from secrets import token_hex
-from typing import IO
+from tempfile import gettempdir
+from typing import IO, cast
 
 from mapmore_cli.domain.errors import WriteError
 
 TEMPORARY = ".tmp-"
 """How the names of unfinished files and folders start."""
 
-UNFINISHED = re.compile(
-    re.escape(TEMPORARY) + r"(?:[0-9a-f]{12}-.+|[a-z]+-[a-z0-9_]{8})", re.DOTALL
-)
-"""Names of files and of folders that this module and `run_folder.stage_folder` have begun."""
+UNFINISHED = re.compile(re.escape(TEMPORARY) + r"[0-9a-f]{12}-.+", re.DOTALL)
+"""Names of files and of folders that `unfinished_beside` has begun."""
+
+_NO_LINK = getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_CLOEXEC", 0) | getattr(os, "O_BINARY", 0)
+"""How every file is opened: a link in its place is refused by the system itself."""
 
 _FULL = {errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EFBIG}
 _REFUSED = {
@@ -34,20 +36,47 @@ _REFUSED = {
     errno.ENOTDIR,
     errno.EEXIST,
     errno.ENAMETOOLONG,
+    errno.ELOOP,
+    errno.EXDEV,
+    errno.ENOTEMPTY,
 }
 
 
 def is_special(path: Path) -> bool:
     """Whether something other than a file stands at `path`, which is written into and never
     replaced: a pipe, a terminal, `/dev/null`.
+    """
+    other = path.exists() and not path.is_file() and not path.is_dir()
+    # what a link of the user leads to is nothing that he named
+    return _is_of_system(path) or (other and not path.is_symlink())
 
-    So is what goes by a name in `/dev`, `/dev/fd` or `/proc`, as `/dev/stdout`, even where it is a
-    file: another program holds it open. What lies in a folder of `/dev`, as in `/dev/shm`, is a
-    file like any other.
+
+def _is_of_system(path: Path) -> bool:
+    """Whether a place goes by a name in `/dev`, `/dev/fd` or `/proc`, as `/dev/stdout`, which is
+    written into even where it is a file, or a link to one: another program holds it open.
+
+    What lies in a folder of `/dev`, as in `/dev/shm`, is a file like any other.
     """
     place = Path(os.path.abspath(path))  # noqa: PTH100 - links stay as they are named
-    by_name = place.parts[1:2] == ("proc",) or place.parent in (Path("/dev"), Path("/dev/fd"))
-    return by_name or (place.exists() and not place.is_file() and not place.is_dir())
+    return place.parts[1:2] == ("proc",) or place.parent in (Path("/dev"), Path("/dev/fd"))
+
+
+def refuse_link(place: Path) -> None:
+    """Raise WriteError where a link stands in place of a file or folder that is to be written."""
+    if place.is_symlink():
+        raise WriteError(
+            f"{place}: is a link, and mapmore writes through no link, because what it leads to "
+            "would be overwritten",
+            "move the link away, or name the place that it leads to",
+        )
+
+
+def make_folder(folder: Path) -> None:
+    """Make a folder that mapmore itself names, where it is missing; WriteError where it is a
+    link.
+    """
+    refuse_link(folder)
+    folder.mkdir(exist_ok=True)
 
 
 @contextmanager
@@ -71,28 +100,33 @@ def unfinished_beside(path: Path, folder: bool = False) -> Iterator[Path]:
     try:
         yield unfinished
     finally:
-        remove(unfinished)
+        with suppress(OSError) if folder else nullcontext():  # the next one clears it away
+            remove(unfinished)
         _let_go(handle)
+
+
+@contextmanager
+def scratch_folder() -> Iterator[Path]:
+    """Make a private folder in that of the system for temporary files, gone at the end; what killed
+    processes left of theirs is cleared away.
+    """
+    with unfinished_beside(Path(gettempdir()) / "mapmore", folder=True) as folder:
+        yield folder
 
 
 def _clear_abandoned(path: Path) -> None:
     """Remove the unfinished files and folders for `path` that no process holds."""
     name = re.compile(rf"{re.escape(TEMPORARY)}[0-9a-f]{{12}}-{re.escape(path.name)}", re.DOTALL)
-    with suppress(
-        OSError
-        # a folder that cannot be looked at, or that is another user's, does not keep this one from
-        # writing
-    ):
-        for left in [
-            path.parent / entry
-            for entry in os.listdir(path.parent)  # noqa: PTH208
-            if name.fullmatch(entry)
-        ]:
-            if (handle := _locked(left, patient=False)) is not None:
-                try:
+    found = list[str]()
+    with suppress(OSError):  # a folder that cannot be looked at may still be written
+        found = list(filter(name.fullmatch, os.listdir(path.parent)))  # noqa: PTH208
+    for left in (path.parent / entry for entry in found):
+        if (handle := _locked(left, patient=False)) is not None:
+            try:
+                with suppress(OSError):  # what another user left
                     remove(left)
-                finally:
-                    os.close(handle)
+            finally:
+                os.close(handle)
 
 
 def _locked(place: Path, patient: bool = True) -> int | None:
@@ -106,7 +140,7 @@ def _locked(place: Path, patient: bool = True) -> int | None:
 
     handle = None
     try:
-        handle = os.open(place, os.O_RDONLY | os.O_NONBLOCK)
+        handle = os.open(place, os.O_RDONLY | os.O_NONBLOCK | _NO_LINK)
         fcntl.flock(handle, fcntl.LOCK_EX | (0 if patient else fcntl.LOCK_NB))
     except OSError:
         _let_go(handle)
@@ -132,21 +166,29 @@ def replacing(path: Path) -> Iterator[BufferedRandom]:
     """Open a file that takes the place of `path` when the block ends without error: written beside
     it, flushed to the disk, moved over it.
 
-    In an unfinished folder it is not flushed: `sync_tree` flushes the whole folder before that
-    takes its place.
+    In an unfinished folder it is written where it belongs, and not flushed: `sync_tree` flushes the
+    whole folder before that takes its place. Raises WriteError where a link stands there.
     """
-    # what a link leads to is replaced, not the link
-    path = path.resolve() if path.is_symlink() else path
+    refuse_link(path)
     alone = not any(UNFINISHED.fullmatch(part) for part in path.parent.parts)
-    with refusals_told(path.parent), unfinished_beside(path) as unfinished:
-        with unfinished.open("r+b") as file:
+    with (
+        refusals_told(path.parent),
+        unfinished_beside(path) if alone else nullcontext(path) as unfinished,
+    ):
+        how = os.O_RDWR | os.O_CREAT | os.O_TRUNC
+        with cast(BufferedRandom, _opened(unfinished, how, "r+b")) as file:
             yield file
             file.flush()
             if alone:
                 os.fsync(file.fileno())
-        unfinished.replace(path)
         if alone:
+            unfinished.replace(path)
             sync_folder(path.parent)
+
+
+def _opened(path: Path, how: int, mode: str) -> IO[bytes]:
+    """Open a file for writing, unless it is a link."""
+    return os.fdopen(os.open(path, how | _NO_LINK, 0o666), mode)
 
 
 @contextmanager
@@ -158,7 +200,10 @@ def written(path: Path) -> Iterator[IO[bytes]]:
         with replacing(path) as file:
             yield file
         return
-    with refusals_told(path.parent), path.open("wb") as stream:
+    with (
+        refusals_told(path.parent),
+        path.open("wb") if _is_of_system(path) else _opened(path, os.O_WRONLY, "wb") as stream,
+    ):
         yield stream
 
 

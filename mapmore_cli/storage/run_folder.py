@@ -15,7 +15,6 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, cast
 
@@ -23,14 +22,16 @@ from mapmore_cli.domain.arrays import SCRATCH
 from mapmore_cli.domain.errors import DataError, WriteError
 from mapmore_cli.domain.results import Search
 from mapmore_cli.storage.atomic import (
-    TEMPORARY,
     UNFINISHED,
     refusals_told,
+    refuse_link,
     remove,
     sync_folder,
     sync_tree,
+    unfinished_beside,
 )
-from mapmore_cli.storage.run_record import RUN_RECORD, read_scores
+from mapmore_cli.storage.ownership import ASIDE, LOCK, is_as_written, is_same, put_back, to_trash
+from mapmore_cli.storage.run_record import RUN_RECORD, Stamp, read_scores, written_files
 
 if TYPE_CHECKING:
     from mapmore_cli.domain.fits import SegmentedCurve
@@ -50,6 +51,9 @@ RESULTS: Mapping[str, str] = MappingProxyType(
     {"ingest": DATASET, "segment": SEGMENTATION, "fit": FIT, "fuse": MODEL, "validate": VALIDATION}
 )
 """The file that shows what a stage found; `report` has a page instead."""
+
+NOTHING: Mapping[str, Stamp] = MappingProxyType({})
+"""What an empty record lists."""
 
 
 @lru_cache(maxsize=6)
@@ -113,11 +117,6 @@ class RunFiles:
 SEARCH = "search.json"
 """The file of what a search tried."""
 
-ASIDE = ".old-"
-"""How the name of a folder that makes way starts."""
-
-LOCK = ".lock"
-
 
 @contextmanager
 def run_lock(run_dir: Path, patient: bool = False) -> Iterator[None]:
@@ -154,6 +153,7 @@ def open_run_folder(run_dir: Path) -> None:
     no run's.
     """
     with refusals_told(run_dir):
+        refuse_link(run_dir)
         for place in (run_dir, *run_dir.parents):
             if place.exists() and not place.is_dir():
                 remedy = "move the file away, or choose another folder with --runs"
@@ -171,6 +171,7 @@ def refuse_foreign(folder: Path, record: str) -> None:
     """Raise WriteError where a folder holds files, but not the `record` that mapmore puts into
     every folder of its own.
     """
+    refuse_link(folder)
     try:
         names = {path.name for path in folder.iterdir()} if folder.is_dir() else set[str]()
     except OSError as fault:
@@ -207,8 +208,11 @@ def recover(run_dir: Path, outputs: Iterable[str]) -> None:
     with refusals_told(run_dir):
         for output in outputs:
             aside, place = run_dir / f"{ASIDE}{output}", run_dir / output
-            if aside.is_dir():
-                remove(aside) if place.exists() else aside.rename(place)
+            if aside.is_dir() and not aside.is_symlink():
+                if place.exists():
+                    put_back(run_dir, output, written_files(run_dir))
+                else:
+                    aside.rename(place)
         for entry in sorted(run_dir.iterdir()):
             if UNFINISHED.fullmatch(entry.name):
                 remove(entry)
@@ -227,23 +231,43 @@ def stage_folder(run_dir: Path, stage: str) -> Iterator[Path]:
     """Make a fresh folder inside the run's, on the same file system, gone when the stage ends in
     whatever way; long columns are kept there meanwhile.
     """
-    prefix = f"{TEMPORARY}{stage}-"
-    with TemporaryDirectory(prefix=prefix, dir=run_dir, ignore_cleanup_errors=True) as folder:
-        token = SCRATCH.set(folder)
+    with unfinished_beside(run_dir / stage, folder=True) as folder:
+        token = SCRATCH.set(str(folder))
         try:
-            yield Path(folder)
+            yield folder
         finally:
             SCRATCH.reset(token)
 
 
-def swap_in(folder: Path, run_dir: Path, outputs: Sequence[str]) -> None:
+def make_way(run_dir: Path, name: str, known: Mapping[str, Stamp]) -> list[str]:
+    """Move the file in the place of a new one to the trash, unless it is the one that `known`
+    lists; its path, if it was moved. Raises WriteError where it is a link.
+    """
+    refuse_link(run_dir / name)
+    if not (run_dir / name).is_file() or is_as_written(run_dir / name, known.get(name)):
+        return []
+    to_trash(run_dir, [name])
+    return [name]
+
+
+def swap_in(
+    folder: Path, run_dir: Path, outputs: Sequence[str], known: Mapping[str, Stamp] = NOTHING
+) -> list[str]:
     """Move finished `outputs` from `folder` into the run, each whole, all of them on the disk
     before.
+
+    What `known` does not list as it is, is somebody else's: in a folder it stays, and where it
+    would be overwritten, it moves to the trash. Returns the paths of what did.
     """
     sync_tree(folder)
     for output in outputs:
+        for new in (folder / output, *(folder / output).rglob("*")):
+            refuse_link(run_dir / new.relative_to(folder))
+    taken = list[str]()
+    for output in outputs:
         new, place = folder / output, run_dir / output
         if not (new.is_dir() and place.exists()):
+            taken += [] if is_same(new, place) else make_way(run_dir, output, known)
             new.replace(place)
             continue
         aside = run_dir / f"{ASIDE}{output}"
@@ -253,5 +277,6 @@ def swap_in(folder: Path, run_dir: Path, outputs: Sequence[str]) -> None:
         except BaseException:
             aside.rename(place)
             raise
-        remove(aside)
+        taken += put_back(run_dir, output, known)
     sync_folder(run_dir)
+    return taken

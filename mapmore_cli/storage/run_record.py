@@ -6,6 +6,7 @@ paths, users, hosts or environment.
 
 1.0  first version.
 1.1  `origin`: the spec that the run was made from.
+1.2  `files`: what the run wrote besides the outputs of its stages.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ import csv
 import io
 import json
 import math
+import os
 import platform
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, fields
@@ -21,6 +23,7 @@ from functools import cache
 from importlib.metadata import version
 from itertools import pairwise
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 from pydantic import TypeAdapter
@@ -77,7 +80,7 @@ CAMPAIGN_RECORD = "campaign.json"
 """What tells the folder of a campaign's page from one of the user."""
 STAGES = ("ingest", "search", "segment", "fit", "fuse", "validate", "report")
 """The stages in their order."""
-FORMAT_VERSION = "1.1"
+FORMAT_VERSION = "1.2"
 
 
 @dataclass(frozen=True)
@@ -133,11 +136,14 @@ class Origin:
 
 
 _ORIGIN, _STAGES = TypeAdapter(Origin), TypeAdapter(dict[str, StageRecord])
+_FILES = TypeAdapter(dict[str, Stamp])
 _DAMAGE = (OSError, ValueError, TypeError, KeyError, AttributeError, OverflowError, RecursionError)
 """What reading a document of JSON that is none of ours may raise."""
 
 
 def _read_json(path: Path) -> Any:
+    if not path.is_file():  # a pipe would be waited for
+        raise FileNotFoundError(path)
     return json.loads(path.read_text(encoding="utf-8"))
 
 
@@ -184,15 +190,54 @@ def load_records(run_dir: Path, warn: Callable[[str], None]) -> dict[str, StageR
     return stages
 
 
+def written_files(run_dir: Path) -> dict[str, Stamp]:
+    """Return all files that the record of a run lists, by POSIX path in its folder; none where it
+    cannot be read.
+    """
+    try:
+        document = _read_json(run_dir / RUN_RECORD)
+        refuse_newer(run_dir / RUN_RECORD, str(document["format_version"]), FORMAT_VERSION)
+        found = _FILES.validate_python(document.get("files", {}))
+        for record in _STAGES.validate_python(document["stages"]).values():
+            found |= record.outputs
+    except (*_DAMAGE, DataError):
+        return {}
+    return found
+
+
+def recorded_name(run_dir: Path) -> str | None:
+    """Return the name of the run that the record in a folder is of; None where it is not known."""
+    try:
+        document = _read_json(run_dir / RUN_RECORD)
+        return str(document["name"]) if document["creator"] == "mapmore" else None
+    except _DAMAGE:
+        return None
+
+
 def save_records(
-    run_dir: Path, name: str, origin: Origin, records: Mapping[str, StageRecord]
+    run_dir: Path,
+    name: str,
+    origin: Origin,
+    records: Mapping[str, StageRecord],
+    files: Mapping[str, Stamp] = MappingProxyType({}),
 ) -> None:
-    """Write `run.json` whole."""
+    """Write `run.json` whole; `files` were written besides the outputs of the stages.
+
+    What it listed and lists no more, as of a search that the spec does not ask for any longer,
+    stays among these files, as long as it is there.
+    """
+    outputs = {path for record in records.values() for path in record.outputs}
+    listed = {**written_files(run_dir), **files}
     document = {
         "format_version": FORMAT_VERSION,
         "creator": "mapmore",
         "name": name,
         "origin": asdict(origin),
+        "files": {
+            path: asdict(stamp)
+            for path, stamp in sorted(listed.items())
+            if path not in outputs and os.path.lexists(run_dir / path)
+        },
         "stages": {stage: asdict(record) for stage, record in records.items()},
     }
     write_text(

@@ -230,3 +230,18 @@ def test_a_frozen_model_stands_among_the_competitors_and_stays_as_it_is(campaign
     nobody = against.replace("first@2025", "nobody@2025")
     mapmore(*run, "--set", nobody, code=3, says="mapmore freeze")
     mapmore(*run, "--set", against.replace(", as: before", ""), code=3)
+
+
+def test_a_model_that_another_process_froze_meanwhile(copied, mapmore, monkeypatch):
+    """Found by torture: it was an internal fault."""
+    spec, runs = copied
+
+    def meanwhile(_folder):
+        place = spec.parent / "archive" / "bench@now"
+        place.mkdir()
+        (place / "model.h5").write_text("theirs")
+
+    monkeypatch.setattr("mapmore_cli.pipeline.archive.sync_tree", meanwhile)
+    archive = ("--archive", spec.parent / "archive")
+    mapmore("freeze", runs / "bench", "--tag", "now", *archive, code=7, says="frozen already")
+    assert [one.name for one in (spec.parent / "archive").iterdir()] == ["bench@now"]

@@ -126,7 +126,7 @@ def _stream(path):
         text.write("a\n")
 
 
-def test_devices_and_links_are_not_replaced(tmp_path):
+def test_devices_are_written_into_and_links_are_refused(tmp_path):
     write_text(Path("/dev/null"), "a")
     assert not Path("/dev/null").is_file()
     with pytest.raises(WriteError):
@@ -136,9 +136,10 @@ def test_devices_and_links_are_not_replaced(tmp_path):
     assert not Path("/dev/full").is_file()
     (tmp_path / "real.csv").write_text("old")
     (tmp_path / "link.csv").symlink_to("real.csv")
-    write_text(tmp_path / "link.csv", "new")
-    assert (tmp_path / "link.csv").is_symlink()
-    assert (tmp_path / "real.csv").read_text() == "new"
+    for write in (lambda path: write_text(path, "new"), lambda path: replaced(path).__enter__()):
+        with pytest.raises(WriteError, match=r"link\.csv: is a link"):
+            write(tmp_path / "link.csv")
+    assert (tmp_path / "real.csv").read_text() == "old"
 
 
 @pytest.mark.parametrize(

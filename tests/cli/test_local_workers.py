@@ -13,7 +13,7 @@ from cli_samples import wait_until, write_slow_study
 from common import python
 from filelock import FileLock
 
-from mapmore_cli.domain.errors import MapmoreError
+from mapmore_cli.domain.errors import MapmoreError, WriteError
 from mapmore_cli.domain.processors import in_processes
 
 PROC = Path("/proc/self/task")
@@ -115,3 +115,10 @@ except WriteError as told:
     ended = python(code)
     assert "no worker process can be started: File too large" in ended.stdout, ended.stderr
     assert "/dev/shm" in ended.stdout
+
+
+def test_where_the_system_has_no_locks_no_worker_starts(monkeypatch):
+    """Found by torture: it was an internal fault."""
+    monkeypatch.setitem(sys.modules, "multiprocessing.synchronize", None)
+    with pytest.raises(WriteError, match="no worker process can be started"):
+        list(in_processes(abs, {1: 1, 2: 2}, 2, print))

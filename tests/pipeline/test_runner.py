@@ -350,7 +350,7 @@ def test_edited_record_is_noticed(folder):
 
 def test_record_of_a_newer_format_is_refused(folder):
     path = run(study(folder)).run_dir / "run.json"
-    path.write_text(path.read_text().replace('"format_version": "1.1"', '"format_version": "2.0"'))
+    path.write_text(path.read_text().replace('"format_version": "1.2"', '"format_version": "2.0"'))
     with pytest.raises(DataError, match=r"run\.json.*newer"):
         run(study(folder))
 

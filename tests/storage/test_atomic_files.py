@@ -35,6 +35,7 @@ def test_write_replaces_the_whole_file(tmp_path):
 
 def test_what_is_written_into_and_what_is_replaced(tmp_path):
     os.mkfifo(tmp_path / "pipe")
+    (tmp_path / "a").symlink_to("pipe")
     special = ("/dev/stdout", "/dev/null", "/dev/fd/1", "/proc/self/fd/1", tmp_path / "pipe")
     assert [
         is_special(Path(path)) for path in (*special, tmp_path / "a", "/dev/shm/runs/demo/run.json")
@@ -149,19 +150,47 @@ def test_places_that_cannot_be_the_folder_of_a_run(tmp_path, monkeypatch):
         open_run_folder(tmp_path / "demo")
 
 
-def new_report(run_dir, text):
+def new_report(run_dir, text, known=run_folder.NOTHING):
     with stage_folder(run_dir, "report") as out:
         (out / "report").mkdir()
         (out / "report" / "index.html").write_text(text)
-        swap_in(out, run_dir, ("report",))
+        made = stamps_of(out, ("report",))
+        swap_in(out, run_dir, ("report",), known)
+    return made
 
 
-def test_folders_are_swapped_whole(tmp_path):
-    new_report(tmp_path, "old")
-    (tmp_path / "report" / "left-over.svg").write_text("")
-    new_report(tmp_path, "new")
-    assert [path.name for path in tmp_path.rglob("*")] == ["report", "index.html"]
-    assert (tmp_path / "report" / "index.html").read_text() == "new"
+def test_folders_are_swapped_whole_and_keep_what_others_put_there(tmp_path):
+    run_dir = tmp_path / "runs" / "demo"
+    run_dir.mkdir(parents=True)
+    known = new_report(run_dir, "old")
+    report, trash = run_dir / "report", tmp_path / "runs" / ".trash"
+    (report / "left-over.svg").write_text("ours")
+    known |= stamps_of(run_dir, ("report/left-over.svg",))
+    (report / "notes").mkdir()
+    (report / "notes" / "mine.txt").write_text("mine")
+    (report / "link").symlink_to(tmp_path)
+    known |= new_report(run_dir, "new", known)
+    names = ["report", "report/index.html", "report/link", "report/notes", "report/notes/mine.txt"]
+    assert sorted(path.relative_to(run_dir).as_posix() for path in run_dir.rglob("*")) == names
+    assert (report / "index.html").read_text() == "new"
+    assert not trash.exists()
+    (report / "index.html").write_text("edited by hand")
+    new_report(run_dir, "newer", known)
+    assert (report / "index.html").read_text() == "newer"
+    (kept,) = trash.glob("*/demo/report/index.html")
+    assert kept.read_text() == "edited by hand"
+
+
+def test_an_output_that_is_a_link_is_refused(tmp_path):
+    (tmp_path / "victim").mkdir()
+    (tmp_path / "run").mkdir()
+    (tmp_path / "run" / "report").symlink_to(tmp_path / "victim")
+    with pytest.raises(WriteError, match="report: is a link"):
+        new_report(tmp_path / "run", "new")
+    assert list((tmp_path / "victim").iterdir()) == []
+    (tmp_path / "link").symlink_to(tmp_path / "victim")
+    with pytest.raises(WriteError, match="link: is a link"):
+        open_run_folder(tmp_path / "link")
 
 
 def test_failed_swap_puts_the_old_folder_back(tmp_path, monkeypatch):
@@ -193,7 +222,7 @@ def test_folder_in_place_of_an_output_file_is_not_removed(tmp_path):
 def test_recover(tmp_path):
     (tmp_path / ".old-report").mkdir()
     (tmp_path / ".old-report" / "index.html").write_text("old")
-    (tmp_path / ".tmp-report-x1_23456" / "report").mkdir(parents=True)
+    (tmp_path / ".tmp-0123456789ab-report" / "report").mkdir(parents=True)
     (tmp_path / ".tmp-0123456789ab-run.json").write_text("{")
     (tmp_path / "fit.h5").write_text("kept")
     recover(tmp_path, ["report"])
@@ -204,10 +233,10 @@ def test_recover(tmp_path):
 
 
 def test_only_temporaries_of_our_own_are_removed(tmp_path):
-    for name in (".tmp-x", ".tmp-notes.txt", ".old-thesis"):
+    for name in (".tmp-x", ".tmp-notes.txt", ".tmp-notes-20260101", ".old-thesis"):
         (tmp_path / name).write_text("precious")
     recover(tmp_path, ["report"])
-    assert len(list(tmp_path.iterdir())) == 3
+    assert len(list(tmp_path.iterdir())) == 4
 
 
 def killed_while_it_writes(path):

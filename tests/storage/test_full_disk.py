@@ -2,6 +2,9 @@
 and while a long column is made.
 """
 
+import os
+import signal
+
 import pytest
 from common import python
 
@@ -105,6 +108,53 @@ try:
 except WriteError as error:
     print(error)
 """
+
+
+KILLED = """
+import os, signal, stat, sys, tempfile
+import numpy as np
+from mapmore_cli.domain.arrays import by_blocks
+from mapmore_cli.storage.atomic import scratch_folder
+
+made = []
+
+def remembered(make):
+    def opened(*arguments, **options):
+        made.append(make(*arguments, **options))
+        return made[-1]
+    return opened
+
+tempfile.TemporaryFile = remembered(tempfile.TemporaryFile)
+step = sys.argv[1]
+
+def die(event, _):
+    if event == step:
+        os.kill(os.getpid(), signal.SIGKILL)
+
+with scratch_folder() as folder:
+    states = [folder.stat()]
+    (folder / "study").write_text("x")
+    if step == "folder":
+        os.kill(os.getpid(), signal.SIGKILL)
+column = by_blocks(lambda part: (states.append(os.fstat(made[0].fileno())) if made else None,
+    np.negative(part))[1], np.zeros(2_000_000))
+assert [stat.S_IMODE(one.st_mode) for one in states[:2]] == [0o700, 0o600], states
+assert states[1].st_nlink == 0
+sys.addaudithook(die)
+sys.audit("end")
+"""
+
+
+@pytest.mark.skipif(not hasattr(os, "O_TMPFILE"), reason="files without a name are of Linux")
+def test_nothing_stays_in_the_temporary_folder_of_a_program_that_is_killed(tmp_path):
+    """Long columns are in files without a name, which others cannot read; a folder of a study in
+    memory goes with the next one.
+    """
+    there = {"TMPDIR": str(tmp_path)}
+    for step, left in (("end", 0), ("folder", 1), ("end", 0)):
+        done = python(KILLED, step, env=there)
+        assert (done.returncode, done.stderr) == (-signal.SIGKILL, "")
+        assert len(list(tmp_path.iterdir())) == left
 
 
 def test_a_disk_without_room_for_a_column_is_told(tmp_path):

@@ -2,7 +2,8 @@
 COUNT [SEED]`.
 
 Each trial starts from the results of older settings. A command is begun in a fork and is killed,
-interrupted, left without room on the disk or without the right to write, or meets a second one.
+interrupted, left without room on the disk or without the right to write, is run by a user to whom
+nothing here belongs, sees its clock set back, loses a worker of its cluster, or meets a second one.
 Afterwards every file is whole, old or new. The same command again comes to its end, and leaves,
 byte for byte, what it leaves undisturbed.
 """
@@ -10,17 +11,19 @@ byte for byte, what it leaves undisturbed.
 from __future__ import annotations
 
 import ctypes
+import importlib.util
 import json
 import os
 import random
 import resource
 import shutil
 import signal
+import subprocess
 import sys
 import time
 import traceback
 from collections import Counter
-from contextlib import redirect_stderr, redirect_stdout, suppress
+from contextlib import contextmanager, nullcontext, redirect_stderr, redirect_stdout, suppress
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -32,7 +35,7 @@ from cli_samples import write_study
 
 from mapmore_cli.__main__ import main as mapmore
 from mapmore_cli.cli.app import app
-from mapmore_cli.storage.run_folder import LOCK
+from mapmore_cli.storage.ownership import LOCK
 
 RUN_RECORD = "run.json"  # tells seconds, so its bytes differ from run to run
 NEW = ("--set", "fit.max_terms=2", "--set", "segment.strain.count=3")
@@ -43,12 +46,17 @@ COMMANDS = {
     },
     "run": ("run", "one.yaml", *NEW, "-q"),
     "freeze": ("freeze", "runs/one", "--tag", "new", "--archive", "archive"),
-    "compare": ("compare", "archive/one@old", "runs/one", "--figure", "drift.svg"),
+    "compare": (
+        *("compare", "archive/one@old", "runs/one"),
+        *("--figure", "drift.svg", "--allow-other-settings"),
+    ),
     "export": ("export", "runs/one/model.h5", "--to", "c", "-o", "out", "-q"),
     "batch": ("batch", "one.yaml", "two.yaml", "--jobs", "2", "-q"),
+    "cluster": ("batch", "one.yaml", "two.yaml", "--cluster-file", "../scheduler.json", "-q"),
 }
-# trials, of which one is of the last command: the processes of `batch` import everything anew,
-# which takes long
+SLOW = ("batch", "cluster")
+# trials, of which one is of each slow command: their processes import everything anew, which takes
+# long
 BATCHES = 25
 DONE = (0, 6)  # a missed limit is an end too
 PATIENCE = 60.0  # seconds for a lock that a dying worker holds
@@ -108,6 +116,8 @@ def struck(how, child, delay):
     if how in ("killed", "two at once"):
         time.sleep(delay)
         os.kill(child, signal.SIGKILL)
+    elif how == WORKER_KILLED:
+        time.sleep(delay)
     elif how == "interrupted":
         time.sleep(delay)
         # it has ended, or has no group of its own yet
@@ -138,19 +148,100 @@ def no_rights():
             os._exit(99)
 
 
+def as_nobody():
+    """The command is run by another user, to whom nothing here belongs, and who may read it."""
+    os.setgroups([])
+    os.setresgid(NOBODY, NOBODY, NOBODY)
+    os.setresuid(NOBODY, NOBODY, NOBODY)
+
+
+def clock_set_back(after):
+    """After some seconds the clock is set back by two hours, and with it the times of results."""
+    from mapmore_cli.pipeline import runner
+
+    began, stamps_of = time.monotonic(), runner.stamps_of
+    now, now_ns = time.time, time.time_ns
+
+    def back():
+        return HOURS if time.monotonic() - began > after else 0
+
+    def stamps_then(folder, outputs):
+        for path in folder.rglob("*"):
+            os.utime(path, ns=(time.time_ns(), time.time_ns()))
+        return stamps_of(folder, outputs)
+
+    time.time, time.time_ns = lambda: now() - back(), lambda: now_ns() - back() * 10**9
+    runner.stamps_of = stamps_then
+
+
 def restored(folder):
     for place in (folder, *(path for path in folder.rglob("*") if path.is_dir())):
         place.chmod(0o755)
 
 
 DISTURBANCES = {
-    "killed": 60,
+    "killed": 50,
     "interrupted": 15,
     "full disk": 10,
     "read-only": 5,
+    "another user": 5,
+    "clock set back": 5,
     "two at once": 10,
 }
 """In per cent of the trials."""
+NOBODY, HOURS = 65534, 7200
+WORKER_KILLED = "worker killed"
+"""What happens to a command on a cluster, always."""
+
+
+@dataclass
+class Cluster:
+    """A scheduler of Dask and two workers, processes of their own that nobody starts again."""
+
+    folder: Path
+    workers: list[subprocess.Popen]
+
+    def start(self, program, *arguments):
+        """Start one of the programs of Dask."""
+        line = f"from distributed.cli import {program} as one; one.main()"
+        file = ("--scheduler-file", str(self.folder / "scheduler.json"), "--host", "127.0.0.1")
+        with (self.folder / "dask.log").open("ab") as log:
+            return subprocess.Popen(
+                [sys.executable, "-W", "ignore", "-c", line, *file, "--no-dashboard", *arguments],
+                stdout=log,
+                stderr=log,
+            )
+
+    def fill(self):
+        """Start workers until there are two."""
+        while len(self.workers) < 2:
+            here = ("--local-directory", str(self.folder), "--nthreads", "1", "--no-nanny")
+            self.workers.append(self.start("dask_worker", *here))
+
+    def kill_one(self, number):
+        """Kill a worker, and start another in its place."""
+        ended(self.workers.pop(number))
+        self.fill()
+
+
+def ended(process):
+    process.kill()
+    process.wait()
+
+
+@contextmanager
+def cluster_in(folder):
+    """A scheduler and two workers, as long as they are needed."""
+    found = Cluster(folder, [])
+    scheduler = found.start("dask_scheduler", "--port", "0")
+    try:
+        while not (folder / "scheduler.json").is_file() and scheduler.poll() is None:
+            time.sleep(0.1)
+        found.fill()
+        yield found
+    finally:
+        for process in (scheduler, *found.workers):
+            ended(process)
 
 
 @dataclass(frozen=True)
@@ -167,7 +258,7 @@ class Bench:
 def prepare(root, name):
     start, done = root / f"{name} start", root / f"{name} done"
     shutil.copytree(root / "old", start)
-    if name in ("freeze", "compare", "export", "batch"):
+    if name in ("freeze", "compare", "export", *SLOW):
         assert end_of(begin(start, COMMANDS["run"])) in DONE
     shutil.copytree(start, done)
     began = time.monotonic()
@@ -175,7 +266,7 @@ def prepare(root, name):
     return Bench(start, contents(done), time.monotonic() - began)
 
 
-def trial(bench, name, how, chance, folder):
+def trial(bench, name, how, chance, folder, cluster=None):
     """Disturb a command once; how it ended, and what is wrong afterwards."""
     shutil.rmtree(folder, ignore_errors=True)
     shutil.copytree(bench.start, folder)
@@ -183,14 +274,19 @@ def trial(bench, name, how, chance, folder):
     before = {
         "full disk": partial(little_room, chance.choice([0, 200, 3_000, 9_000, 20_000])),
         "read-only": no_rights,
+        "another user": as_nobody,
+        "clock set back": partial(clock_set_back, chance.uniform(0, bench.seconds)),
     }
     other = begin(folder, COMMANDS[name]) if how == "two at once" else None
     child = begin(folder, COMMANDS[name], before.get(how, lambda: None))
     struck(how, child, chance.uniform(0, 1.1 * bench.seconds))
+    if how == WORKER_KILLED:
+        cluster.kill_one(chance.choice((0, 1)))
     code = end_of(child)
+    fit = {"another user": (7,), "clock set back": DONE, WORKER_KILLED: DONE}
     wrong = (
         []
-        if code in (*DONE, 4, 7, 130, -signal.SIGKILL, -signal.SIGINT)
+        if code in fit.get(how, (*DONE, 4, 7, 130, -signal.SIGKILL, -signal.SIGINT))
         else [f"ended with {code}: {said(folder)}"]
     )
     if other is not None and (second := end_of(other)) not in (*DONE, 7):
@@ -237,7 +333,7 @@ def warm_up(folder, names):
     """Make the results of older settings, here: what is imported by and by is there for all
     forks.
     """
-    for spec in ("one", "two")[: 1 + ("batch" in names)]:
+    for spec in ("one", "two")[: 1 + bool({*SLOW} & {*names})]:
         write_study(folder, spec)
         called(folder, ("run", f"{spec}.yaml", "-q"))
     called(folder, ("freeze", "runs/one", "--tag", "old", "--archive", "archive"))
@@ -265,21 +361,31 @@ def torture(count, seed, names=(*COMMANDS,)):
     """Disturb commands `count` times in turn; how the trials of every disturbance ended, and what
     was wrong.
     """
-    chance, ends, wrong = (
-        random.Random(seed),
-        {how: Counter[str]() for how in DISTURBANCES},
-        list[str](),
-    )
-    with TemporaryDirectory() as place:
+    shares = dict(DISTURBANCES)
+    if os.getuid():
+        del shares["another user"]  # nobody but root may become another; "read-only" is the same
+    ends, wrong = {how: Counter[str]() for how in (*shares, WORKER_KILLED)}, list[str]()
+    chance, quick = random.Random(seed), [name for name in names if name not in SLOW]
+    slow = [name for name in names if name in SLOW]
+    with (
+        TemporaryDirectory() as place,
+        cluster_in(Path(place)) if "cluster" in slow else nullcontext() as cluster,
+    ):
         root = Path(place)
+        root.chmod(0o755)
         old = root / "old"
         old.mkdir()
         warm_up(old, names)
         benches = {name: prepare(root, name) for name in names}
         for number in range(count):
-            name = names[number % len(names)] if number % BATCHES else names[-1]
-            how = chance.choices([*DISTURBANCES], [*DISTURBANCES.values()])[0]
-            end, found = trial(benches[name], name, how, chance, root / "trial")
+            turn = number * len(slow) % BATCHES
+            name = slow[number * len(slow) // BATCHES % len(slow)] if turn < len(slow) else None
+            name = name or quick[number % len(quick)]
+            how = chance.choices([*shares], [*shares.values()])[0]
+            how = WORKER_KILLED if name == "cluster" else how
+            if name in SLOW and how == "another user":
+                how = "read-only"  # Python itself may lie where nobody else can start it
+            end, found = trial(benches[name], name, how, chance, root / "trial", cluster)
             ends[how][end] += 1
             for one in found:
                 wrong.append(f"{number}, {name}, {how}: {one}")
@@ -289,7 +395,15 @@ def torture(count, seed, names=(*COMMANDS,)):
 
 def main(count, seed):
     """Print the table; 1 where something was wrong."""
-    ends, wrong = torture(count, seed)
+    there = importlib.util.find_spec("distributed")
+    names = [name for name in COMMANDS if there or name != "cluster"]
+    if not there:
+        print("left out: `distributed` is not installed, so there is no cluster", file=sys.stderr)
+    if os.getuid():
+        print("left out: only root can run a command as another user", file=sys.stderr)
+    began = time.monotonic()
+    ends, wrong = torture(count, seed, names)
+    print(f"{count} trials in {time.monotonic() - began:.0f} s")
     print("| disturbance | trials | how the command ended |\n|---|---:|---|")
     for how, found in ends.items():
         print(

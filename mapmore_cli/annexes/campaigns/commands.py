@@ -127,11 +127,16 @@ def batch(
                     else replace(result, run_dir=runs / result.name)
                 )
                 _tell(reporter, names[number], result, f"{len(results)} of {len(todo)}")
-    ordered = {name: results[number] for number, name in enumerate(names)}
-    pages = [
-        write_page(one.campaign, {names[number]: results[number] for number in one.jobs}, runs)
-        for one in campaigns
-    ]
+        ordered = {name: results[number] for number, name in enumerate(names)}
+        pages = [
+            write_page(
+                one.campaign,
+                {names[number]: results[number] for number in one.jobs},
+                runs,
+                reporter.warn,
+            )
+            for one in campaigns
+        ]
     taken = {names[number] for one in campaigns for number in one.jobs}
     alone = {name: result for name, result in ordered.items() if name not in taken}
     tables = [table for _, of_page in pages for table in of_page]

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import replace
+from hashlib import sha256
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from mapmore_cli.domain.errors import told
 from mapmore_cli.domain.scores import RUN_PAGE
 from mapmore_cli.reporting.table import Table, to_csv
-from mapmore_cli.storage.atomic import refusals_told, write_text
+from mapmore_cli.storage.atomic import make_folder, refusals_told, write_text
+from mapmore_cli.storage.ownership import to_trash
 from mapmore_cli.storage.run_folder import refuse_foreign
 from mapmore_cli.storage.run_record import CAMPAIGN_RECORD
 from mapmore_cli.study.campaign import Campaign
@@ -22,10 +25,13 @@ if TYPE_CHECKING:
 
 
 def write_page(
-    campaign: Campaign, results: Mapping[str, Finished | BaseException], runs: Path
+    campaign: Campaign,
+    results: Mapping[str, Finished | BaseException],
+    runs: Path,
+    warn: Callable[[str], None] = lambda _message: None,
 ) -> tuple[Path, tuple[Table, ...]]:
     """Write `RUNS/CAMPAIGN/index.html` with its figures and tables; `results` are those of its runs
-    by name, in their order.
+    by name, in their order. `warn` is told of files there that somebody changed.
 
     Returns the path of the page, and the tables on it.
     """
@@ -48,17 +54,45 @@ def write_page(
     runs_of = [one.name for one in results.values() if not isinstance(one, BaseException)]
     record = {"creator": "mapmore", "campaign": campaign.campaign, "runs": runs_of}
     texts = {
-        CAMPAIGN_RECORD: json.dumps(record) + "\n",
         **{f"tables/{table.name}.csv": to_csv(table) for table in tables},
         **{f"{figure.name}.svg": figure.svg for figure in figures},
         "index.html": render_campaign(title, tables, figures, pages, failed),
     }
     with refusals_told(folder):
         refuse_foreign(folder, CAMPAIGN_RECORD)
-        (folder / "tables").mkdir(parents=True, exist_ok=True)
+        folder.mkdir(parents=True, exist_ok=True)
+        make_folder(folder / "tables")
+        files = _ways_made(folder, texts, warn)
+        write_text(folder / CAMPAIGN_RECORD, json.dumps({**record, "files": files}) + "\n")
         for name, text in texts.items():
             write_text(folder / name, text)
     return folder / "index.html", tables
+
+
+def _ways_made(
+    folder: Path, texts: Mapping[str, str], warn: Callable[[str], None]
+) -> dict[str, list[str]]:
+    """Move the files that somebody changed since the last page to the trash; the hashes of what may
+    stand there from now on, be it the last page or this one.
+
+    The record of an older version lists no files: whatever stands there then counts as written.
+    """
+    known: Any = None
+    with suppress(OSError, ValueError, AttributeError):
+        known = json.loads((folder / CAMPAIGN_RECORD).read_bytes()).get("files")
+    files = dict[str, list[str]]()
+    for name, text in texts.items():
+        files[name] = [sha256(text.encode()).hexdigest()]
+        place = folder / name
+        if place.is_symlink() or not place.is_file():
+            continue  # a link is refused where it would be written
+        there = sha256(place.read_bytes()).hexdigest()
+        if not isinstance(known, dict) or there in (*files[name], *known.get(name, ())):
+            files[name].append(there)
+        else:
+            trash = to_trash(folder, [name])
+            warn(f"{place}: was changed after the page was written; what was there is in {trash}")
+    return files
 
 
 def scores_of(

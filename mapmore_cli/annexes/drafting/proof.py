@@ -6,7 +6,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -20,6 +19,7 @@ from mapmore_cli.domain.results import Search
 from mapmore_cli.domain.scores import Score, deciding
 from mapmore_cli.modelling.selection import AUTO
 from mapmore_cli.pipeline.runner import bring_up_to_date
+from mapmore_cli.storage.atomic import scratch_folder
 from mapmore_cli.storage.run_folder import RunFiles
 from mapmore_cli.study.loader import load_text
 from mapmore_cli.study.yaml_loader import dump
@@ -90,8 +90,7 @@ def _tried(draft: Draft, folder: Path, budget: float, progress: Progress) -> tup
     """Return the draft with a model, and what it scored on data that are read once; MapmoreError
     for what `run` or the search have against it.
     """
-    with TemporaryDirectory() as place:
-        runs = Path(place)
+    with scratch_folder() as runs:
         if "dictionary" not in draft.spec:
             loaded = _loaded({**draft.spec, "model": {"type": AUTO, "budget": budget}}, folder)
             ingested = RunFiles(bring_up_to_date(loaded, runs, "ingest").run_dir).dataset()

@@ -13,7 +13,6 @@ import shutil
 import struct
 import subprocess
 import sys
-import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
@@ -27,6 +26,7 @@ from mapmore_cli.modelling.expressions import Name
 from mapmore_cli.modelling.kinds import fed_back, outside_range, simulate
 from mapmore_cli.modelling.program.model import program_of
 from mapmore_cli.modelling.program.values import INPUT
+from mapmore_cli.storage.atomic import scratch_folder, write_bytes, write_text
 
 COMPILERS = ("cc", "gcc", "clang")
 """Looked for in this order, after what the environment variable CC says."""
@@ -104,14 +104,14 @@ def built(
 def _compiled(
     compiler: str, files: Mapping[str, str], compiled: Sequence[str], flags: Sequence[str]
 ) -> bytes:
-    with tempfile.TemporaryDirectory() as folder:
+    with scratch_folder() as folder:
         for name, text in files.items():
-            (Path(folder) / name).write_text(text, encoding="utf-8")
+            write_text(folder / name, text)
         line = [compiler, *FLAGS, *flags, *compiled, "-o", "built", "-lm"]
         subprocess.run(
             line, cwd=folder, check=True, capture_output=True, text=True, timeout=SECONDS
         )
-        return (Path(folder) / "built").read_bytes()
+        return (folder / "built").read_bytes()
 
 
 POINTS = 100
@@ -129,10 +129,10 @@ def verify_program(
     Raises CompilerMissing where there is no compiler; MapmoreError where it refuses the code, or
     its numbers are others.
     """
-    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
-        place = Path(folder) / "verify.exe"
+    with scratch_folder() as folder:
+        place = folder / "verify.exe"
         try:
-            place.write_bytes(built(texts, compiled, ()))
+            write_bytes(place, built(texts, compiled, ()))
         except CompilerFailed as fault:
             raise _unequal(model, str(fault)) from fault
         place.chmod(0o700)
@@ -156,10 +156,10 @@ def verify_files(
     """Write files into a folder and compare what a command there answers; it is given the folder,
     and raises as `verify_program`.
     """
-    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
+    with scratch_folder() as folder:
         for name, code in files.items():
-            (Path(folder) / name).write_text(code, encoding="utf-8")
-        _verify(model, command(folder), CLOSE, folder)
+            write_text(folder / name, code)
+        _verify(model, command(str(folder)), CLOSE, str(folder))
 
 
 def _verify(model: Model, command: Sequence[str], close: float, folder: str | None = None) -> None:
