@@ -227,6 +227,9 @@ class LeftOut:
     residual: Annotated[
         Number, "root mean square training residual, for the parameters fitted", "[target]"
     ] = 0.0
+    smooth: Annotated[
+        Number, "root mean product of neighbouring training residuals", "[target]"
+    ] = 0.0
     apart: Annotated[
         float,
         "standard deviation from recording to recording of one level; NaN without repeats",

@@ -5,7 +5,8 @@ The samples of one curve err together: a sensor, a temperature, a place between 
 the whole curve. So curves count, not samples. Three things add up in half of the width.
 
 *What differs from sample to sample*, `z s_w`: s_w is the root mean square training residual without
-what differs from recording to recording, z the normal quantile.
+what differs from recording to recording, z the normal quantile. What neighbouring samples share of
+it (their mean product) is the model's, has few degrees of freedom, and counts as what follows.
 
 *What differs from curve to curve* (`Offsets`), `t_f s_b sqrt(c)`. Where recordings of a level
 repeat each other with f = sum (n_k - 1) degrees of freedom, s_b comes from these. Otherwise it
@@ -121,6 +122,8 @@ def with_levels(
     """
     every = np.concatenate([one for level in training.values() for one in level] or [np.zeros(1)])
     n, p = len(every), parameters if parameters < len(every) else 0
+    pairs = [one[1:] * one[:-1] for level in training.values() for one in level]
+    smooth = max(float(np.mean(np.concatenate([*pairs, [0.0]]))), 0.0)
     residual = float(np.sqrt(np.mean(every**2) * (n + p) / (n - p)))
     if left_out.kind not in ("levels", "blocks") or None in training:
         return replace(left_out, residual=residual)
@@ -130,6 +133,7 @@ def with_levels(
         residual=residual,
         places=tuple(places),
         repeats=tuple(len(training[level]) for level in places),
+        smooth=math.sqrt(smooth),
         apart=scatter_of_recordings(list(training.values())),
     )
 
@@ -185,13 +189,15 @@ def interval_limits(left_out: LeftOut) -> str | None:
 class Offsets:
     """What curves of one level differ by, and what is left of the errors of left-out levels.
 
-    - `noise`: mean square of what differs from sample to sample; `square`: that from curve to
+    - `noise`: mean square of what differs from sample to sample; `smooth`: of that what neighbours
+      share, as where a model does not bend enough; `square`: that from curve to
       curve, with so many degrees of `freedom`; `repeated`: whether repeats tell it.
     - `missed`, `explained`: mean square error of the left-out levels, 0 where none was left out;
       what of it noise and, where repeats tell it, curves explain.
     """
 
     noise: float
+    smooth: float
     square: float
     freedom: float
     repeated: bool
@@ -210,6 +216,7 @@ def offsets_of(left_out: LeftOut) -> Offsets | None:
     known = math.isfinite(left_out.apart)
     own, repeats = (left_out.apart**2, float(np.sum(n - 1))) if known else (0.0, 0.0)
     noise = max(left_out.residual**2 - own * float(np.mean(1 - 1 / n)), 0.0)
+    smooth = min(max(left_out.smooth**2 - own * float(np.mean(1 - 1 / n)), 0.0), noise)
     missed, share, others = 0.0, 1.0, 0.0
     if left_out.kind == "levels" and count > 2:
         missed = float(np.mean(left_out.offset**2 + left_out.scatter**2))
@@ -218,10 +225,10 @@ def offsets_of(left_out: LeftOut) -> Offsets | None:
         share = 1 + float(np.mean((1 - t) ** 2 / n[:-2] + t**2 / n[2:]))
         others = NEIGHBOURS * (count - 1)
     if repeats >= max(others, LEAST_FREEDOM):
-        return Offsets(noise, own, repeats, True, missed, noise + own * share)
+        return Offsets(noise, smooth, own, repeats, True, missed, noise + own * share)
     if others < LEAST_FREEDOM:
         return None
-    return Offsets(noise, max(missed - noise, 0.0) / share, others, False, missed, noise)
+    return Offsets(noise, smooth, max(missed - noise, 0.0) / share, others, False, missed, noise)
 
 
 def half_widths(left_out: LeftOut, at: Array, level: float) -> Array:
@@ -248,8 +255,9 @@ def of_levels(left_out: LeftOut, at: Array, level: float) -> Array:
     gap, t, _ = gaps(left_out, at)
     n = np.array(left_out.repeats)
     share = 1 + (1 - t) ** 2 / n[gap] + t**2 / n[np.minimum(gap + 1, count - 1)]
-    of_curves = stdtrit(found.freedom, 0.5 + level / 2) ** 2 * found.square * share
-    squares = ndtri(0.5 + level / 2) ** 2 * found.noise + of_curves
+    of_curves = found.square * share + found.smooth * (share if found.repeated else 1.0)
+    squares = ndtri(0.5 + level / 2) ** 2 * (found.noise - found.smooth)
+    squares = squares + stdtrit(found.freedom, 0.5 + level / 2) ** 2 * of_curves
     between = np.minimum(t, 1 - t) >= AT_LEVEL
     if count == 2:
         return np.asarray(np.where(between, np.nan, np.sqrt(squares)))
