@@ -4,6 +4,7 @@ anew; the coverage is what is said.
 
 from pathlib import Path
 
+import interval_coverage
 import interval_tables
 import numpy as np
 import pytest
@@ -12,6 +13,49 @@ from page_tables import DOCS, numbers, page_table, rows_of
 from mapmore_cli.modelling.validation.intervals import FEW
 
 PAGE = DOCS / "intervals.md"
+
+
+def in_per_cent(row):
+    """The coverage in the cells of a row of the tables `coverage` and `bent`; NaN where there are
+    no intervals.
+    """
+    return np.array([float(cell) if cell else np.nan for cell in row[2:]])
+
+
+def test_new_curves_are_covered_wherever_there_are_intervals():
+    rows = rows_of("coverage", PAGE)
+    assert [row[:2] for row in rows] == [
+        [f"{count}", f"{repeats}"]
+        for count in interval_coverage.LEVELS
+        for repeats in interval_coverage.RECORDINGS
+    ]
+    shares = np.array([in_per_cent(row) for row in rows])
+    assert np.nanmin(shares) >= 93
+    assert np.nanmax(shares) <= 99
+    assert np.nanmean(shares <= 97) > 0.4
+    refused = {
+        tuple(map(int, row[:2]))
+        for row, own in zip(rows, shares, strict=True)
+        if np.isnan(own).all()
+    }
+    assert refused == {(2, 1), (3, 1)}
+    bent = np.array([in_per_cent(row) for row in rows_of("bent", PAGE)])
+    assert np.nanmin(bent) >= 93
+
+
+def test_a_row_of_the_coverage():
+    ((*_, at),) = [interval_coverage.covered(interval_coverage.Process(2.0), 5, 2, 100)[None]]
+    assert 0.93 <= at[0] <= 0.99
+    assert 0.93 <= at[1] <= 0.99
+
+
+@pytest.mark.long
+def test_the_coverage_is_what_the_page_says():
+    found = interval_coverage.rows()
+    said = rows_of("coverage", PAGE)
+    for row, own in zip(found, said, strict=True):
+        ours = np.array([np.nan if cell is None else cell for cell in row[2:]])
+        np.testing.assert_allclose(ours, in_per_cent(own), atol=0.11)
 
 
 def test_a_simulated_row():
