@@ -23,7 +23,7 @@ from mapmore_cli.reporting.table import Cell, Table
 
 SAMPLES, ORDER = 40, 5
 LEVEL = 0.95
-CAMPAIGNS, NEW = 250, 4
+CAMPAIGNS, NEW = 200, 5
 """Campaigns of each row, and new curves of each at either place: 1 000 curves."""
 
 LEVELS, RECORDINGS, APART = range(2, 13), range(1, 6), (0.0, 1.0, 2.0, 3.0)
