@@ -23,7 +23,7 @@ from mapmore_cli.fitting.kinds.choices import ModelChoices, model_choices
 from mapmore_cli.fitting.left_out import residuals
 from mapmore_cli.modelling.forecast import forecast
 from mapmore_cli.modelling.literature.backbone import pooled_training
-from mapmore_cli.modelling.validation.intervals import INTERVAL, half_widths, interval_refusal
+from mapmore_cli.modelling.validation.intervals import ASTRAY, INTERVAL, half_widths
 from mapmore_cli.pipeline.runner import bring_up_to_date
 from mapmore_cli.reporting.table import Cell, Table
 from mapmore_cli.storage.artefacts import read_dataset
@@ -211,7 +211,7 @@ def stopping_table(runs: Path) -> Table:
                 left_out = replace(
                     residuals(choices, data, {}, quiet, refit(choices, data)), repeats=(1,) * k
                 )
-                if interval_refusal(left_out) is not None:
+                if left_out.astray > ASTRAY:
                     continue
                 middles = (np.array(known[1:]) + np.array(known[:-1])) / 2
                 if half_widths(left_out, middles, INTERVAL).max() <= wanted * left_out.largest:

@@ -234,9 +234,13 @@ class Fitted(LoadedModel):
 
     def summary(self) -> Table:
         """Return every coefficient with its standard error, t and ERR; n, the number of parameters,
-        AIC and BIC; and what the training data do not tell. `records` has the rows as mappings.
+        AIC and BIC, where all samples count alike; and what the training data do not tell.
+        `records` has the rows as mappings.
         """
-        return summary_table(self.fit, self.model, self.scores.table)
+        fit = self.spec.fit
+        weighed = bool(self.spec.data.uncertainty) or fit.loss != "squares"
+        weighed = weighed or fit.weight != "sample"
+        return summary_table(self.fit, self.model, self.scores.table, weighed)
 
     @cached_property
     def _with_intervals(self) -> Model:

@@ -4,6 +4,7 @@ memory and how they were found.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Annotated, Any
@@ -91,6 +92,11 @@ class Selection:
     scale: Annotated[
         float, "scale of the residuals by which a robust loss weighs them; NaN for squares"
     ] = float("nan")
+    worth: Annotated[
+        float,
+        "independent samples that the samples are worth for theta_error, as their residuals go "
+        "together; NaN where they count as independent",
+    ] = float("nan")
     candidates: tuple[str, ...] = field(default=(), compare=False, metadata={"stored": False})
 
     @property
@@ -111,10 +117,15 @@ class Selection:
 
     @property
     def freedom(self) -> int:
-        """Degrees of freedom of the standard errors: curves where these are summed, else
-        samples.
+        """Degrees of freedom of the standard errors: of curves where these are summed, else of
+        the samples, or of the fewer that these are worth.
         """
-        return self.curves - 1 if self.curves else self.samples - len(self.theta)
+        left = self.samples - len(self.theta)
+        if self.curves:
+            return self.curves - 1
+        return (
+            left if math.isnan(self.worth) else min(left, max(int(self.worth) - len(self.theta), 1))
+        )
 
     def table(self) -> list[dict[str, Any]]:
         """Return a row for each term, in the order of selection: `{"term", "coefficient",

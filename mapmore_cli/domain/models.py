@@ -222,9 +222,19 @@ class LeftOut:
     places: Annotated[
         tuple[Number, ...], "(levels) levels that train", "that of the level", ASCENDING
     ] = ()
-    repeats: Annotated[tuple[Count, ...], "(levels) recordings at each"] = ()
+    repeats: Annotated[tuple[Count, ...], "(levels) recordings that train at each"] = ()
     largest: Annotated[Number, "largest absolute training target", "[target]"] = 0.0
-    residual: Annotated[Number, "root mean square training residual", "[target]"] = 0.0
+    residual: Annotated[
+        Number, "root mean square training residual, for the parameters fitted", "[target]"
+    ] = 0.0
+    smooth: Annotated[
+        Number, "root mean product of neighbouring training residuals", "[target]"
+    ] = 0.0
+    apart: Annotated[
+        float,
+        "standard deviation from recording to recording of one level; NaN without repeats",
+        "[target]",
+    ] = math.nan
     astray: Annotated[
         Number,
         "how far left-out predictions lie beyond the training target, as a share of its range",

@@ -4,7 +4,6 @@ were left out of them.
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
@@ -23,9 +22,10 @@ from mapmore_cli.fitting.competitors import Contest, Forecasts
 from mapmore_cli.fitting.kinds import refit
 from mapmore_cli.fitting.kinds.choices import ModelChoices, model_choices
 from mapmore_cli.fitting.refitting import FEWEST, left_out_of
+from mapmore_cli.modelling import kinds
 from mapmore_cli.modelling.forecast import forecast
 from mapmore_cli.modelling.pieces.cross_validation import BLOCKS, block, in_curve
-from mapmore_cli.modelling.validation.intervals import left_out_summary
+from mapmore_cli.modelling.validation.intervals import left_out_summary, with_levels
 from mapmore_cli.storage.run_folder import RunFiles
 from mapmore_cli.study.loader import load
 
@@ -182,30 +182,30 @@ def residuals(
         beyond = max(np.max(values - high, initial=0.0), np.max(low - values, initial=0.0))
         astray = max(astray, float(beyond) / (high - low) if high > low else 0.0)
         progress(f"{kind} left out", len(errors), len(parts))
-    recordings = Counter[float]()
-    for curve in dataset.curves:
-        if curve.level is not None and curve.training.any():
-            recordings[curve.level] += len(curve.recordings)
-    places = tuple(sorted(recordings))
-    return replace(
-        left_out_summary(kind, count, errors),
-        places=places,
-        repeats=tuple(recordings[level] for level in places),
-        largest=max(abs(low), abs(high)),
-        residual=_training_error(dataset, model),
-        astray=astray,
+    return with_levels(
+        replace(
+            left_out_summary(kind, count, errors), largest=max(abs(low), abs(high)), astray=astray
+        ),
+        _training_residuals(dataset, model, choices.fit.train_level),
+        kinds.parameters(model),
     )
 
 
-def _training_error(dataset: Dataset, model: Model) -> float:
-    """Root mean square of the training residual where the model predicts; 0 where it does not."""
-    missed = []
+def _training_residuals(
+    dataset: Dataset, model: Model, but: object
+) -> dict[float | None, list[Array]]:
+    """Return the training residuals where the model predicts, of each recording by its level; those
+    of one level are left out.
+    """
+    found: dict[float | None, list[Array]] = {}
     for curve in dataset.curves:
         said = forecast(model, curve)
-        missed.append((curve.columns[dataset.target] - said.values)[curve.training & said.ready])
-    residual = np.concatenate(missed)
-    known = residual[np.isfinite(residual)]
-    return float(np.sqrt(np.mean(known**2))) if len(known) else 0.0
+        residual = curve.columns[dataset.target] - said.values
+        known = curve.training & said.ready & np.isfinite(residual)
+        logs = [residual[log][known[log]] for log in curve.logs]
+        if known.any() and (curve.level is None or curve.level != but):
+            found.setdefault(curve.level, []).extend(log for log in logs if len(log))
+    return found
 
 
 def parts_of(dataset: Dataset, choices: ModelChoices) -> tuple[LeftOutKind, int, dict[str, Masks]]:

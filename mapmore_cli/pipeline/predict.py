@@ -26,7 +26,7 @@ from mapmore_cli.modelling.signals.rates import with_signals
 from mapmore_cli.modelling.validation.intervals import (
     ends,
     half_widths_of,
-    interval_refusal,
+    interval_limits,
     intervals_of,
 )
 from mapmore_cli.pipeline.records import (
@@ -183,10 +183,7 @@ def predicted_lines(
     UsageError for an interval that there is none of, or a model that cannot be inverted for that
     input.
     """
-    if (
-        interval is not None
-        and (why := interval_refusal(intervals_of(model, interval))) is not None
-    ):
+    if interval is not None and (why := interval_limits(intervals_of(model, interval))) is not None:
         warn(f"{model.name}: {why}")
     table = Sheet(lines, label, _column_names(model), constants)
     reading = (

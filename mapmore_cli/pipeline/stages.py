@@ -154,7 +154,7 @@ def fit(part: ModelChoices, workspace: Workspace) -> None:
     write_fit(workspace.out / FIT, result, units_of(dataset))
 
 
-FITTING = Stage(name="fit", revision=11, outputs=(FIT,), reads=fit_choices, run=fit)
+FITTING = Stage(name="fit", revision=12, outputs=(FIT,), reads=fit_choices, run=fit)
 
 
 # Fuse: `model.h5`
@@ -183,10 +183,10 @@ def fuse(part: ModelChoices, workspace: Workspace) -> None:
         workspace.warn(note)
     if part.intervals:
         from mapmore_cli.fitting.left_out import residuals
-        from mapmore_cli.modelling.validation.intervals import interval_refusal
+        from mapmore_cli.modelling.validation.intervals import interval_limits
 
         left_out = residuals(part, dataset, workspace.needed, workspace.progress, model)
-        if (why := interval_refusal(left_out)) is not None:
+        if (why := interval_limits(left_out)) is not None:
             workspace.warn(f"validate.intervals: {why}")
         model = replace(model, left_out=left_out)
     # for a reader who has nothing but the file
@@ -212,7 +212,7 @@ def _finished(part: ModelChoices, model: Model, dataset: Dataset) -> Model:
 
 FUSE = Stage(
     name="fuse",
-    revision=10,
+    revision=11,
     outputs=(MODEL,),
     reads=model_choices,
     run=fuse,

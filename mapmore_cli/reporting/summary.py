@@ -14,18 +14,24 @@ from mapmore_cli.modelling.kinds import parameters
 from mapmore_cli.modelling.literature.linear import half_width
 from mapmore_cli.modelling.validation.metrics import information_criteria
 from mapmore_cli.reporting.table import Cell, Table
-from mapmore_cli.reporting.tables import coefficient_rows
+from mapmore_cli.reporting.tables import LOWER_BOUND, coefficient_rows, errors_note
 
 COLUMNS = ("part", "term", "coefficient #.6g", "standard error .3g", "t .3g", "ERR [%] .4f")
 
 
-def summary_table(fit: FitResult, model: Model, scores: ScoreTable) -> Table:
+NO_CRITERIA = (
+    "AIC and BIC are left out: samples were weighed, or a robust loss was minimised, and theirs is "
+    "another likelihood."
+)
+
+
+def summary_table(fit: FitResult, model: Model, scores: ScoreTable, weighed: bool = False) -> Table:
     """Return a row for each coefficient of the formula, and of every segment or of the model with
-    memory.
+    memory; `weighed` says that samples did not count alike in the fit.
 
     Coefficients of terms are of scaled coordinates, those of formulas in their own units. The notes
-    have n, the number of parameters, AIC and BIC; and the coefficients whose 95 % interval includes
-    zero.
+    have n, the number of parameters, AIC and BIC of plain least squares; what standard errors take
+    residuals to be; and the coefficients whose 95 % interval includes zero.
     """
     rows, unclear = list[tuple[Cell, ...]](), list[str]()
     notes, sizes = list[str](), list[str]()
@@ -37,13 +43,15 @@ def summary_table(fit: FitResult, model: Model, scores: ScoreTable) -> Table:
             rows.append((f"{prefix}{part}", term, value, error, t, 100 * err))
             if width > abs(value):
                 unclear.append(f"{term} of {prefix}{part}")
-        notes += own.formula.notes if own.formula is not None else ()
+        notes += (LOWER_BOUND, *own.formula.notes) if own.formula is not None else ()
+        notes += dict.fromkeys(errors_note(piece.selection) for piece in own.pieces)
         count, unit = parameters(one), one.output.unit
         for row in table.scores:
             if (row.model, row.split, row.curve) == (OWN, "train", "all"):
-                aic, bic = information_criteria(row.n, row.rmse, count)
                 size = f"n = {row.n} training samples, {count} parameters, RMSE {row.rmse:.4g}"
-                sizes.insert(0, f"{prefix}{size} {unit}: AIC {aic:.6g}, BIC {bic:.6g}.")
+                aic, bic = information_criteria(row.n, row.rmse, count)
+                said = f": AIC {aic:.6g}, BIC {bic:.6g}." if not weighed else f". {NO_CRITERIA}"
+                sizes.insert(0, f"{prefix}{size} {unit}{said}")
     if unclear:
         notes.append(f"Not told from zero by the training data (95 %): {', '.join(unclear)}.")
     return Table.of("summary", f"Summary of {model.name}", COLUMNS, rows, *sizes, *notes)

@@ -16,6 +16,7 @@ from mapmore_cli.domain.fits import (
     Segment,
     SegmentedCurve,
     SegmentFit,
+    Selection,
 )
 from mapmore_cli.domain.models import CurveRange, Equation, FoldError, Model, SegmentFunction
 from mapmore_cli.domain.recording import Dataset
@@ -102,10 +103,22 @@ def _single_valued(dataset: Dataset, along: str | None) -> list[float]:
     )
 
 
-INDEPENDENCE_CAVEAT = (
-    "The intervals take the samples to be independent. Neighbouring samples of a smooth curve "
-    "are not, so the true intervals are wider."
+LOWER_BOUND = (
+    "Standard errors are lower bounds: they take the samples to be independent, and neighbouring "
+    "samples of a recording err together. The true intervals are wider."
 )
+
+
+def errors_note(found: Selection) -> str:
+    """Return what standard errors of a selection take residuals to be."""
+    if found.curves:
+        return "Standard errors by curve: residuals of one curve may go together."
+    if math.isnan(found.worth):
+        return LOWER_BOUND
+    return (
+        "Standard errors by what residuals of a recording have in common. With fewer than "
+        f"{FEW} curves, or no more than terms, this is a guess."
+    )
 
 
 def segments_table(inputs: ReportInputs) -> Table:
@@ -221,8 +234,7 @@ def coefficients_table(fit: FitResult, unit: str, model: Model | None = None) ->
         ends = (width, theta - width, theta + width, theta * slope, width * abs(slope))
         rows.append((piece.id, row["term"], theta, row["standard_error"], row["t"], *ends))
         unknown += [f"{row['term']} ({piece.id})"] if width > abs(theta) else []
-    by_curve = all(piece.selection.curves for piece in fit.pieces)
-    notes = [BY_CURVE_NOTE if by_curve else f"{INDEPENDENCE_CAVEAT} {GUESS_NOTE}"]
+    notes = list(dict.fromkeys(errors_note(piece.selection) for piece in fit.pieces))
     if unknown:
         named = ", ".join(unknown[:MOST_NAMED]) + (", ..." if len(unknown) > MOST_NAMED else "")
         notes.append(f"Not identified (95 % interval beyond zero): {named}.")
@@ -231,8 +243,6 @@ def coefficients_table(fit: FitResult, unit: str, model: Model | None = None) ->
 
 
 MOST_NAMED = 12  # terms in a sentence
-BY_CURVE_NOTE = "Standard errors by curve: residuals of one curve may go together."
-GUESS_NOTE = f"With fewer than {FEW} curves, or no more than terms, this is a guess."
 
 
 def outliers_table(found: Sequence[Outlier], unit: str) -> Table:
@@ -355,7 +365,7 @@ def formulas_table(inputs: ReportInputs) -> Table:
         *("95 %, from .4g", "to .4g", "method", "rank", "condition .3g", "samples"),
     )
     rows = [row for name, role, formula in fitted for row in _formula_rows(name, role, formula)]
-    notes = [INDEPENDENCE_CAVEAT] if rows else []
+    notes = [LOWER_BOUND] if rows else []
     notes += same_models([(name, formula) for name, _, formula in fitted])
     for name, role, formula in fitted:
         notes += [f"{name} ({role}): {note}" for note in formula.notes]

@@ -4,6 +4,7 @@ anew; the coverage is what is said.
 
 from pathlib import Path
 
+import interval_coverage
 import interval_tables
 import numpy as np
 import pytest
@@ -12,6 +13,32 @@ from page_tables import DOCS, numbers, page_table, rows_of
 from mapmore_cli.modelling.validation.intervals import FEW
 
 PAGE = DOCS / "intervals.md"
+
+
+def in_per_cent(row):
+    """The coverage in the cells of a row of the tables `coverage` and `bent`; NaN where there are
+    no intervals.
+    """
+    return np.array([np.nan if cell in (None, "") else float(cell) for cell in row[2:]])
+
+
+def test_a_row_of_the_coverage():
+    ((*_, at),) = [interval_coverage.covered(interval_coverage.Process(2.0), 5, 2, 100)[None]]
+    assert 0.93 <= at[0] <= 0.99
+    assert 0.93 <= at[1] <= 0.99
+
+
+@pytest.mark.long
+def test_new_curves_are_covered_wherever_there_are_intervals():
+    """Every row, 1 000 new curves a cell; the page has what is found here, once it is made."""
+    found = interval_coverage.rows()
+    shares = np.array([in_per_cent(row) for row in found])
+    refused = {row[:2] for row, own in zip(found, shares, strict=True) if np.isnan(own).all()}
+    assert refused == {(2, 1), (3, 1)}
+    assert np.nanmin(shares) >= 93
+    assert np.nanmax(shares) <= 99
+    for own, said in zip(shares, rows_of("coverage", PAGE), strict=False):
+        np.testing.assert_allclose(own, in_per_cent(said), atol=0.11)
 
 
 def test_a_simulated_row():

@@ -15,7 +15,7 @@ from mapmore_cli.domain.recording import Curve, Dataset
 from mapmore_cli.fitting.kinds.choices import model_choices
 from mapmore_cli.fitting.left_out import residuals
 from mapmore_cli.modelling.forecast import forecast
-from mapmore_cli.modelling.validation.intervals import many_curves
+from mapmore_cli.modelling.validation.intervals import half_widths, many_curves
 from mapmore_cli.storage.artefacts import read_dataset, read_model
 from mapmore_cli.study.loader import load
 
@@ -157,10 +157,10 @@ def test_a_part_that_the_fit_cannot_do_without_is_named(tmp_path, mapmore):
 
 @pytest.fixture(scope="module")
 def model_file(tmp_path_factory, mapmore):
-    """A run that holds 200 kPa out, with intervals; its page as well."""
+    """A run of four levels that holds 200 kPa out, with intervals; its page as well."""
     folder = tmp_path_factory.mktemp("intervals")
     spec = asked(
-        write_study(folder),
+        write_study(folder, levels=(100, 150, 200, 250, 300)),
         ("figures: []", "figures: [fit]"),
         ("formats: [html, csv", "formats: [html, svg"),
     )
@@ -184,8 +184,8 @@ def test_a_table_gains_the_ends(model_file, mapmore):
         "force_by_pressure",
         "force_by_strain",
     ]
-    half = many_curves(read_model(model_file).left_out, 0.9)
-    for row in rows[:2]:
+    halves = half_widths(read_model(model_file).left_out, np.array([100.0, 150.0]), 0.9)
+    for row, half in zip(rows, halves.tolist(), strict=False):
         low, middle, high = (float(row[f"force_{end}"]) for end in ("low", "predicted", "high"))
         assert [low, high] == pytest.approx([middle - half, middle + half])
     assert (rows[2]["outside_range"], rows[2]["force_low"], rows[2]["force_high"]) == (
@@ -209,6 +209,15 @@ def test_the_page_shows_the_band(model_file):
     page = (model_file.parent / "report" / "index.html").read_text()
     assert "The band holds a sample of a new curve with a probability of 95%" in page
     assert "95% interval" in (model_file.parent / "report" / "fit.svg").read_text()
+
+
+def test_three_levels_of_one_recording_have_none_and_say_what_to_measure(study, mapmore):
+    asked(study, (HELD, ""))
+    told = mapmore("fuse", study, code=0).stderr
+    assert "Record every level at least twice, or four levels or more" in " ".join(told.split())
+    told = mapmore("predict", "runs/bench/model.h5", "-", "--interval", "0.9", stdin=TABLE, code=0)
+    assert csv_rows(told.stdout)[1]["force_low"] == ""
+    assert "Record every level at least twice" in " ".join(told.stderr.split())
 
 
 BAD = {

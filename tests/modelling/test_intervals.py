@@ -15,12 +15,13 @@ from mapmore_cli.domain.fits import FormulaFit
 from mapmore_cli.domain.models import CurveRange, Formula, Model
 from mapmore_cli.domain.recording import Quantity
 from mapmore_cli.modelling.validation.intervals import (
-    few_levels,
+    between_levels,
     half_widths,
     interval,
-    interval_refusal,
+    interval_limits,
     left_out_summary,
     many_curves,
+    with_levels,
 )
 
 
@@ -118,7 +119,7 @@ def test_what_cannot_be_is_refused():
             interval(line(), {"pressure": np.array([150.0])}, level)
 
 
-def few(count, offset=2.0, repeats=1, astray=0.0):
+def few(count, offset=2.0, repeats=1, astray=0.0, apart=np.nan):
     """`count` levels at 0, 100, ... with an error of `offset` at every inner one."""
     parts = {f"{i}": [np.full(20, offset)] for i in range(1, count - 1)}
     return replace(
@@ -128,13 +129,14 @@ def few(count, offset=2.0, repeats=1, astray=0.0):
         largest=400.0,
         residual=0.5,
         astray=astray,
+        apart=apart,
     )
 
 
 @pytest.mark.parametrize(("count", "scale"), [(3, 5.06), (4, 4.03), (5, 3.23), (6, 3.23)])
 def test_few_levels_have_the_calibrated_rule(count, scale):
     """Even levels, in the middle of a gap: `c (A s^2)^(1/3)`."""
-    assert few_levels(few(count), np.array([50.0]), 0.95) == pytest.approx(
+    assert between_levels(few(count), np.array([50.0]), 0.95) == pytest.approx(
         [scale * (2.0 * 0.5**2) ** (1 / 3)], rel=1e-6
     )
 
@@ -142,30 +144,80 @@ def test_few_levels_have_the_calibrated_rule(count, scale):
 @given(st.integers(3, 6), st.floats(0, 1), st.floats(0.01, 50), st.floats(0.1, 100))
 def test_the_rule_for_few_levels_scales_with_the_unit_and_with_the_gap(count, t, offset, scale):
     found, at = few(count, offset), np.array([50.0, 100.0 * count - 150])
-    half = few_levels(found, at, 0.95)
-    assert few_levels(found, np.array([100 * t]), 0.95)[0] <= half[0] * (1 + 1e-12)
+    half = between_levels(found, at, 0.95)
+    assert between_levels(found, np.array([100 * t]), 0.95)[0] <= half[0] * (1 + 1e-12)
     larger = replace(
         found, offset=scale * found.offset, largest=scale * 400.0, residual=scale * found.residual
     )
-    assert few_levels(larger, at, 0.95) == pytest.approx(scale * half, rel=1e-9)
-    wider = few_levels(replace(found, places=(-100.0, *found.places[1:])), at, 0.95)
+    assert between_levels(larger, at, 0.95) == pytest.approx(scale * half, rel=1e-9)
+    wider = between_levels(replace(found, places=(-100.0, *found.places[1:])), at, 0.95)
     assert wider[0] >= half[0] * (1 - 1e-12)
     assert wider[1] <= half[1] * (1 + 1e-12)
 
 
 def test_a_level_with_repeats_has_the_interval_of_the_repeats():
-    half = few_levels(few(4, repeats=3), np.array([100.0, 150.0]), 0.95)
-    assert half[0] == pytest.approx(stats.t(4 * 2).ppf(0.975) * 0.5 * np.sqrt(4 / 3))
-    assert half[1] == few_levels(few(4), np.array([150.0]), 0.95)[0]
+    """Recordings are 2 apart: `t_f^2 2^2 (1 + 1/n)` beside the noise, which they are no part of."""
+    half = half_widths(few(4, repeats=3, apart=0.3), np.array([100.0, 150.0]), 0.95)
+    noise = stats.norm.ppf(0.975) ** 2 * (0.25 - 0.09 * 2 / 3)
+    assert half[0] ** 2 == pytest.approx(noise + stats.t(8).ppf(0.975) ** 2 * 0.09 * 4 / 3)
+    assert half[1] == between_levels(few(4), np.array([150.0]), 0.95)[0]
 
 
-def test_from_seven_levels_on_curves_count():
-    found = few(7)
-    assert half_widths(found, np.array([50.0]), 0.95) == pytest.approx([many_curves(found, 0.95)])
+@pytest.mark.parametrize(("count", "freedom"), [(5, 2.4), (8, 4.2)])
+def test_left_out_levels_tell_what_repeats_do_not(count, freedom):
+    """Their squared errors are 1.5 of the offsets', beside the noise; a new curve at a level has
+    twice those.
+    """
+    half = half_widths(few(count), np.array([100.0]), 0.95)
+    of_curves = stats.t(freedom).ppf(0.975) ** 2 * (4 - 0.25) / 1.5 * 2
+    assert half[0] ** 2 == pytest.approx(stats.norm.ppf(0.975) ** 2 * 0.25 + of_curves)
+
+
+def test_repeats_take_out_slopes_of_their_own_and_leave_noise_in():
+    rng, x = np.random.default_rng(3), np.linspace(-1, 1, 400)
+    b = rng.normal(0, 2, (1, 30, 2))
+    found = with_levels(
+        few(4),
+        {
+            at: [b[0, i, n] * (1 + x) + rng.normal(0, 1, 400) for n in range(2)]
+            for i, at in enumerate(range(30))
+        },
+        parameters=0,
+    )
+    level = b[0].mean(axis=1, keepdims=True)
+    expected = np.sqrt(np.sum((b[0] - level) ** 2) / 30 * 1.3125)  # (1 + x)^2 over four stretches
+    assert found.apart == pytest.approx(expected, rel=0.03)
+    assert found.repeats == (2,) * 30
+    assert np.isnan(with_levels(few(4), {0.0: [x], 1.0: [x]}, 2).apart)
+    assert with_levels(few(4), {0.0: [x], 1.0: [x]}, 8).residual == pytest.approx(
+        np.sqrt(np.mean(x**2) * 808 / 792)
+    )
+
+
+@pytest.mark.parametrize(
+    ("count", "repeats", "words"),
+    [(1, 1, "at least twice"), (2, 1, "at least twice"), (3, 1, "four levels"), (2, 2, "a third")],
+)
+def test_what_cannot_be_told_has_no_interval_and_a_sentence(count, repeats, words):
+    """Repeats of two levels tell it at these, and not between them."""
+    kept = few(4, apart=np.nan if repeats == 1 else 0.3)
+    kind = "levels" if count > 2 else "blocks"
+    found = replace(
+        kept, kind=kind, places=tuple(100.0 * np.arange(count)), repeats=(repeats,) * count
+    )
+    half = half_widths(found, np.array([0.0, 50.0]), 0.95)
+    assert np.isnan(half).tolist() == ([True, True] if repeats == 1 else [False, True])
+    assert words in (interval_limits(found) or "")
+
+
+def test_blocks_of_one_recording_say_nothing_of_another():
+    found = replace(left_out([1.0, -1.0, 2.0], 0.1), kind="blocks")
+    assert half_widths(found, np.array([np.nan]), 0.95) == pytest.approx([many_curves(found, 0.95)])
+    assert "Record three or more" in (interval_limits(found) or "")
 
 
 def test_a_model_that_goes_astray_without_a_level_has_no_interval():
     found = few(4, astray=0.6)
-    assert "60 % of their range" in (interval_refusal(found) or "")
+    assert "60 % of their range" in (interval_limits(found) or "")
     assert np.isnan(half_widths(found, np.array([50.0]), 0.95)).all()
-    assert interval_refusal(few(4, astray=0.1)) is None
+    assert interval_limits(few(4, astray=0.1)) is None

@@ -15,6 +15,7 @@ import numpy as np
 
 from mapmore_cli.domain.arrays import Array, IntArray
 from mapmore_cli.domain.fits import Selection
+from mapmore_cli.modelling.frols.correlated import MOST, correlated_errors
 from mapmore_cli.modelling.frols.moments import Blocks, weighted
 
 TUNING = {"huber": 1.345, "bisquare": 4.685}
@@ -41,6 +42,7 @@ class Weighing:
     - `scale`: that of the residuals; None for 1.4826 times their median absolute value.
     - `curves`: the curve of each sample, (n,), where residuals of a curve go together.
     - `alike`: whether all curves count alike, however many samples they have.
+    - `recorded`: the place of each sample in the order of time, (n,), where it is known.
     """
 
     uncertainty: Array | None = None
@@ -48,6 +50,7 @@ class Weighing:
     scale: float | None = None
     curves: IntArray | None = None
     alike: bool = False
+    recorded: IntArray | None = None
 
     @cached_property
     def sigma(self) -> Array | None:
@@ -88,14 +91,32 @@ class Weighing:
     def with_errors(
         self, found: Selection, only: Callable[[IntArray], Blocks], weights: Array | None
     ) -> Selection:
-        """Return a selection with standard errors that go by curves, or by robust weights."""
-        curves = numbered_curves(self.curves, len(found.chosen))
-        if not len(found.chosen) or (weights is None and curves is None):
+        """Return a selection with standard errors that go by curves, by robust weights, or by what
+        goes together along few recordings.
+        """
+        k, n = len(found.chosen), found.samples
+        curves = numbered_curves(self.curves, k)
+        if not k or (weights is None and curves is None and self.recorded is None):
             return found
         blocks = self.rows(only(found.chosen))
+        if weights is None and curves is None and self.recorded is not None:
+            if k * n > MOST:
+                return found
+            errors, worth = self._along(blocks, found.theta, self.recorded)
+            return replace(found, theta_error=errors, worth=worth)
         errors = standard_errors(blocks, found.theta, curves, self.loss, weights)
         count = 0 if curves is None else int(curves.max()) + 1
         return replace(found, theta_error=errors, curves=count)
+
+    def _along(self, blocks: Blocks, theta: Array, recorded: IntArray) -> tuple[Array, float]:
+        """Return standard errors by what goes together along recordings, (k,), and what the
+        samples are worth.
+        """
+        P, y = map(np.concatenate, zip(*blocks(), strict=True))
+        labels = np.zeros(len(y), dtype=np.int64) if self.curves is None else self.curves
+        order = np.lexsort((recorded, labels))
+        lengths = [one for one in np.bincount(labels).tolist() if one]
+        return correlated_errors(P[order], (y - P @ theta)[order], lengths)
 
 
 def reweighted(

@@ -20,6 +20,7 @@ import numpy as np
 from scipy.linalg.lapack import dtbtrs
 
 from mapmore_cli.domain.arrays import Array, BoolArray
+from mapmore_cli.modelling.frols.correlated import correlated_errors
 from mapmore_cli.modelling.memory.simulation import ReadyPiece, Trajectory
 
 FIRST, GROWTH = 16, 8  # samples of the shortest horizon, and how many times longer the next one is
@@ -132,9 +133,19 @@ class FreeRunProblem:
     def normal(self, point: Point, horizon: int | None = None) -> tuple[Array, Array]:
         """Half the curvature `J'J + ridge` and half the downhill gradient of the error along a
         point's runs, by all of its vector.
+        """
+        slopes, theta = self.slopes(point, horizon), self.split(point.vector)[0]
+        curvature, downhill = slopes.T @ slopes, slopes.T @ point.residuals
+        terms = np.arange(len(theta))
+        curvature[terms, terms] += self.ridge
+        downhill[terms] -= self.ridge * theta
+        return curvature, downhill
 
-        By the number of an operator, the derivative is a central difference; one-sided at a bound,
-        and where a run to the other side diverges.
+    def slopes(self, point: Point, horizon: int | None = None) -> Array:
+        """Return the derivatives of the outputs by all of a point's vector, (n, k + 1 + m).
+
+        By the number of an operator it is a central difference; one-sided at a bound, and where a
+        run to the other side diverges.
         """
         theta, _, numbers = self.split(point.vector)
         runs = zip(self.pieces(numbers), point.runs, self.counted, strict=True)
@@ -145,12 +156,7 @@ class FreeRunProblem:
             above, below = (end if np.isfinite(end.error) else point for end in ends)
             apart = above.vector[place] - below.vector[place] or np.inf
             columns.append((below.residuals - above.residuals) / apart)
-        slopes = np.column_stack(columns)
-        curvature, downhill = slopes.T @ slopes, slopes.T @ point.residuals
-        terms = np.arange(len(theta))
-        curvature[terms, terms] += self.ridge
-        downhill[terms] -= self.ridge * theta
-        return curvature, downhill
+        return np.column_stack(columns)
 
     def free(self, vector: Array, downhill: Array) -> BoolArray:
         """(k + 1 + m,) what may move: not a number at a bound that the search wants to leave."""
@@ -223,18 +229,22 @@ def _of_unit_diagonal(curvature: Array) -> tuple[Array, Array]:
     return curvature / size / size[:, None], size
 
 
-def standard_errors(problem: FreeRunProblem, vector: Array) -> Array:
-    """Return standard errors of a point, (k + 1 + m,), from the curvature of the simulation error.
+def standard_errors(problem: FreeRunProblem, vector: Array) -> tuple[Array, float]:
+    """Return standard errors of a point, (k + 1 + m,), from the slopes of its runs and what goes
+    together along their residuals; and how many independent samples these are worth.
 
-    NaN without a degree of freedom or a finite curvature, and for a number at its bound.
+    NaN without a degree of freedom or finite slopes, and for a number at its bound.
     """
     point = problem.at(vector)
-    curvature, downhill = problem.normal(point)
+    slopes, (_, downhill) = problem.slopes(point), problem.normal(point)
     free, errors = problem.free(vector, downhill), np.full(len(vector), np.nan)
-    freedom = len(point.residuals) - int(free.sum())
-    if freedom > 0 and np.isfinite(curvature).all():
-        alike, size = _of_unit_diagonal(curvature[np.ix_(free, free)])
-        spread = np.diag(np.linalg.pinv(alike, hermitian=True)) / size**2
-        squares = point.residuals @ point.residuals
-        errors[free] = np.sqrt(np.maximum(spread, 0.0) * squares / freedom)
-    return errors
+    if len(point.residuals) <= int(free.sum()) or not np.isfinite(slopes).all():
+        return errors, np.nan
+    size = np.maximum(np.linalg.norm(slopes[:, free], axis=0), np.finfo(np.float64).tiny)
+    ridge = np.concatenate([problem.ridge, np.zeros(len(vector) - len(problem.ridge))])[free]
+    lengths = [count for rows in problem.counted if (count := int(rows.sum()))]
+    own, worth = correlated_errors(
+        slopes[:, free] / size, point.residuals, lengths, ridge / size**2
+    )
+    errors[free] = own / size
+    return errors, worth

@@ -29,13 +29,15 @@ from mapmore_cli.modelling.selection import MemoryRecipe, Stop
 @dataclass(frozen=True)
 class Regressors:
     """States and output on the n training samples that have a history, (n,) each, in the order of
-    the recordings, and the uncertainty of the output where it is known, (n,).
+    the recordings, of which each has so many (`lengths`); and the uncertainty of the output where
+    it is known, (n,).
     """
 
     terms: tuple[Expression, ...]
     states: Columns
     y: Array
     uncertainty: Array | None = None
+    lengths: tuple[int, ...] = ()
 
     def blocks(
         self, among: IntArray | None = None, part: slice = slice(None)
@@ -79,7 +81,8 @@ def regressors(
             "no training sample has a history as long as the delays ask for",
             "use fewer steps of delay, or longer recordings",
         )
-    return Regressors(tuple(terms), pooled, y, np.concatenate(sigma) if sigma else None)
+    lengths = tuple(len(output) for _, output in parts if len(output))
+    return Regressors(tuple(terms), pooled, y, np.concatenate(sigma) if sigma else None, lengths)
 
 
 FOLDS = 4  # blocks of samples that are left out in turn where the ridge is chosen

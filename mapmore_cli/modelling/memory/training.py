@@ -19,11 +19,12 @@ import numpy as np
 
 from mapmore_cli.domain.arrays import Array, BoolArray, IntArray, extremes
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.domain.fits import Identified, MemoryFit, MemoryModel, StateSet
+from mapmore_cli.domain.fits import Identified, MemoryFit, MemoryModel, Selection, StateSet
 from mapmore_cli.modelling.expressions import Name, parse, substitute, to_text
 from mapmore_cli.modelling.expressions.operator import Parameter
 from mapmore_cli.modelling.expressions.operators import OPERATORS
 from mapmore_cli.modelling.expressions.states import Measured, Operated, State, state
+from mapmore_cli.modelling.frols.correlated import MOST, correlated_errors
 from mapmore_cli.modelling.memory.feedback import Feedback, fed_back_states, parted
 from mapmore_cli.modelling.memory.records import Record
 from mapmore_cli.modelling.memory.refinement import FreeRunProblem, standard_errors
@@ -214,11 +215,14 @@ class TrainingData:
         """
         selection, constant, identified = choice.selection, choice.constant, None
         chosen = selection.chosen
-        if vector is not None:
+        if vector is None:
+            selection = self._with_errors(selection, choice)
+        else:
             problem, numbers = self.problem(chosen, search=True), self.open_in(chosen)
-            errors, _, of_numbers = problem.split(standard_errors(problem, vector))
+            found, worth = standard_errors(problem, vector)
+            errors, _, of_numbers = problem.split(found)
             theta, constant, at = problem.split(vector)
-            selection = replace(selection, theta=theta, theta_error=errors)
+            selection = replace(selection, theta=theta, theta_error=errors, worth=worth)
             if numbers.states:
                 identified = numbers.identified(at, of_numbers)
         model = MemoryModel(
@@ -238,6 +242,21 @@ class TrainingData:
             choice.forward,
             identified=identified,
         )
+
+    def _with_errors(self, selection: Selection, choice: TermChoice) -> Selection:
+        """Return the selection with standard errors by what goes together along the recordings;
+        those of a robust loss or of weighted samples stay, which take samples to be independent.
+        """
+        data, k = self.data, len(selection.chosen)
+        weighed = self.recipe.loss != "squares" or data.uncertainty is not None
+        if weighed or not k or k * len(data.y) > MOST:
+            return selection
+        P, y = map(np.concatenate, zip(*data.blocks(selection.chosen), strict=True))
+        residual, ridge = y - P @ selection.theta - choice.constant, np.zeros(k)
+        if choice.ridge:
+            P, ridge = P - P.mean(axis=0), choice.ridge * len(y) * P.var(axis=0)
+        errors, worth = correlated_errors(P, residual, data.lengths, ridge)
+        return replace(selection, theta_error=errors, worth=worth)
 
     def open_in(self, chosen: IntArray) -> Unknown:
         """Return the numbers that some candidates leave open."""

@@ -322,8 +322,11 @@ def _samples_of(
     unsure = uncertainty_of(recipe.target)
     given = [unsure] if unsure in columns else []
     samples = samples_at(columns, segment.rows, (*variables, recipe.target, *given))
+    recorded = np.arange(len(samples[recipe.target]))
     if samples[recipe.target].nbytes <= LONG:
-        order = np.lexsort([samples[name] for name in (*given, recipe.target, *variables[::-1])])
+        recorded = order = np.lexsort(
+            [samples[name] for name in (*given, recipe.target, *variables[::-1])]
+        )
         samples = {name: values[order] for name, values in samples.items()}
         origin = None if origin is None else origin[order]
     weighing = Weighing(
@@ -332,6 +335,7 @@ def _samples_of(
         recipe.fit.known_scale,
         origin,
         recipe.fit.weight == "curve",
+        recorded,
     )
     return _Samples([samples[name] for name in variables], samples[recipe.target], weighing)
 

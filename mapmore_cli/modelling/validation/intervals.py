@@ -2,37 +2,50 @@
 that was left out of them.
 
 The samples of one curve err together: a sensor, a temperature, a place between two levels belong to
-the whole curve. So curves count, not samples. Two rules give half of the width, by the number K of
-levels, recordings or blocks that train.
+the whole curve. So curves count, not samples. Three things add up in half of the width.
 
-Three to six levels (`few_levels`): a rule that was calibrated on measured and simulated muscles,
-docs/intervals.md. With A the root mean square error of the left-out inner levels, s_w the root mean
-square training residual, both no less than a thousandth of the largest training |target|, t the
-place in the gap between two levels, and H that gap over the range of all:
+*What differs from sample to sample*, `z s_w`: s_w is the root mean square training residual without
+what differs from recording to recording, z the normal quantile. What neighbouring samples share of
+it (their mean product) is the model's, has few degrees of freedom, and counts as what follows.
 
-    half = max(1.96 s_w, c_K (A s_w^2)^(1/3) max(4t(1 - t), .05)^.6 (H (K - 1))^.75)
+*What differs from curve to curve* (`Offsets`), `t_f s_b sqrt(c)`. Where recordings of a level
+repeat each other with f = sum (n_k - 1) degrees of freedom, s_b comes from these. Otherwise it
+comes from the levels that were left out: with K of them, `s_b^2 = (A^2 - s_w^2)/c'`, A the root
+mean square error of the left-out inner levels, and f = .6 (K - 1), since second differences of
+neighbours go together. A new curve is missed with `c = 1 + (1-t)^2/n + t^2/n'` (t its place in the
+gap between levels of n and n' recordings), a left-out level with the mean c' of that. So `c = 2` at
+a level that was measured once: its own offset was fitted exactly. Below f = 1.5 (two or three
+levels without repeats) nothing tells s_b, and there is no interval.
 
-At a level that was measured in n >= 2 recordings it is that of the repeats, `t_f s_w sqrt(1 +
-1/n)`. s_w is of all levels, so that their degrees of freedom add up, f = sum (n_k - 1).
+*What a model errs between levels*, beyond that. It counts where A^2 exceeds what noise and curves
+explain by a quarter.
 
-Otherwise (`many_curves`) it is the larger of
+- Three to six levels (`between_levels`): a rule that was calibrated on measured and simulated
+  muscles, docs/intervals.md. With H the gap over the range of all levels, A and s (the root mean
+  square training residual) no less than a thousandth of the largest training |target|,
+  `c_K (A s^2)^(1/3) max(4t(1 - t), .05)^.6 (H (K - 1))^.75` is a lower bound of half the width.
+- More levels: the excess of A^2 times t^2 is added, and half is no less than the quantile of the
+  left-out errors, of whatever distribution.
+
+Of recordings, specimens and blocks (`many_curves`) half is the larger of
 
 - `t_{K-1} sqrt(s_b^2 (1 + 1/K) + s_w^2)`: s_b is the root mean square of the offsets of the
-  left-out parts, s_w that of the scatter within
-  them, t Student's. It takes residuals for nearly normal.
-- `q (1 + 1/K)`: q is the quantile of the absolute residuals, each part counting alike, of whatever
-  distribution. It counts where there are
-  many curves, and tails are heavy.
+  left-out parts, s_w that of the scatter within them, t Student's;
+- `q (1 + 1/K)`: q is the quantile of the absolute residuals, each part counting alike. It counts
+  where there are many curves, and tails are heavy.
+
+Blocks are of the same recordings: what differs from one recording to the next is not in them.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import Array, BoolArray, Columns, row_count
+from mapmore_cli.domain.arrays import Array, BoolArray, Columns, IntArray, row_count
 from mapmore_cli.domain.errors import DataError, FitError, UsageError
 from mapmore_cli.domain.models import LeftOut, LeftOutKind, Model
 from mapmore_cli.modelling.kinds import outside_range, predict
@@ -49,6 +62,21 @@ that of five.
 LEAST = 1e-3  # errors count as no smaller than this share of the largest |target|
 NORMAL = 1.959964  # the quantile of the normal distribution that the constants of `FEW` are for
 AT_LEVEL = 0.02  # a sample nearer to a level than this share of the gap is at the level
+
+MANY = 7  # levels from which on the rule for few is not needed
+NEIGHBOURS = 0.6
+"""Degrees of freedom of left-out levels, of K - 1: that of Student's t which holds a new curve in
+90 to 99 % at 4 to 20 levels (`docs/interval_tables.py`).
+"""
+
+LEAST_FREEDOM = 1.5  # of what differs from curve to curve, below which it is not known
+CLEAR = 1.25  # errors of left-out levels over what noise and curves explain, both squared
+BLOCKS = 4  # stretches of a recording whose means are compared with those of its repeats
+
+SAME_RECORDINGS = (
+    "blocks of the same recordings were left out: the intervals hold for these recordings, and not "
+    "what differs from one recording to the next. Record three or more"
+)
 
 ASTRAY = 0.25
 """Left-out predictions further beyond the training data than this share of their range: the model
@@ -84,64 +112,198 @@ def left_out_summary(
     )
 
 
-def interval_refusal(left_out: LeftOut) -> str | None:
-    """Say why there is no interval; None where there is one."""
-    beyond = (
-        f"the model lies beyond the measured values by {100 * left_out.astray:.0f} % of their range"
+def with_levels(
+    left_out: LeftOut, training: Mapping[float | None, Sequence[Array]], parameters: int
+) -> LeftOut:
+    """Return it with what the training residuals of each recording say, by level (None without).
+
+    Their root mean square is that of n new samples, `sqrt((n + p)/(n - p))` times as large by p
+    parameters (Akaike's final prediction error), where n is more.
+    """
+    every = np.concatenate([one for level in training.values() for one in level] or [np.zeros(1)])
+    n, p = len(every), parameters if parameters < len(every) else 0
+    pairs = [one[1:] * one[:-1] for level in training.values() for one in level]
+    smooth = max(float(np.mean(np.concatenate([*pairs, [0.0]]))), 0.0)
+    residual = float(np.sqrt(np.mean(every**2) * (n + p) / (n - p)))
+    if left_out.kind not in ("levels", "blocks") or None in training:
+        return replace(left_out, residual=residual)
+    places = sorted(level for level in training if level is not None)
+    return replace(
+        left_out,
+        residual=residual,
+        places=tuple(places),
+        repeats=tuple(len(training[level]) for level in places),
+        smooth=math.sqrt(smooth),
+        apart=scatter_of_recordings(list(training.values())),
     )
-    return (
-        f"without one of its levels, {beyond}: there are no intervals"
-        if left_out.astray > ASTRAY
-        else None
-    )
+
+
+def scatter_of_recordings(levels: Sequence[Sequence[Array]]) -> float:
+    """Return the standard deviation from recording to recording of one level, of the training
+    residuals of each recording of each level; NaN without repeats.
+
+    A recording is taken as the means of `BLOCKS` stretches, so that a slope of its own counts as
+    an offset does, and what they owe to the samples' noise is taken off.
+    """
+    squares, freedom, noise = 0.0, 0, list[float]()
+    for level in levels:
+        if len(level) > 1:
+            count = BLOCKS if min(map(len, level)) >= BLOCKS else 1
+            parts = [np.array_split(recording, count) for recording in level]
+            means = np.array([[part.mean() for part in one] for one in parts])
+            squares += float(np.sum((means - means.mean(axis=0)) ** 2)) / count
+            freedom += len(level) - 1
+            noise += [part.var() / len(part) for one in parts for part in one]
+    if not freedom:
+        return math.nan
+    return math.sqrt(max(squares / freedom - float(np.mean(noise)), 0.0))
+
+
+def interval_limits(left_out: LeftOut) -> str | None:
+    """Say where there is no interval or what it does not hold, and what to measure; None where
+    there is nothing to say.
+    """
+    if left_out.astray > ASTRAY:
+        return (
+            "without one of its levels, the model lies beyond the measured values by "
+            f"{100 * left_out.astray:.0f} % of their range: there are no intervals"
+        )
+    if not left_out.places:
+        return SAME_RECORDINGS if left_out.kind == "blocks" else None
+    count = len(left_out.places)
+    levels = f"{count} level{'s' if count > 1 else ''}"
+    if offsets_of(left_out) is None:
+        return (
+            f"the recordings of {levels} do not tell how far curves of one level lie apart: there "
+            "are no intervals. Record every level at least twice, or four levels or more"
+        )
+    if count == 2:
+        return (
+            "no level lies between the two, and could be left out: there are intervals at the "
+            "levels alone. Record a third level between them"
+        )
+    return None
+
+
+@dataclass(frozen=True)
+class Offsets:
+    """What curves of one level differ by, and what is left of the errors of left-out levels.
+
+    - `noise`: mean square of what differs from sample to sample; `smooth`: of that what neighbours
+      share, as where a model does not bend enough; `square`: that from curve to
+      curve, with so many degrees of `freedom`; `repeated`: whether repeats tell it.
+    - `missed`, `explained`: mean square error of the left-out levels, 0 where none was left out;
+      what of it noise and, where repeats tell it, curves explain.
+    """
+
+    noise: float
+    smooth: float
+    square: float
+    freedom: float
+    repeated: bool
+    missed: float
+    explained: float
+
+    @property
+    def errs_between(self) -> bool:
+        """Whether it is clear that left-out levels are missed by more than these explain."""
+        return self.missed > CLEAR * self.explained
+
+
+def offsets_of(left_out: LeftOut) -> Offsets | None:
+    """Return what differs from curve to curve; None where the data do not tell."""
+    n, count = np.array(left_out.repeats), len(left_out.places)
+    known = math.isfinite(left_out.apart)
+    own, repeats = (left_out.apart**2, float(np.sum(n - 1))) if known else (0.0, 0.0)
+    noise = max(left_out.residual**2 - own * float(np.mean(1 - 1 / n)), 0.0)
+    smooth = min(max(left_out.smooth**2 - own * float(np.mean(1 - 1 / n)), 0.0), noise)
+    missed, share, others = 0.0, 1.0, 0.0
+    if left_out.kind == "levels" and count > 2:
+        missed = float(np.mean(left_out.offset**2 + left_out.scatter**2))
+        width = np.diff(left_out.places)
+        t = width[:-1] / (width[:-1] + width[1:])
+        share = 1 + float(np.mean((1 - t) ** 2 / n[:-2] + t**2 / n[2:]))
+        others = NEIGHBOURS * (count - 1)
+    if repeats >= max(others, LEAST_FREEDOM):
+        return Offsets(noise, smooth, own, repeats, True, missed, noise + own * share)
+    if others < LEAST_FREEDOM:
+        return None
+    return Offsets(noise, smooth, max(missed - noise, 0.0) / share, others, False, missed, noise)
 
 
 def half_widths(left_out: LeftOut, at: Array, level: float) -> Array:
     """Return half of the width of the interval that holds a sample of a new curve with probability
     `level`, (n,).
 
-    `at` (n,) is the level quantity of each sample; it has no effect but with few levels. NaN where
-    intervals are refused.
+    `at` (n,) is the level quantity of each sample; it has no effect without levels. NaN where there
+    are no intervals.
     """
-    if interval_refusal(left_out) is not None:
+    if left_out.astray > ASTRAY:
         return np.full(len(at), np.nan)
-    if (
-        left_out.kind == "levels"
-        and len(left_out.places) == left_out.curves
-        and left_out.curves < 7
-    ):
-        return few_levels(left_out, at, level)
+    if left_out.places:
+        return of_levels(left_out, at, level)
     return np.full(len(at), many_curves(left_out, level))
 
 
-def few_levels(
+def of_levels(left_out: LeftOut, at: Array, level: float) -> Array:
+    """Return the half widths at the levels `at`, (n,); NaN where the data do not tell them."""
+    from scipy.special import ndtri, stdtrit  # loading it takes a third of an up-to-date run
+
+    found, count = offsets_of(left_out), len(left_out.places)
+    if found is None:
+        return np.full(len(at), np.nan)
+    gap, t, _ = gaps(left_out, at)
+    n = np.array(left_out.repeats)
+    share = 1 + (1 - t) ** 2 / n[gap] + t**2 / n[np.minimum(gap + 1, count - 1)]
+    of_curves = found.square * share + found.smooth * (share if found.repeated else 1.0)
+    squares = ndtri(0.5 + level / 2) ** 2 * (found.noise - found.smooth)
+    squares = squares + stdtrit(found.freedom, 0.5 + level / 2) ** 2 * of_curves
+    between = np.minimum(t, 1 - t) >= AT_LEVEL
+    if count == 2:
+        return np.asarray(np.where(between, np.nan, np.sqrt(squares)))
+    least = np.zeros(len(at))
+    if count >= MANY:
+        least += np.quantile(left_out.sizes, level)
+        if found.repeated and found.errs_between:
+            model = stdtrit(NEIGHBOURS * (count - 1), 0.5 + level / 2) ** 2
+            squares = squares + np.where(between, model * (found.missed - found.explained), 0.0)
+    elif found.errs_between:
+        least = between_levels(left_out, at, level)
+    return np.asarray(np.maximum(np.sqrt(squares), np.where(between, least, 0.0)))
+
+
+def gaps(left_out: LeftOut, at: Array) -> tuple[IntArray, Array, Array]:
+    """Return the gap between levels that each sample lies in, its place there from 0 to 1, and the
+    width of the gap, (n,) each.
+    """
+    places = np.array(left_out.places)
+    gap = np.clip(np.searchsorted(places, at, side="right") - 1, 0, max(len(places) - 2, 0))
+    if len(places) == 1:
+        return gap, np.zeros(len(at)), np.zeros(len(at))
+    width, t = np.diff(places)[gap], (at - places[gap]) / np.diff(places)[gap]
+    return gap, np.where(np.isnan(t), 0.5, np.clip(t, 0.0, 1.0)), width
+
+
+def between_levels(
     left_out: LeftOut, at: Array, level: float, scales: Mapping[int, float] = FEW
 ) -> Array:
-    """Return the half widths at the levels `at`, (n,), by the rule for three to six levels."""
-    # here and below: loading it takes a third of an up-to-date run
-    from scipy.special import (
-        ndtri,
-        stdtrit,
-    )
+    """Return the half widths at the levels `at`, (n,), by the rule for what a model errs between
+    three to six levels.
+    """
+    from scipy.special import ndtri
 
-    places, count = np.array(left_out.places), left_out.curves
-    gap = np.clip(np.searchsorted(places, at, side="right") - 1, 0, count - 2)
-    width = np.diff(places)[gap]
+    count = len(left_out.places)
+    _, t, width = gaps(left_out, at)
     missed = math.sqrt(float(np.mean(left_out.offset**2 + left_out.scatter**2)))
     errors = np.maximum([missed, left_out.residual], LEAST * left_out.largest)
-    t = np.clip((at - places[gap]) / width, 0.0, 1.0)
     between = (
         scales[min(count, 5)]
         * np.cbrt(errors[0] * errors[1] ** 2)
-        * (width / np.ptp(places) * (count - 1)) ** 0.75
+        * (width / np.ptp(left_out.places) * (count - 1)) ** 0.75
     )
     between = between * np.maximum(4 * t * (1 - t), 0.05) ** 0.6
-    half = np.maximum(NORMAL * left_out.residual, between) * float(ndtri(0.5 + level / 2)) / NORMAL
-    repeats = np.array(left_out.repeats)
-    n, freedom = repeats[gap + (t > 0.5)], max(int(np.sum(repeats - 1)), 1)
-    repeated = (n >= 2) & (np.minimum(t, 1 - t) < AT_LEVEL)
-    own = stdtrit(freedom, 0.5 + level / 2) * left_out.residual * np.sqrt(1 + 1 / n)
-    return np.asarray(np.where(repeated, own, half))
+    half = np.maximum(NORMAL * left_out.residual, between)
+    return np.asarray(half * float(ndtri(0.5 + level / 2)) / NORMAL)
 
 
 def many_curves(left_out: LeftOut, level: float) -> float:

@@ -19,7 +19,7 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 from mapmore_cli.domain.arrays import Array, IntArray
 from mapmore_cli.domain.recording import Quantity
 from mapmore_cli.modelling.signals.sampling import envelope
-from mapmore_cli.modelling.validation.intervals import INTERVAL
+from mapmore_cli.modelling.validation.intervals import INTERVAL, interval_limits
 from mapmore_cli.reporting.figures.style import GREY, ModelStyle, model_styles
 from mapmore_cli.reporting.inputs import ReportInputs
 from mapmore_cli.reporting.table import title_of
@@ -240,13 +240,15 @@ def beyond_scale(models: Sequence[str]) -> str:
 
 
 def interval_words(inputs: ReportInputs) -> str:
-    """Return what a caption says of intervals, where there are any."""
+    """Return what a caption says of intervals, where the spec asked for them."""
     if inputs.left_out is None:
         return ""
-    return (
+    words = (
         f" The band holds a sample of a new curve with a probability of {INTERVAL:.0%}, by "
         f"left-out {inputs.left_out.kind} of training data."
     )
+    limits = interval_limits(inputs.left_out)
+    return words if limits is None else f"{words} But {limits}."
 
 
 def thinned(sizes: Sequence[int]) -> str:

@@ -1,0 +1,176 @@
+"""Standard errors of least squares where neighbouring samples of a recording err together.
+
+Their covariance is `(P'P)^-1 P' Omega P (P'P)^-1`, Omega that of the noise: `white` noise and a
+`drift` of which the share `kept` is left after a sample, `Omega = white I + drift kept^|i-j|`
+within a recording. A sum over lags as that of Newey and West (Econometrica 55, 1987) comes out at a
+half and less where `kept` is .97: residuals of a fit vary less than the noise does, its slowest
+part the least. So the noise is that whose residuals, in the mean over this very fit, go together as
+those that were found (`matched`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from mapmore_cli.domain.arrays import Array
+
+PART = 1 << 14  # samples, of the first recordings, that tell what the noise is
+MOST = 1 << 24  # numbers of a dictionary that is held in memory as a whole
+FEWEST = 20  # samples of a recording below which they do not tell
+CHANCE = 0.01  # of white noise to be taken for a drift
+COARSE, FINE = np.log(3.0), 0.05  # steps and tolerance of the search, of the logarithm of a time
+
+
+@dataclass(frozen=True)
+class Noise:
+    """Variances of white noise and of a drift, and the share of it that is left after a sample."""
+
+    white: float
+    drift: float = 0.0
+    kept: float = 0.0
+
+    @property
+    def worth(self) -> float:
+        """How many independent samples one sample is worth, for a mean over many."""
+        slow = self.drift * (1 + self.kept) / (1 - self.kept)
+        return (self.white + self.drift) / (self.white + slow) if self.white + slow else 1.0
+
+
+def correlated_errors(
+    P: Array, residual: Array, lengths: Sequence[int], ridge: Array | None = None
+) -> tuple[Array, float]:
+    """Return standard errors of the coefficients, (k,), and how many independent samples the n
+    samples are worth.
+
+    `P` (n, k) and the `residual` (n,) are of recordings of these `lengths` one after the other,
+    each in the order of time; `ridge` (k,) is added to the diagonal of P'P. NaN without a degree of
+    freedom.
+    """
+    n, k = P.shape
+    if n <= k:
+        return np.full(k, np.nan), float(n)
+    basis, factor = np.linalg.qr(P)
+    noise = matched(_Records(basis, residual, lengths))
+    inner = noise.white * np.eye(k)
+    if noise.drift:
+        inner += noise.drift * basis.T @ _together(basis, lengths, noise.kept)
+    normal = factor.T @ factor + np.diag(np.zeros(k) if ridge is None else ridge)
+    spread = np.linalg.pinv(normal, hermitian=True) @ factor.T
+    squares = np.einsum("ij,jk,ik->i", spread, inner, spread)
+    return np.sqrt(np.maximum(squares, 0.0)), n * noise.worth
+
+
+def matched(records: _Records) -> Noise:
+    """Return the noise of which residuals of this fit go together as those do that were found; it
+    is white where these could be chance.
+    """
+    from scipy.optimize import minimize_scalar, nnls
+    from scipy.special import chdtri
+
+    n, k = records.basis.shape
+    square = float(records.residual @ records.residual)
+    only = Noise(square / (n - k))
+    if max(records.lengths) < FEWEST or square == 0.0:
+        return only
+    if n > PART and len(part := records.first(PART).residual) > k:
+        found = matched(records.first(PART))
+        scale = only.white / (found.white + found.drift)
+        return (
+            found if len(part) == n else Noise(found.white * scale, found.drift * scale, found.kept)
+        )
+    white, found_sums = records.expected(0.0), records.sums
+    misfit = (found_sums - only.white * white)[1:] / only.white
+    if float(np.sum(misfit**2 / records.pairs[1:])) < chdtri(len(misfit), CHANCE):
+        return only
+
+    def fitted(time: float) -> tuple[float, Noise]:
+        kept = float(np.exp(-np.exp(-time)))
+        parts, off = nnls(np.column_stack([white, records.expected(kept)]), found_sums)
+        return float(off), Noise(float(parts[0]), float(parts[1]), kept)
+
+    longest = np.log(max(records.lengths))
+    times = np.arange(np.log(0.3), longest - np.log(4.0), COARSE)
+    start = min(times, key=lambda time: fitted(time)[0])
+    ends = (start - COARSE, min(start + COARSE, longest))
+    best = minimize_scalar(
+        lambda time: fitted(time)[0], bounds=ends, method="bounded", options={"xatol": FINE}
+    )
+    return min((fitted(start), fitted(float(best.x))), key=lambda one: one[0])[1]
+
+
+@dataclass(frozen=True)
+class _Records:
+    """Orthonormal columns (n, k) and residuals (n,) of recordings one after the other."""
+
+    basis: Array
+    residual: Array
+    lengths: Sequence[int]
+
+    def first(self, count: int) -> _Records:
+        """Return the recordings of the first so many samples."""
+        ends = np.minimum(np.cumsum(self.lengths), count)
+        lengths = [one for one in np.diff(ends, prepend=0).tolist() if one]
+        basis = np.linalg.qr(self.basis[:count])[0]
+        return _Records(basis, self.residual[:count], lengths)
+
+    @cached_property
+    def lags(self) -> list[int]:
+        """0, 1, 2, 4, ... up to an eighth of the longest recording."""
+        return [0, *(2**i for i in range(1 + int(np.log2(max(max(self.lengths) / 8, 1)))))]
+
+    @cached_property
+    def pairs(self) -> Array:
+        """Pairs of samples at each lag."""
+        return np.array([sum(max(one - lag, 0) for one in self.lengths) for lag in self.lags])
+
+    @cached_property
+    def sums(self) -> Array:
+        """Sums of products of residuals at each lag."""
+        e = self.residual[:, None]
+        return np.array([float(np.sum(e * _shifted(e, self.lengths, lag))) for lag in self.lags])
+
+    @cached_property
+    def shifts(self) -> list[Array]:
+        """The columns shifted by each lag, (n, k)."""
+        return [_shifted(self.basis, self.lengths, lag) for lag in self.lags]
+
+    def expected(self, kept: float) -> Array:
+        """Return the mean of the `sums` for noise of variance one: `tr(L M R M)`, with R its
+        correlation, M what the fit leaves, L the shift by a lag.
+        """
+        turned = _together(self.basis, self.lengths, kept) if kept else self.basis
+        inner = self.basis.T @ turned
+        own = self.pairs * np.power(kept, self.lags)
+        lost = [np.sum((self.basis.T @ x) * inner.T) - 2 * np.sum(x * turned) for x in self.shifts]
+        return np.asarray(own + np.array(lost))
+
+
+def _rows(lengths: Sequence[int]) -> Iterator[slice]:
+    ends = np.cumsum(lengths)
+    yield from (slice(int(end - one), int(end)) for end, one in zip(ends, lengths, strict=True))
+
+
+def _together(columns: Array, lengths: Sequence[int], kept: float) -> Array:
+    """Return `R columns`, (n, k), with `R_ij = kept^|i-j|` within a recording."""
+    from scipy.signal import lfilter
+
+    turned = np.empty_like(columns)
+    for rows in _rows(lengths):
+        own = columns[rows]
+        back = lfilter([1.0], [1.0, -kept], own[::-1], axis=0)[::-1]
+        turned[rows] = lfilter([1.0], [1.0, -kept], own, axis=0) + back - own
+    return turned
+
+
+def _shifted(columns: Array, lengths: Sequence[int], lag: int) -> Array:
+    """Return the mean of the columns before and after by a lag within a recording, (n, k)."""
+    moved = np.zeros_like(columns)
+    for rows in _rows(lengths):
+        own, size = columns[rows], max(rows.stop - rows.start - lag, 0)
+        moved[rows][len(own) - size :] += own[:size] / 2
+        moved[rows][:size] += own[len(own) - size :] / 2
+    return moved
