@@ -129,8 +129,8 @@ items:
               verdict: {within: 0.01}}
           - {name: NRMSE, printed: nrmse, ours: nrmse, verdict: {order: [study]}}
     why:
-      - {says: It is a bench, holds: ["bench[mapmore].n > 2"]}
-      - says: Perhaps
+      - {says: It is a bench, holds: ["bench[mapmore].n > 2"], rival: it is none,
+          against: ["rows[a].size_m < 3"]}
   - {id: figure 1, title: Fit, status: drawn, place: [bench.yaml], figures: [{run: bench.yaml,
       figure: fit, panel: "200", models: [polynomial_2], caption: One}]}
 claims:
@@ -168,6 +168,12 @@ status: computed              status: done               computed
 {factor: 2}                   {factor: 0.5}              factor
 bench[mapmore].n > 2          other[mapmore].n > 2       no source 'other'
 bench[mapmore].n > 2          bench[mapmore].n           is no inequality
+rows[a].size_m < 3            rows[a].size_m             is no inequality
+rows[a].size_m < 3            none[a].size_m < 3         no source 'none'
+"rows[a].size_m < 3"          ""                         is no inequality
+["rows[a].size_m < 3"]        []                         that the rival would not give
+rival: it is none             rival: ""                  the `rival` explanation
+holds: ["bench[mapmore].n > 2"], rival  rival             an explanation needs `holds`
 untold: no number             untold: ""                 has a verdict
 place: [bench.csv]            place: [table 9]           there is no
 {file: bench.csv, key         {key                       a source is
@@ -222,7 +228,7 @@ def test_what_agrees_and_what_differs(paper, tmp_path, mapmore, capsys):
     assert verdicts == ["holds", "does not hold", "untold"]
     assert found["claims"][1]["numbers"] == "2 < 5 < 8; 1 > 3"
     because = [one["verdict"] for item in found["items"] for one in item["because"]]
-    assert because == ["holds", "conjecture"]
+    assert because == ["holds"]
     swapped = dict(zip(ours["nrmse"], reversed(ours["nrmse"].values()), strict=True))
     write_table(
         paper,
