@@ -216,7 +216,8 @@ def _shapes(run_dir: Path, along: str) -> Rows:
             error = values - y
             rms = [float(np.sqrt(np.nanmean(error[part] ** 2))) for part in (below, ~below)]
             known = np.isfinite(values)
-            straight = float(np.corrcoef(x[known], values[known])[0, 1] ** 2)
+            level = np.ptp(values[known]) == 0
+            straight = 1.0 if level else float(np.corrcoef(x[known], values[known])[0, 1] ** 2)
             rows.append((model, curve["id"], *places, float(np.nanmean(error)), *rms, straight))
     return Rows("shapes", ("model", "curve", *SHAPE), rows)
 

@@ -1,4 +1,4 @@
-"""Write the tables of docs/tables/papers that claims and explanations ask for, and that no run has:
+"""Write the tables of docs/papers/tables that claims and explanations ask for, and that no run has:
 
     python docs/papers/paper_tables.py [NAME ...] [--runs DIR]
 
@@ -20,7 +20,7 @@ from our_numbers import Cell, Runs, csv_rows, result_file
 
 HERE = Path(__file__).parent
 ROOT = HERE.parents[1]
-TABLES = ROOT / "docs" / "tables" / "papers"
+TABLES = HERE / "tables"
 
 Found = Iterator[Sequence[Cell]]
 Columns = Mapping[str, Any]
