@@ -177,8 +177,7 @@ def _rows_beside(
             )
         pair = rows[turn]
         if ours.total:
-            numbers = [name for name, cell in pair.items() if isinstance(cell, int | float)]
-            pair = {name: sum(as_float(one[name]) for one in rows) for name in numbers}
+            pair = {name: sum(as_float(cell_value(name, one)) for one in rows) for name in pair}
         pairs.append(pair)
     return pairs
 

@@ -7,15 +7,15 @@ import json
 import re
 
 import pytest
-from claims import related
+from claims import Judge, related
 from cli_samples import CONFIGS, PROJECT, edit, held_out, write_study
 from common import rows_of
 from compare import main
-from comparison import HERE, PUBLISHED, judged
+from comparison import HERE, PUBLISHED, beside, judged
 from hypothesis import given
 from hypothesis import strategies as st
 from our_numbers import Runs
-from paper import PaperError, Verdict, load_paper
+from paper import REFERENCE, PaperError, Reason, Verdict, load_paper
 from paper_tables import MADE, TABLES
 from paper_tables import rows_of as rows_of_table
 
@@ -291,6 +291,24 @@ def test_a_table_that_claims_ask_for_is_what_its_command_writes(tmp_path):
         assert [float(cell) for cell in row[1:]] == pytest.approx(
             [float(cell) for cell in own[1:]], rel=1e-4
         )
+
+
+@pytest.mark.parametrize("name", NUMBERED)
+def test_what_tables_of_ours_alone_decide_has_its_numbers_and_explanations_hold(name, tmp_path):
+    """What needs a run is judged by `make paper`."""
+    spec, folder = (loaded := load_paper(HERE / f"{name}.yaml")).spec, loaded.folder
+    runs, root = Runs(tmp_path, folder), folder / spec.root
+    for item in spec.items:
+        for one in item.compare:
+            if one.ours.run is None:
+                tables, _ = beside(one, folder, root, runs)
+                assert all(cell is not None for row in tables[0].rows for cell in row)
+    judge = Judge(runs, spec.sources, root)
+    for shown in (*spec.claims, *(reason for item in spec.items for reason in item.why)):
+        asked = {match[2] for text in shown.inequalities for match in REFERENCE.finditer(text)}
+        if all(spec.sources[one].run is None for one in asked):
+            holds, _ = judge.judged(shown)
+            assert holds or not isinstance(shown, Reason)
 
 
 number = st.floats(1e-6, 1e6)

@@ -3,7 +3,6 @@ told at its place.
 """
 
 import json
-import re
 
 import numpy as np
 import pytest
@@ -11,11 +10,8 @@ from cli_samples import PROJECT, by_place, csv_rows, held_out, write_lines
 from common import rows_of
 
 import mapmore_cli
-from mapmore_cli.annexes.motion.problem import MotionRecipe
 from mapmore_cli.annexes.motion.simulation import simulate
-from mapmore_cli.domain.declared import taken
 from mapmore_cli.storage.artefacts import read_fit
-from mapmore_cli.study.loader import load
 
 DATASETS = PROJECT / "datasets"
 LOGS = DATASETS / "waveforms"
@@ -158,13 +154,6 @@ def test_table_3_follows_from_the_same_numbers(finished):
     assert [float(row[key]) for key in ("samples", "RMSE [cm]", "max error [cm]")] == pytest.approx(
         [80, np.sqrt(np.mean(error**2)), np.abs(error).max()], rel=1e-3
     )
-
-
-def test_the_seed_of_the_spec_is_that_of_the_swarm(tmp_path):
-    swarm = "model: {type: state_space, input: input, solver: swarm, seed: 7}"
-    (tmp_path / "spec.yaml").write_text(re.sub(r"model: \{type.*rest\}", swarm, SPEC, count=1))
-    model = load(tmp_path / "spec.yaml").spec.model
-    assert taken(MotionRecipe, model, output="displacement", step=0.05).seed == 7
 
 
 def test_it_runs_again_to_the_same_bytes(finished, mapmore, tmp_path):
