@@ -122,11 +122,11 @@ def plateaus(runs: Runs) -> Found:
 
 def sensors(runs: Runs) -> Found:
     """Compare the deviation of the damping force on the plateau that was held out, with the
-    pressure before the tube and in the muscle.
+    pressure before the tube and in the muscle, while both call it the plateau.
     """
     yield "muscle", "before the tube [N]", "in the muscle [N]", "share"
     for muscle, level in (("dmsp-20-88", 250.0), ("peano", 350.0)):
-        swings = []
+        records = []
         for column in ("P", "Pm"):
             study = f"configs/m2/{muscle}-damping.yaml"
             name = f"{muscle}-damping-by-{column}"
@@ -134,7 +134,12 @@ def sensors(runs: Runs) -> Found:
             run = runs.run_dir(study, **found, **{"data.columns.pressure.column": column})
             target, curves = curves_of(run)
             (held,) = (one for one in curves if one["level"] == level)
-            swings.append(float(held["columns"][target][held["at_rest"].astype(bool)].std()))
+            time, on = held["columns"]["time"], held["at_rest"].astype(bool)
+            records.append((time, held["columns"][target], time[on][0], time[on][-1]))
+        first, last = max(one[2] for one in records), min(one[3] for one in records)
+        swings = [
+            float(force[(time >= first) & (time <= last)].std()) for time, force, *_ in records
+        ]
         yield muscle, *swings, swings[1] / swings[0]
 
 
