@@ -14,6 +14,7 @@ from functools import cache
 from itertools import pairwise
 from pathlib import Path
 from statistics import median
+from time import process_time
 from typing import Any
 
 import numpy as np
@@ -31,7 +32,8 @@ from mapmore_cli.annexes.motion.body import (
 from mapmore_cli.annexes.motion.fitting import fit_motion
 from mapmore_cli.annexes.motion.problem import Bounds, MotionRecipe
 from mapmore_cli.annexes.motion.simulation import motion_errors, simulate
-from mapmore_cli.domain.arrays import Array
+from mapmore_cli.annexes.motion.solvers import ITERATIONS
+from mapmore_cli.domain.arrays import Array, Columns
 from mapmore_cli.modelling.memory.records import Record
 from mapmore_cli.reporting.table import Cell, Table
 from mapmore_cli.storage.run_folder import RunFiles
@@ -281,35 +283,179 @@ KINDS: Mapping[str, tuple[str, dict[str, object]]] = {
     ),
 }
 READING_SEEDS = range(1, 21)
+MEDIAN_SEEDS = range(1, 13)
+FOLDER = DOCS.parent / "datasets" / "waveforms"
 
 
 @cache
+def references(pattern: str, noise: float) -> tuple[Record, ...]:
+    """Return the recordings that a model is fitted to, with so much more noise (cm)."""
+    records = [log(path) for path in sorted(FOLDER.glob(pattern))]
+    rng = np.random.default_rng(1)
+    return tuple(
+        replace(
+            one,
+            columns={
+                **one.columns,
+                "displacement": one.columns["displacement"]
+                + noise * rng.standard_normal(len(one.training)),
+            },
+        )
+        for one in records
+    )
+
+
+@cache
+def validation_waves() -> Mapping[str, Columns]:
+    """Return the seven waveforms by name."""
+    return {
+        path.stem.removeprefix("waveform_"): log(path).columns
+        for path in sorted(FOLDER.glob("waveform_*.csv"))
+    }
+
+
+@cache
+def models_of(reading: str, seed: int, noise: float = 0.0) -> Mapping[str, MotionFit]:
+    """Return P's four models, found by its swarm."""
+    return {
+        kind: fit_motion(
+            references(pattern, noise),
+            recipe(solver="swarm", seed=seed, **settings, **READINGS[reading]),
+        )
+        for kind, (pattern, settings) in KINDS.items()
+    }
+
+
 def errors_by_seed(reading: str, seeds: Sequence[int] = READING_SEEDS) -> Mapping[str, Array]:
     """Return the displacement RMSE (cm) of P's four models, found by its swarm, on every waveform,
     (seeds, models).
     """
-    folder = DOCS.parent / "datasets" / "waveforms"
-    waves = {
-        path.stem.removeprefix("waveform_"): log(path).columns
-        for path in sorted(folder.glob("waveform_*.csv"))
+    return {
+        wave: np.array([[errors[0] for errors in of_seed[wave]] for of_seed in measured])
+        for measured in [[errors_of(reading, seed) for seed in seeds]]
+        for wave in validation_waves()
     }
-    found: dict[str, list[list[float]]] = {wave: [] for wave in waves}
-    for seed in seeds:
-        models = []
-        for pattern, settings in KINDS.values():
-            made = recipe(solver="swarm", seed=seed, **settings, **READINGS[reading])
-            models.append(
-                fit_motion([log(path) for path in sorted(folder.glob(pattern))], made).model
-            )
-        for wave, columns in waves.items():
-            y, u = columns["displacement"], columns["input"]
-            found[wave].append(
-                [
-                    motion_errors(y, simulate(model, columns), u, STEP).displacement_rmse
-                    for model in models
-                ]
-            )
-    return {wave: np.array(errors) for wave, errors in found.items()}
+
+
+@cache
+def errors_of(reading: str, seed: int, noise: float = 0.0) -> Mapping[str, list[list[float]]]:
+    """Return what is measured of every waveform and model: RMSE (cm), greatest error (cm), RMSE
+    times the root of the samples, greatest error of the velocity (cm/s), and the peaks of model and
+    muscle (cm), all over the last wavelength.
+    """
+    found: dict[str, list[list[float]]] = {}
+    for wave, columns in validation_waves().items():
+        y, u = columns["displacement"], columns["input"]
+        found[wave] = []
+        for fit in models_of(reading, seed, noise).values():
+            values = simulate(fit.model, columns)
+            errors = motion_errors(y, values, u, STEP)
+            rmse, tail = errors.displacement_rmse, slice(-errors.samples, None)
+            numbers = (rmse, errors.max_displacement, rmse * errors.samples**0.5)
+            peaks = (float(values[tail].max()), float(y[tail].max()))
+            found[wave].append([*numbers, errors.max_velocity, *peaks])
+    return found
+
+
+def seeds(_runs: Path) -> Table:
+    """Medians of P's four models over the seeds of its swarm, by reading and waveform."""
+    rows: list[tuple[Cell, ...]] = []
+    for reading in READINGS:
+        of_seeds = [errors_of(reading, seed) for seed in MEDIAN_SEEDS]
+        for wave in validation_waves():
+            for number, model in enumerate(MODELS):
+                every = np.array([found[wave][number] for found in of_seeds])
+                rows.append((reading, wave, model, *np.median(every, axis=0).tolist()))
+    columns = (
+        *("reading", "waveform", "model", "RMSE [cm] .4f", "max error [cm] .4f"),
+        *("RMSE times root of samples .4f", "max velocity error [cm/s] .4f"),
+        *("peak [cm] .4f", "measured peak [cm] .4f"),
+    )
+    title = f"P's four models on seven waveforms, medians over {len(MEDIAN_SEEDS)} seeds"
+    return Table.of("seeds", title, columns, rows)
+
+
+def parameters(_runs: Path) -> Table:
+    """Medians of the parameters of P's four models over the seeds of its swarm, by section."""
+    rows: list[tuple[Cell, ...]] = []
+    for kind in MODELS:
+        found = [models_of("at rest, hard", seed)[kind].model.sections for seed in MEDIAN_SEEDS]
+        for of_seeds in zip(*found, strict=True):
+            each = [(one.p1, one.p2, float(one.weights[0])) for one in of_seeds]
+            steady = [5 * p3 / (1 - p1 - p2) for p1, p2, p3 in each]
+            numbers = [*np.median(each, axis=0).tolist(), float(np.median(steady))]
+            radius = float(np.median([one.radius for one in of_seeds]))
+            rows.append((kind, of_seeds[0].id, *numbers, radius, ITERATIONS))
+    columns = (
+        *("model", "section", "P1 .4f", "P2 .4f", "P3 .4f", "steady output at 5 V [cm] .3f"),
+        *("largest pole .4f", "iterations"),
+    )
+    title = f"Parameters of P's four models, medians over {len(MEDIAN_SEEDS)} seeds"
+    return Table.of("parameters", title, columns, rows)
+
+
+NOISES = (0.0, 0.5)
+
+
+def noise(_runs: Path) -> Table:
+    """Medians over the seeds of the swarm, by what is added to the recordings that train."""
+    rows: list[tuple[Cell, ...]] = []
+    for number, model in enumerate(MODELS):
+        means = []
+        for level in NOISES:
+            found = [errors_of("from zero, carried", seed, level) for seed in MEDIAN_SEEDS]
+            every = [[each[wave][number][0] for wave in each] for each in found]
+            means.append(float(np.mean(np.median(every, axis=0))))
+        rows.append((model, *means, means[1] / means[0]))
+    columns = ("model", *(f"RMSE, {one:g} cm more noise [cm] .4f" for one in NOISES), "ratio .3f")
+    return Table.of("noise", "Training with ten times the noise of the sensor", columns, rows)
+
+
+def costs(_runs: Path) -> Table:
+    """Seconds of the processor that a fit takes, and the mean error on the waveforms: the swarm
+    (medians over seeds) and a network of two layers of 32 on the input of the last 32 samples.
+    """
+    from sklearn.neural_network import MLPRegressor
+    from sklearn.pipeline import make_pipeline
+    from sklearn.preprocessing import StandardScaler
+
+    rows: list[tuple[Cell, ...]] = []
+    found = [errors_of("from zero, carried", seed) for seed in MEDIAN_SEEDS]
+    for number, (model, (pattern, settings)) in enumerate(KINDS.items()):
+        made = recipe(solver="swarm", seed=1, **settings, **READINGS["from zero, carried"])
+        records = references(pattern, 0.0)
+        start = process_time()
+        fit = fit_motion(records, made)
+        seconds = process_time() - start
+        parts = len(fit.searches)
+        error = np.mean(np.median([[e[w][number][0] for w in e] for e in found], axis=0))
+        rows.append(
+            (model, seconds, parts, seconds / parts, seconds / parts / ITERATIONS, float(error))
+        )
+    records = references("reference_*.csv", 0.0)
+    inputs = np.concatenate([delayed(one.columns["input"]) for one in records])
+    target = np.concatenate([one.columns["displacement"] for one in records])
+    start = process_time()
+    network = make_pipeline(
+        StandardScaler(),
+        MLPRegressor(hidden_layer_sizes=(32, 32), max_iter=2000, tol=1e-6, random_state=1),
+    ).fit(inputs, target)
+    seconds = process_time() - start
+    errors = []
+    for columns in validation_waves().values():
+        values = network.predict(delayed(columns["input"]))
+        errors.append(motion_errors(columns["displacement"], values, columns["input"], STEP)[0])
+    rows.append(("network", seconds, 1, seconds, None, float(np.mean(errors))))
+    heads = (
+        *("model", "seconds .3g", "solutions", "seconds a solution .3g"),
+        *("seconds an iteration .3g", "RMSE [cm] .4f"),
+    )
+    return Table.of("costs", "What a model costs, by the machine of this page", heads, rows)
+
+
+def delayed(u: Array) -> Array:
+    """Return the input of this and of the 32 samples before, (n, 33)."""
+    return np.lib.stride_tricks.sliding_window_view(np.concatenate([np.full(32, u[0]), u]), 33)
 
 
 def printed_errors() -> Mapping[str, list[float]]:
@@ -409,7 +555,19 @@ def fit_seconds(run: Path) -> float:
 
 
 if __name__ == "__main__":
-    tables = (poles, solvers, slowest, waveforms, readings, sections, loads)
+    tables = (
+        poles,
+        solvers,
+        slowest,
+        waveforms,
+        readings,
+        seeds,
+        parameters,
+        noise,
+        costs,
+        sections,
+        loads,
+    )
     write_page(
         "motion.md",
         {

@@ -34,7 +34,7 @@ class Judge:
 
         Raises PaperError for a number that is not there.
         """
-        chains = [self._chain(text) for text in shown.holds]
+        chains = [self._chain(text) for text in shown.inequalities]
         return all(holds for holds, _ in chains), "; ".join(numbers for _, numbers in chains)
 
     def _chain(self, text: str) -> tuple[bool, str]:

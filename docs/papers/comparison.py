@@ -103,7 +103,9 @@ def counts(compared: Sequence[Compared]) -> dict[str, tuple[int, int]]:
     return {kind: (agreeing[kind], n) for kind, n in Counter(one.kind for one in compared).items()}
 
 
-def beside(one: Comparison, tables: Path, runs: Runs) -> tuple[list[Table], list[Compared]]:
+def beside(
+    one: Comparison, tables: Path, root: Path, runs: Runs
+) -> tuple[list[Table], list[Compared]]:
     """Return the tables and the verdicts of a comparison; raises PaperError for a published table,
     a column or a row that is not there.
     """
@@ -117,7 +119,7 @@ def beside(one: Comparison, tables: Path, runs: Runs) -> tuple[list[Table], list
     for number in one.numbers:
         wanted = one.ours.model_copy(update={"rows": {**one.ours.rows, **number.rows}})
         theirs = [cell_value(number.printed, row) for row in printed]
-        ours = [cell_value(number.ours, row) for row in _rows_beside(wanted, printed, runs)]
+        ours = [cell_value(number.ours, row) for row in _rows_beside(wanted, printed, root, runs)]
         columns.append((Column(f"{number.name}, printed", number.unit), theirs))
         columns.append((Column("ours", number.unit), ours))
         rule = number.verdict
@@ -155,14 +157,16 @@ def _printed_rows(path: Path, where: Mapping[str, Sequence[str]]) -> list[dict[s
     return [{name: str(cell) for name, cell in row.items()} for row in kept]
 
 
-def _rows_beside(ours: Ours, printed: Sequence[Mapping[str, str]], runs: Runs) -> list[Row]:
+def _rows_beside(
+    ours: Ours, printed: Sequence[Mapping[str, str]], root: Path, runs: Runs
+) -> list[Row]:
     """Return a row of ours for each printed one: the total of those it asks for, or the next that
     no printed row has taken.
     """
     taken: Counter[str] = Counter()
     pairs: list[Row] = []
     for row in printed:
-        rows = runs.rows(ours, row)
+        rows = runs.rows(ours, row, root)
         key = repr(rows)
         turn = 0 if ours.total else taken[key]
         taken[key] += 1
@@ -173,8 +177,7 @@ def _rows_beside(ours: Ours, printed: Sequence[Mapping[str, str]], runs: Runs) -
             )
         pair = rows[turn]
         if ours.total:
-            numbers = [name for name, cell in pair.items() if isinstance(cell, int | float)]
-            pair = {name: sum(as_float(one[name]) for one in rows) for name in numbers}
+            pair = {name: sum(as_float(cell_value(name, one)) for one in rows) for name in pair}
         pairs.append(pair)
     return pairs
 
@@ -226,7 +229,7 @@ class Told:
         if self.failed:
             return "failed"
         if self.holds is None:
-            return "untold" if isinstance(self.shown, Claim) else "conjecture"
+            return "untold"
         return "holds" if self.holds else "does not hold"
 
     @property
@@ -342,7 +345,8 @@ def compare_paper(
 def _fill(result: Result, loaded: LoadedPaper, runs: Runs, tell: Callable[[str], None]) -> None:
     """Compare an item with its runs, and draw its figures."""
     for one in result.item.compare:
-        tables, verdicts = beside(one, loaded.folder / loaded.spec.tables, runs)
+        folder, spec = loaded.folder, loaded.spec
+        tables, verdicts = beside(one, folder / spec.tables, folder / spec.root, runs)
         result.tables += tables
         result.compared += verdicts
     for figure in result.item.figures:
@@ -363,12 +367,12 @@ def overview(papers: Sequence[PaperResult]) -> Table:
         agreeing = {kind: f"{a} of {n}" for kind, (a, n) in counts(paper.compared).items()}
         status = [result.item.status for result in paper.results]
         untold = sum(claim.verdict == "untold" for claim in paper.claims)
-        because = Counter(reason.verdict for reason in paper.reasons)
+        because = f"{sum(bool(one.holds) for one in paper.reasons)} of {len(paper.reasons)}"
         head = (paper.loaded.spec.paper, len(status), status.count("absent"))
         cells = map(agreeing.get, WORDS)
-        rows.append((*head, *cells, untold, because["holds"], because["conjecture"]))
+        rows.append((*head, *cells, untold, because))
     kinds = (f"{kind}s that {'hold' if kind == 'claim' else 'agree'}" for kind in WORDS)
-    last = ("untold claims", "explanations with a number", "conjectures")
+    last = ("untold claims", "explanations that hold")
     notes = (
         "A size agrees within a factor, a value within a distance, an order where all ranks are "
         "the same: they are not added up. Inputs and settings were put in; the others came out.",

@@ -62,9 +62,11 @@ def csv_rows(path: Path) -> Rows:
     return Rows(path.name, heads, rows)
 
 
-def _as_names(headings: Iterable[str]) -> list[str]:
-    """Return the headings of columns as expressions write them."""
-    return [re.sub(r"[^A-Za-z0-9]+", "_", heading).strip("_") for heading in headings]
+def _named(table: Rows, without: str = "$") -> Rows:
+    """Return a table with its headings as expressions write them, but for what matches."""
+    plain = [re.sub(without, "", heading) for heading in table.names]
+    names = [re.sub(r"[^A-Za-z0-9]+", "_", heading).strip("_") for heading in plain]
+    return replace(table, names=names)
 
 
 @dataclass(frozen=True)
@@ -78,21 +80,28 @@ class Runs:
     _folders: dict[str, Path] = field(default_factory=dict)
     _tables: dict[tuple[str, str, str], Rows] = field(default_factory=dict)
 
-    def run_dir(self, spec: str) -> Path:
-        """Bring the run of a spec up to date and return its folder; raises as `mapmore run`."""
-        if spec not in self._folders:
+    def run_dir(self, spec: str, **settings: Any) -> Path:
+        """Bring the run of a spec up to date, with other settings or not, and return its folder;
+        raises as `mapmore run`.
+        """
+        key = f"{spec} {settings}"
+        if key not in self._folders:
             with warnings.catch_warnings():  # the page of the run has them
                 warnings.simplefilter("ignore")
-                self._folders[spec] = mm.run(self.folder / spec, self.runs).run_dir
-        return self._folders[spec]
+                found = mm.run(self.folder / spec, self.runs, settings=settings)
+                self._folders[key] = found.run_dir
+        return self._folders[key]
 
-    def rows(self, ours: Ours, printed: Mapping[str, str]) -> list[Row]:
+    def rows(self, ours: Ours, printed: Mapping[str, str], root: Path) -> list[Row]:
         """Return the rows of ours that a printed row stands beside, by column.
 
         Raises PaperError for a table or a column that the run does not have, or a `{column}` that
         the printed row does not have.
         """
-        table = self._table(_with_cells(ours.run, printed), ours.table)
+        if ours.run is None:
+            table = _named(csv_rows(root / str(ours.file)))
+        else:
+            table = self._table(_with_cells(ours.run, printed), ours.table)
         return table.kept({name: _with_cells(text, printed) for name, text in ours.rows.items()})
 
     def source_rows(self, source: Source, root: Path) -> dict[str, Row]:
@@ -100,8 +109,7 @@ class Runs:
         if source.run is not None:
             table = self._table(source.run, source.table, source.along)
         else:
-            table = csv_rows(root / str(source.file))
-            table = replace(table, names=_as_names(table.names))
+            table = _named(csv_rows(root / str(source.file)))
         kept = table.kept(source.kept, source.key)
         return {" ".join(str(row[name]) for name in source.key): row for row in kept}
 
@@ -128,8 +136,7 @@ class Runs:
             raise PaperError(
                 f"{spec}: its run has no table {name!r}; there are {', '.join(tables)}"
             )
-        table = csv_rows(tables[name])
-        return replace(table, names=_as_names(re.sub(r" \[.*\]$", "", one) for one in table.names))
+        return _named(csv_rows(tables[name]), r" \[.*\]$")
 
 
 def _with_cells(text: str, printed: Mapping[str, str]) -> str:
@@ -180,12 +187,16 @@ def _curves(run_dir: Path) -> Rows:
     return Rows("curves", names, rows)
 
 
-SHAPE = ("least", "least_at", "greatest", "greatest_at", "bias", "error_below", "error_above")
+SHAPE = (
+    *("least", "least_at", "greatest", "greatest_at", "bias", "error_below", "error_above"),
+    "straight",
+)
 
 
 def _shapes(run_dir: Path, along: str) -> Rows:
     """Return the extremes of every curve and model, and where they are along a quantity; and a
-    model's mean error, and its RMSE below and above the middle of the curve.
+    model's mean error, its RMSE below and above the middle of the curve, and the share of its
+    variance that a straight line has.
     """
     validation = result_file(run_dir / "validate.h5")
     dataset = validation.get("shown") or result_file(run_dir / "ingest.h5")
@@ -204,7 +215,10 @@ def _shapes(run_dir: Path, along: str) -> Rows:
             places = [float(one) for end in ends for one in (values[end], x[end])]
             error = values - y
             rms = [float(np.sqrt(np.nanmean(error[part] ** 2))) for part in (below, ~below)]
-            rows.append((model, curve["id"], *places, float(np.nanmean(error)), *rms))
+            known = np.isfinite(values)
+            level = np.ptp(values[known]) == 0
+            straight = 1.0 if level else float(np.corrcoef(x[known], values[known])[0, 1] ** 2)
+            rows.append((model, curve["id"], *places, float(np.nanmean(error)), *rms, straight))
     return Rows("shapes", ("model", "curve", *SHAPE), rows)
 
 

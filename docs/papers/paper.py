@@ -64,19 +64,6 @@ class Verdict(Section):
             yield "a verdict has one rule: give `within`, `factor`, `order`, `bound` or `same`"
 
 
-class Ours(Section):
-    """Rows of a table of a run: its scores, or any table of its page, by its name there.
-
-    Texts in `run` and `rows` may hold `{column}` of the printed row; printed rows that ask for the
-    same rows take them in turn.
-    """
-
-    run: str
-    table: str = "scores"
-    rows: dict[str, str] = {}  # which: texts by column
-    total: bool = False  # adds up the numbers of these rows
-
-
 class OfRun(Section):
     """What is of a `run`, or a `file` below the paper's `root` that a command wrote."""
 
@@ -87,6 +74,19 @@ class OfRun(Section):
         if (self.run is None) == (self.file is None):
             kind = "figure is of" if isinstance(self, Drawn) else "source is"
             yield f"a {kind} a `run` or a `file`: give one of them"
+
+
+class Ours(OfRun):
+    """Rows of a table of a run (its scores, or any table of its page, by its name there), or of a
+    CSV file.
+
+    Texts in `run` and `rows` may hold `{column}` of the printed row; printed rows that ask for the
+    same rows take them in turn.
+    """
+
+    table: str = "scores"
+    rows: dict[str, str] = {}  # which: texts by column
+    total: bool = False  # adds up the numbers of these rows
 
 
 class Source(OfRun):
@@ -146,14 +146,44 @@ class Shown(Section):
     says: str
     holds: list[str] = []
 
+    @property
+    def inequalities(self) -> list[str]:
+        """All that must hold."""
+        return self.holds
+
     def _faults(self) -> Iterator[str]:
-        for text in self.holds:
+        yield from self._no_inequality(self.holds)
+
+    def _no_inequality(self, texts: Sequence[str]) -> Iterator[str]:
+        for text in texts:
             if not RELATION.search(text):
                 yield f"{text!r} is no inequality: write <, > or ~ between numbers"
 
 
 class Reason(Shown):
-    """Why ours differs. Without inequalities it is a conjecture."""
+    """Why ours differs: numbers that the explanation gives (`holds`), the next best explanation
+    (`rival`), and numbers that the rival would not give (`against`).
+
+    An explanation that fits the facts as well as another explains nothing, so that all three are
+    asked for.
+    """
+
+    rival: str = ""
+    against: list[str] = []
+
+    def _faults(self) -> Iterator[str]:
+        yield from super()._faults()
+        yield from self._no_inequality(self.against)
+        if not (self.holds and self.rival and self.against):
+            yield (
+                "an explanation needs `holds`, the `rival` explanation, and inequalities "
+                "`against` it that the rival would not give"
+            )
+
+    @property
+    def inequalities(self) -> list[str]:
+        """All that must hold."""
+        return [*self.holds, *self.against]
 
 
 class Claim(Shown):
@@ -271,7 +301,7 @@ def _mistakes(paper: Paper, folder: Path) -> Iterator[str]:
     for item in paper.items:
         yield from _wrong_places(item.id, item.place, folder / paper.root)
         for reason in item.why:
-            yield from _unknown_sources(item.id, paper, reason.holds)
+            yield from _unknown_sources(item.id, paper, reason.inequalities)
         if item.status == "compared" and not item.compare and item.id not in spoken_of:
             yield f"{item.id} is compared with nothing: give `compare`, or a claim at this `place`"
     for claim in paper.claims:

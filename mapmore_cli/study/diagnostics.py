@@ -318,7 +318,6 @@ REMOVED = {
     "model.method": "name the formula in `validate.against`, which has a `method`",
     "model.particles": "remove it: the swarm has P's 50",
     "model.polish": "use `solver: least_squares`",
-    "model.seed": "remove it",
     "model.starts": "name the formula in `validate.against`, which has `starts`",
     "published.tables": "remove it",
     "resonance.frequency": "write the state by its name, as `resonance(pressure, 4, 0.2)`",

@@ -7,14 +7,17 @@ import json
 import re
 
 import pytest
-from claims import related
+from claims import Judge, related
 from cli_samples import CONFIGS, PROJECT, edit, held_out, write_study
 from common import rows_of
 from compare import main
-from comparison import HERE, PUBLISHED, judged
+from comparison import HERE, PUBLISHED, beside, judged
 from hypothesis import given
 from hypothesis import strategies as st
-from paper import PaperError, Verdict, load_paper
+from our_numbers import Runs
+from paper import REFERENCE, PaperError, Reason, Verdict, load_paper
+from paper_tables import MADE, TABLES
+from paper_tables import rows_of as rows_of_table
 
 from mapmore_cli.study.campaign import load_campaign
 from mapmore_cli.study.loader import load
@@ -129,8 +132,8 @@ items:
               verdict: {within: 0.01}}
           - {name: NRMSE, printed: nrmse, ours: nrmse, verdict: {order: [study]}}
     why:
-      - {says: It is a bench, holds: ["bench[mapmore].n > 2"]}
-      - says: Perhaps
+      - {says: It is a bench, holds: ["bench[mapmore].n > 2"], rival: it is none,
+          against: ["rows[a].size_m < 3"]}
   - {id: figure 1, title: Fit, status: drawn, place: [bench.yaml], figures: [{run: bench.yaml,
       figure: fit, panel: "200", models: [polynomial_2], caption: One}]}
 claims:
@@ -168,6 +171,12 @@ status: computed              status: done               computed
 {factor: 2}                   {factor: 0.5}              factor
 bench[mapmore].n > 2          other[mapmore].n > 2       no source 'other'
 bench[mapmore].n > 2          bench[mapmore].n           is no inequality
+rows[a].size_m < 3            rows[a].size_m             is no inequality
+rows[a].size_m < 3            none[a].size_m < 3         no source 'none'
+"rows[a].size_m < 3"          ""                         is no inequality
+["rows[a].size_m < 3"]        []                         that the rival would not give
+rival: it is none             rival: ""                  the `rival` explanation
+holds: ["bench[mapmore].n > 2"], rival  rival             an explanation needs `holds`
 untold: no number             untold: ""                 has a verdict
 place: [bench.csv]            place: [table 9]           there is no
 {file: bench.csv, key         {key                       a source is
@@ -222,7 +231,7 @@ def test_what_agrees_and_what_differs(paper, tmp_path, mapmore, capsys):
     assert verdicts == ["holds", "does not hold", "untold"]
     assert found["claims"][1]["numbers"] == "2 < 5 < 8; 1 > 3"
     because = [one["verdict"] for item in found["items"] for one in item["because"]]
-    assert because == ["holds", "conjecture"]
+    assert because == ["holds"]
     swapped = dict(zip(ours["nrmse"], reversed(ours["nrmse"].values()), strict=True))
     write_table(
         paper,
@@ -269,6 +278,37 @@ def test_what_is_not_there_is_told_and_the_page_is_written(paper, old, new, word
     assert code == 3
     assert words in printed.err
     assert words in (runs / "paper.html").read_text(encoding="utf-8")
+
+
+def test_a_table_that_claims_ask_for_is_what_its_command_writes(tmp_path):
+    """The one that needs no run; `python docs/papers/paper_tables.py` writes all."""
+    assert {path.stem for path in TABLES.glob("*.csv")} == set(MADE)
+    with (TABLES / "products.csv").open(encoding="utf-8", newline="") as lines:
+        written = list(csv.reader(lines))
+    found = rows_of_table("products", Runs(tmp_path, PROJECT))
+    assert written[0] == found[0]
+    for row, own in zip(written[1:], found[1:], strict=True):
+        assert [float(cell) for cell in row[1:]] == pytest.approx(
+            [float(cell) for cell in own[1:]], rel=1e-4
+        )
+
+
+@pytest.mark.parametrize("name", NUMBERED)
+def test_what_tables_of_ours_alone_decide_has_its_numbers_and_explanations_hold(name, tmp_path):
+    """What needs a run is judged by `make paper`."""
+    spec, folder = (loaded := load_paper(HERE / f"{name}.yaml")).spec, loaded.folder
+    runs, root = Runs(tmp_path, folder), folder / spec.root
+    for item in spec.items:
+        for one in item.compare:
+            if one.ours.run is None:
+                tables, _ = beside(one, folder, root, runs)
+                assert all(cell is not None for row in tables[0].rows for cell in row)
+    judge = Judge(runs, spec.sources, root)
+    for shown in (*spec.claims, *(reason for item in spec.items for reason in item.why)):
+        asked = {match[2] for text in shown.inequalities for match in REFERENCE.finditer(text)}
+        if all(spec.sources[one].run is None for one in asked):
+            holds, _ = judge.judged(shown)
+            assert holds or not isinstance(shown, Reason)
 
 
 number = st.floats(1e-6, 1e6)

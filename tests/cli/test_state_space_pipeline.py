@@ -178,7 +178,9 @@ input: input, sections: [2350 mV           input: displacement, sections: [23 mm
 start: rest                                dead_band: 0.1 V  \
     goes with `direction: true` and `switching: bumpless`
 start: rest                                begin: {p1: [0, 1]}  \
-    looks at all stable sections
+    no particles, which `begin` is for
+start: rest                                seed: 2                                no particles
+start: rest                                solver: swarm, seed: -1                at least 0
 start: rest                                solver: swarm, begin: {p1: [1, 0]}  \
     lower bound first
 start: rest                                solver: swarm, offset: true  \

@@ -50,9 +50,10 @@ def findings(spec: ExperimentSpec) -> Iterator[Finding]:
             "switching goes by every change of the input"
         )
         yield Finding("model.dead_band:", what, "remove it")
-    if model.begin is not None and model.solver != "swarm":
-        what = f"`solver: {model.solver}` looks at all stable sections"
-        yield Finding("model.begin:", what, "remove `begin`")
+    for key in ("begin", "seed") if model.solver != "swarm" else ():
+        if getattr(model, key) != getattr(MotionSettings, key):
+            what = f"`solver: {model.solver}` has no particles, which `{key}` is for"
+            yield Finding(f"model.{key}:", what, f"remove `{key}`, or write `solver: swarm`")
     if model.mask != "input" and not model.direction:
         yield Finding(
             "model.mask:",

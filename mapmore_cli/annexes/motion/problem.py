@@ -66,6 +66,7 @@ class MotionSettings(Settings):
     - `slowest`: longest time constant of a section; a quarter of the longest training piece by
       default, which cannot tell a slower one from a drift, as `5 s`
     - `begin`: where the particles of the swarm begin; everywhere by default, as `{p1: [-1, 1]}`
+    - `seed`: of the swarm's random numbers, of which every section draws its own, as `2`
     """
 
     input: str | None = None
@@ -84,18 +85,18 @@ class MotionSettings(Settings):
     solver: Literal["least_squares", "swarm"] = "least_squares"
     slowest: Seconds | None = None
     begin: Bounds | None = None
+    seed: Annotated[int, Interval(ge=0)] = 1
 
 
 @dataclass(frozen=True, kw_only=True)
 class MotionRecipe(MotionSettings):
     """The settings of one fit: the input is known, the `output` and the `step` between samples (s)
-    are those of the records. Every section draws numbers of its own from the `seed`.
+    are those of the records.
     """
 
     input: str
     output: str
     step: float
-    seed: int = 1
 
     def reach(self, longest: int) -> float:
         """Return the largest modulus of a pole, `exp(-step/slowest)`, where the longest piece has
