@@ -9,8 +9,9 @@ accepts the last, and `warn` is told of it, and of files without a checksum.
 
 `units` of `write_segmentation` and `write_fit` are those of `units_of(dataset)`: the types written
 there do not know them. A new major format is refused by older programs, a new minor only adds
-fields. Format 3.0 is the first that was released; in
-3.1 rows of a segment that follow each other are two numbers.
+fields. Format 3.0 is the first that was released; in 3.1 rows of a segment that follow each other
+are two numbers; since 3.2 short arrays of all members of a list lie in one dataset, where up to 200
+members had a dataset each.
 """
 
 from __future__ import annotations
@@ -60,7 +61,7 @@ from mapmore_cli.storage.artefacts.schema import (
 from mapmore_cli.storage.atomic import replacing
 from mapmore_cli.storage.run_record import refuse_newer
 
-FORMAT_VERSION = "3.1"
+FORMAT_VERSION = "3.2"
 
 CHECKSUM = "checksum"
 """Attribute of the root: SHA-256 (hexadecimal) of all arrays and of the document."""
@@ -134,7 +135,7 @@ class FileKind(Generic[T]):
                     f"give a file that `mapmore {self.stage}` wrote",
                 )
             record, doubt = self._record(
-                file, path.stat().st_size, version not in ("3.0", FORMAT_VERSION)
+                file, path.stat().st_size, version not in ("3.0", "3.1", FORMAT_VERSION)
             )
             if doubt == _ALTERED and not unverified:
                 raise DataError(
