@@ -23,8 +23,8 @@ TARGETS = {
     "figures": (2.5, lambda row: row["figures"]),
 }
 """A whole run of a long log, in times of its ingest; and seconds: of 50 particles and 20 iterations
-over 20 000 samples, from a table of 60 points to its page, of 5000 files, of 2000 levels, of 20 000 runs
-that are up to date, of a small run, of the figures of a page.
+over 20 000 samples, from a table of 60 points to its page, of 5000 files, of 2000 levels, of 20 000
+runs that are up to date, of a small run, of the figures of a page.
 """
 
 
