@@ -7,12 +7,13 @@ escaped, and the alphabet has no character that could end a comment, a string or
 
 from __future__ import annotations
 
-import keyword
 import re
 import string
 import unicodedata
 from collections.abc import Collection, Iterable
 from itertools import accumulate, count
+
+from mapmore_cli.domain.words import WORDS
 
 _CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f\u2028\u2029\u202a-\u202e\u2066-\u2069]")
 """What a terminal obeys instead of showing it, all but tabs and line feeds; and marks that turn the
@@ -28,15 +29,6 @@ PLAIN = frozenset(string.ascii_letters + string.digits + " .,:;=+-_()[]<>/^|%'")
 """What stands in comments as it is: no double quotes, backslashes, asterisks, question marks,
 number signs, dollars or line ends.
 """
-
-_C_WORDS = (
-    "auto break case char const continue default do double else enum extern float for goto if "
-    "inline int long "
-    "register restrict return short signed sizeof static struct switch typedef union unsigned "
-    "void volatile while main"
-)
-WORDS = frozenset((*_C_WORDS.split(), *keyword.kwlist, "__debug__"))
-"""Words that C or Python keep for themselves."""
 
 
 def printable(text: str) -> str:
@@ -99,7 +91,7 @@ def xml_text(text: str, kept: str = "") -> str:
 
 
 def identifiers(names: Iterable[str], taken: Collection[str] = ()) -> list[str]:
-    """Return an identifier for every name, for C and Python: each another one, even without regard
+    """Return an identifier for every name, for all languages: each another one, even without regard
     to case, and none that is `taken`.
 
     A name stays as it is where it can; else it gets a number behind it. Other characters than ASCII
@@ -107,7 +99,7 @@ def identifiers(names: Iterable[str], taken: Collection[str] = ()) -> list[str]:
     """
     wanted = [re.sub(r"[^A-Za-z0-9_]", "_", name) or "_" for name in names]
     wanted = [f"_{name}" if name[0].isdigit() else name for name in wanted]
-    used = {word.lower() for word in (*WORDS, *taken)}
+    used = {*WORDS, *(word.lower() for word in taken)}
     kept = {name.lower() for name in wanted}
     found: list[str] = []
     for name in wanted:

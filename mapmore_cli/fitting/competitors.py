@@ -21,7 +21,7 @@ from mapmore_cli.domain.recording import DAMPING, STATIC_FORCE, Curve, Dataset
 from mapmore_cli.domain.results import Forecast
 from mapmore_cli.domain.scores import BASELINES, OWN, SIMPLE
 from mapmore_cli.modelling import kinds, literature, simple
-from mapmore_cli.modelling.forecast import forecast
+from mapmore_cli.modelling.forecast import forecast, forecast_each
 from mapmore_cli.modelling.kinds import runs_over_time
 from mapmore_cli.modelling.literature.backbone import fit_formula, pooled_training
 from mapmore_cli.modelling.literature.formulas.sarosi_hysteresis_loss import HysteresisLoss
@@ -167,7 +167,7 @@ class Contest:
                 f"({what})",
                 "compare runs of the same quantities in the same units",
             )
-        return tuple(forecast(other, curve, target) for curve in self.dataset.curves)
+        return forecast_each(other, self.dataset.curves, target)
 
     def _sum(self, competitor: Competitor) -> Rival:
         """Formulas with signs and inputs of their own, fitted together to the training data."""

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import partial
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import Array, by_blocks, row_by_row
+from mapmore_cli.domain.arrays import ROWS, Array, by_blocks, joined, row_by_row
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.recording import Curve
@@ -14,6 +15,27 @@ from mapmore_cli.domain.results import Forecast
 from mapmore_cli.modelling.inverse import solve_for_input
 from mapmore_cli.modelling.kinds import one_step_ahead, predict, runs_over_time, simulate
 from mapmore_cli.modelling.memory.records import AtSample
+
+
+def forecast_each(model: Model, curves: Sequence[Curve], target: str) -> tuple[Forecast, ...]:
+    """Predict every sample of curves, as `forecast`. Short curves go through a model without memory
+    together, since to begin costs it more than a hundred samples.
+    """
+    if target != model.output.name or runs_over_time(model):
+        return tuple(forecast(model, curve, target) for curve in curves)
+    waiting, found, names = [*curves], list[Forecast](), [one.name for one in model.inputs]
+    while waiting:
+        sizes = np.cumsum([curve.size for curve in waiting[:TOGETHER]])
+        own = waiting[: max(1, int(np.searchsorted(sizes, ROWS)))]
+        del waiting[: len(own)]
+        columns = {name: joined([curve.columns[name] for curve in own]) for name in names}
+        values = row_by_row(partial(predict, model), columns)
+        found += map(Forecast.of, np.split(values, sizes[: len(own) - 1]))
+    return tuple(found)
+
+
+TOGETHER = 1000
+"""Curves that are predicted together at most."""
 
 
 def forecast(model: Model, curve: Curve, target: str | None = None) -> Forecast:

@@ -97,7 +97,7 @@ def score(part: ScoresSlice, workspace: Workspace) -> None:
 def _scored(part: ScoresSlice, workspace: Workspace, measured: Dataset, model: Model) -> Validation:
     from mapmore_cli.domain.results import Validation
     from mapmore_cli.fitting.competitors import Contest
-    from mapmore_cli.modelling.forecast import forecast
+    from mapmore_cli.modelling.forecast import forecast_each
     from mapmore_cli.modelling.kinds import parameters
     from mapmore_cli.modelling.validation.metrics import divisor, on_common_rows, score_rows
     from mapmore_cli.modelling.validation.outliers import outliers
@@ -111,7 +111,7 @@ def _scored(part: ScoresSlice, workspace: Workspace, measured: Dataset, model: M
         dataset, model, workspace.needed, static_run, part.lengths, workspace.spec_dir
     )
     rivals = _fit_rivals(contest, part, workspace.progress, workspace.warn)
-    own = tuple(forecast(model, curve, dataset.target) for curve in dataset.curves)
+    own = forecast_each(model, dataset.curves, dataset.target)
     if model.left_out is not None and part.seen_as is None:
         own = tuple(
             _with_interval(model, curve, said)

@@ -79,9 +79,11 @@ def full_scale(pooled: Sequence[Score], unit: str) -> str:
 
 def curve_scores_table(scores: Sequence[Score], units: Mapping[str, str]) -> Table:
     """Scores of every curve by itself, the models beside each other."""
-    order = list(dict.fromkeys(s.curve for s in scores if s.curve != "all"))
-    single = [s for curve in order for s in scores if s.curve == curve]
-    single.sort(key=lambda s: s.split != "validate")
+    order: dict[str, int] = {}
+    for score in scores:
+        order.setdefault(score.curve, len(order))
+    single = [s for s in scores if s.curve != "all"]
+    single.sort(key=lambda s: (s.split != "validate", order[s.curve]))
     columns, rows = _metrics(single, units.get(single[0].target, "") if single else "")
     cells = [(s.curve, *row) for s, row in zip(single, rows, strict=True)]
     return Table.of("curve_scores", "Scores by curve", ("curve", *columns), cells)

@@ -13,7 +13,6 @@ import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from functools import lru_cache
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, cast
@@ -39,6 +38,7 @@ if TYPE_CHECKING:
     from mapmore_cli.domain.recording import Dataset
     from mapmore_cli.domain.results import FitResult, Validation
     from mapmore_cli.domain.scores import ScoreTable
+    from mapmore_cli.storage.artefacts.schema import SegmentationFile
 
 DATASET, SEGMENTATION, FIT, MODEL, VALIDATION = (
     "ingest.h5",
@@ -56,28 +56,21 @@ NOTHING: Mapping[str, Stamp] = MappingProxyType({})
 """What an empty record lists."""
 
 
-@lru_cache(maxsize=6)
-def _remembered(kind: str, path: Path, _mark: object) -> Any:
-    from mapmore_cli.storage import artefacts
-
-    return getattr(artefacts, f"read_{kind}")(path)
-
-
 @dataclass(frozen=True)
 class RunFiles:
     """The results in the folder of a run, read when they are asked for; raises as
     `artefacts.read_*`.
 
-    The latest results stay in memory as long as their files are the same; their arrays are
-    read-only.
+    The latest results that were written or read stay in memory as long as their files are the
+    same; their arrays are read-only.
     """
 
     folder: Path
 
     def _read(self, kind: str, name: str) -> Any:
-        path = self.folder / name
-        state = path.stat() if path.is_file() else None  # reading raises, which is not remembered
-        return _remembered(kind, path, state and (state.st_ino, state.st_mtime_ns, state.st_size))
+        from mapmore_cli.storage.artefacts import latest
+
+        return latest(kind, self.folder / name)
 
     def dataset(self) -> Dataset:
         """Return what `ingest` handed on."""
@@ -85,7 +78,7 @@ class RunFiles:
 
     def segmentation(self) -> tuple[SegmentedCurve, ...]:
         """Where the training curves are cut."""
-        return cast("tuple[SegmentedCurve, ...]", self._read("segmentation", SEGMENTATION))
+        return cast("SegmentationFile", self._read("segmentation", SEGMENTATION)).curves
 
     def fit(self) -> FitResult:
         """Return what was fitted."""

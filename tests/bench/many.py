@@ -59,6 +59,46 @@ def write_files(folder, count):
         (folder / f"r{number:05d}.csv").write_text(f"P,eps,F\n{text}", encoding="utf-8")
 
 
+def many_levels(folder, counts=(200, 500, 1000, 2000)):
+    """A study of so many levels of 20 samples each, with its page."""
+    took = {}
+    for count in counts:
+        place = Path(folder) / f"levels-{count}"
+        (place / "many").mkdir(parents=True)
+        rng, strain = np.random.default_rng(5), np.linspace(0, 0.2, 20)
+        levels = range(100, 100 + count)
+        rows = (
+            f"{p},{e:.6f},{p * (1 - 4 * e) + 50 * e + noise:.4f}\n"
+            for p in levels
+            for e, noise in zip(strain.tolist(), rng.normal(0, 0.5, 20).tolist(), strict=True)
+        )
+        (place / "many" / "levels.csv").write_text("P,eps,F\n" + "".join(rows), encoding="utf-8")
+        spec = place / "levels.yaml"
+        text = SPEC.replace("LEVELS", ", ".join(map(str, levels)))
+        spec.write_text(text.replace("[300]", "[110, 120]"), encoding="utf-8")
+        took[str(count)] = mapmore("run", spec, "--runs", place)
+    return took
+
+
+def resumed(folder, count=20_000):
+    """A campaign of so many small runs: brought up to date, and once more when nothing is to be
+    done.
+    """
+    place = Path(folder) / "resumed"
+    write_files(place / "many", 5)
+    text = SPEC.replace("LEVELS", ", ".join(map(str, LEVELS)))
+    (place / "many.yaml").write_text(text, encoding="utf-8")
+    runs = [
+        f"  - {{base: many.yaml, name: r{i}, set: {{fuse.z_s: {i / (3 * count)}}}}}"
+        for i in range(count)
+    ]
+    campaign = place / "campaign.yaml"
+    head = ["schema_version: 1", "campaign: batch", "title: runs", "runs:"]
+    campaign.write_text("\n".join([*head, *runs, ""]), encoding="utf-8")
+    command = ("batch", campaign, "--runs", place / "runs", "--jobs", 1, "--no-pages")
+    return {"runs": count, "first": mapmore(*command), "again": mapmore(*command)}
+
+
 def many_runs(folder, count):
     """A campaign of about so many small runs without their pages, in one process."""
     widths = -(-count // 8)

@@ -22,7 +22,7 @@ HERE = Path(__file__).parent
 def main():
     from exported import exported
     from ingest import ingest
-    from many import figures, many_files, many_runs
+    from many import figures, many_files, many_levels, many_runs, resumed
     from motion import motion
     from program import evaluation, small_table, start_up
     from regression import regression
@@ -39,6 +39,8 @@ def main():
             "small_table": lambda: small_table(folder),
             "exported": lambda: exported(folder),
             "many_files": lambda: many_files(folder, options.files),
+            "many_levels": lambda: many_levels(folder),
+            "resumed": lambda: resumed(folder, options.resumed),
             "many_runs": lambda: many_runs(folder, options.runs),
             "figures": lambda: figures(folder),
             "motion": motion,
@@ -64,6 +66,7 @@ def arguments():
     parser.add_argument("--megabytes", type=int, default=1000, help="size of the CSV log (1000)")
     parser.add_argument("--files", type=int, default=5000, help="files of one study (5000)")
     parser.add_argument("--runs", type=int, default=500, help="small runs of a campaign (500)")
+    parser.add_argument("--resumed", type=int, default=20_000, help="runs resumed (20 000)")
     parser.add_argument("--only", nargs="+", metavar="NAME", help="these measurements alone")
     parser.add_argument("--output", type=Path, default=Path("bench.json"))
     return parser.parse_args()

@@ -184,7 +184,7 @@ def test_units_and_limits_are_of_each_output(slow, mapmore, document):
     slow.write_text(SLOW + UNITS)
     mapmore("validate", slow, "-q", "--runs", "runs", code=0)
     with h5py.File("runs/slow-tip/validate.h5") as file:
-        places = ("predictions/mapmore/000", "others/000/predictions/mapmore/000")
+        places = ("predictions/mapmore/all", "others/000/predictions/mapmore/all")
         assert [file[place].attrs["unit"] for place in places] == ["mm", "N"]
     fits = {
         one: replace(fit, body=replace(fit.body, held_out=np.ones(2)))

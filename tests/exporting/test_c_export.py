@@ -80,7 +80,7 @@ def test_every_formula_compiles(tmp_path):
 
 
 def test_single_precision(tmp_path):
-    model = replace(STATIC["straight beyond the levels"], name="single")
+    model = replace(STATIC["straight beyond the levels"], name="short_numbers")
     single = compiled(model, tmp_path, single=True)
     columns = {
         name: x.astype(np.float32).astype(np.float64) for name, x in points(model, 2000).items()
@@ -93,7 +93,7 @@ def test_single_precision(tmp_path):
     assert np.max(np.abs(found - predict(model, inside))) < 1e-4 * np.max(
         np.abs(predict(model, inside))
     )
-    assert " double " not in (tmp_path / "single.c").read_text()
+    assert " double " not in (tmp_path / "short_numbers.c").read_text()
 
 
 @pytest.mark.parametrize(
@@ -218,7 +218,7 @@ def test_every_root_of_a_scan_is_found_where_the_map_turns_and_jumps(name, of):
 
 
 def test_an_inverse_in_single_precision_comes_as_near_as_it_can(tmp_path):
-    model = replace(FORMULAS["sarosi"], name="single")
+    model = replace(FORMULAS["sarosi"], name="short_numbers")
     pressure, strain = np.linspace(150.0, 450.0, 9), np.full(9, 0.1)
     wanted = predict(model, {"pressure": pressure, "strain": strain})
     found, status = compiled(model, tmp_path, single=True, inverse=("pressure",)).invert(
@@ -226,7 +226,7 @@ def test_an_inverse_in_single_precision_comes_as_near_as_it_can(tmp_path):
     )
     assert set(status) == {"one"}
     assert np.max(np.abs(found - pressure)) < 0.01
-    assert "double" not in (tmp_path / "single_inverse.c").read_text()
+    assert "double" not in (tmp_path / "short_numbers_inverse.c").read_text()
 
 
 def test_models_with_memory_have_neither():

@@ -13,6 +13,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar
+from zipfile import ZipFile
 
 import h5py
 import numpy as np
@@ -81,6 +82,30 @@ def test_short_arrays_of_many_recordings_share_a_dataset(tmp_path):
         changed(path, put(f"{reference}/{key}", value))
         with pytest.raises(DataError, match=reference):
             artefacts.read_dataset(path)
+
+
+@pytest.mark.parametrize("version", ["3.0", "3.1"])
+def test_files_of_older_formats_are_read(version, tmp_path):
+    """They were written by the programs of their time."""
+    with ZipFile(Path(__file__).parent / "archive" / f"{version}.zip") as archive:
+        archive.extractall(tmp_path)
+    told = []
+    for kind, record in examples().items():
+        path = tmp_path / f"{kind}.h5"
+        with h5py.File(path) as file:
+            assert file.attrs["format_version"] == version
+        assert same(KINDS[kind][1](path, told.append), record)
+    assert told == []
+
+
+def test_the_page_shows_how_arrays_are_read(tmp_path):
+    page = (Path(__file__).parents[2] / "docs" / "file-format.md").read_text(encoding="utf-8")
+    (lines,) = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
+    artefacts.write_fit(tmp_path / "fit.h5", examples()["fit"])
+    output = subprocess.run(
+        [sys.executable, "-c", lines], check=True, cwd=tmp_path, capture_output=True, text=True
+    ).stdout
+    assert output == "pressure=250/strain:1 [2 0]\n"
 
 
 def test_a_column_of_a_recording_and_its_curve_is_stored_once(tmp_path):
@@ -235,12 +260,12 @@ def test_every_array_says_its_unit_and_what_it_is(written):
 
 
 UNITS = [
-    ("dataset", "curves/000/columns/pressure", "kPa"),
-    ("dataset", "recordings/000/columns/force", "N"),
-    ("model", "body/curves/000/boundaries/000", "1"),
+    ("dataset", "curves/all/columns/pressure", "kPa"),
+    ("dataset", "recordings/all/columns/force", "N"),
+    ("model", "body/curves/all/boundaries/all", "1"),
     ("model", "document", "-"),
-    ("model", "body/curves/000/segments/000/scaling/slope", "1/1"),
-    ("validation", "predictions/mapmore/000", "N"),
+    ("model", "body/curves/all/segments/all/scaling/slope", "1/1"),
+    ("validation", "predictions/mapmore/all", "N"),
 ]
 
 
@@ -251,13 +276,13 @@ def test_units_are_those_of_the_quantities(written):
 def test_later_stages_hand_the_units_on(tmp_path):
     path, all_examples = tmp_path / "segment.h5", examples()
     artefacts.write_segmentation(path, all_examples["segmentation"])
-    assert arrays_of(path)["curves/000/boundaries/000"][0] == "[strain]"
+    assert arrays_of(path)["curves/all/boundaries/all"][0] == "[strain]"
     dataset = replace(
         all_examples["dataset"],
         quantities={**all_examples["dataset"].quantities, "strain": Quantity("strain", "%")},
     )
     artefacts.write_segmentation(path, all_examples["segmentation"], units_of(dataset))
-    assert arrays_of(path)["curves/000/boundaries/000"][0] == "%"
+    assert arrays_of(path)["curves/all/boundaries/all"][0] == "%"
 
 
 def test_segmentation_holds_rows_and_no_samples(tmp_path):
@@ -269,14 +294,14 @@ def test_segmentation_holds_rows_and_no_samples(tmp_path):
         rows = file["curves/000/segments/000/rows"]
         assert rows.dtype == np.int64
         assert rows.compression == "gzip"
-        assert file["curves/000/boundaries/000"].compression is None
+        assert file["curves/all/boundaries/all"].compression is None
 
 
 def test_rows_that_follow_each_other_are_two_numbers(tmp_path):
     """A file of 3.0 has them all, and is read as well."""
     path, every = tmp_path / "s.h5", np.arange(2, 9)
     for rows, stored in (
-        (every, {"array": "/curves/000/segments/000/rows"}),
+        (every, {"array": "/curves/all/segments/all/rows", "from": 0, "shape": [7]}),
         (range(2, 9), [2, 9]),
     ):
         curve = replace(examples()["segmentation"][0], segments=(Segment("s", "c", (1,), rows),))

@@ -27,6 +27,7 @@ from mapmore_cli.storage import artefacts
 
 CURVE = "body/curves/000"
 SEGMENT = f"{CURVE}/segments/000"
+THETA = "body/curves/all/segments/all/theta"
 
 
 @pytest.fixture
@@ -39,10 +40,10 @@ def model(tmp_path):
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        (put(f"{SEGMENT}/theta", [1.0]), "theta, has 1 values, where others of (k) have 2"),
-        (put(f"{SEGMENT}/theta", [[1.0, 2.0]]), "theta, is no array of 1 dimensions of float64"),
-        (put(f"{SEGMENT}/theta", [np.nan, 1.0]), "theta, is not finite"),
-        (put(f"{CURVE}/boundaries/000", [0.2, 0.1]), "boundaries/000, does not ascend"),
+        (put(f"{SEGMENT}/theta/shape", [1]), "theta, has 1 values, where others of (k) have 2"),
+        (put(THETA, [[1.0, 2.0]]), "theta, is no array of 1 dimensions of float64"),
+        (put(THETA, [np.nan, 1.0]), "theta, is not finite"),
+        (put("body/curves/all/boundaries/all", [0.2, 0.1]), "boundaries/000, does not ascend"),
         (put(f"{CURVE}/limits/strain", [0.2, 0.1]), "limits/strain, does not ascend"),
         (put(f"{SEGMENT}/samples", -1), "samples, is negative"),
         (put(f"{SEGMENT}/stop", "\x1b[31m"), "stop, has control characters or line breaks"),
@@ -55,13 +56,13 @@ def model(tmp_path):
         (put("body/fusion/transition", "quartic"), "transition, is none of linear"),
         (put("body/fusion/z_s", 0.75), "z_s, is not between 0 and 0.5"),
         (put("body/backbone/status", "fine"), "status, is none of converged"),
-        (put(f"{SEGMENT}/theta"), "theta, is no array"),
+        (put(THETA), "theta, is no array"),
         (put(f"{SEGMENT}/id", 3), "id, is no str"),
         (put(f"{SEGMENT}/id"), "id, is missing"),
         (put(f"{SEGMENT}/samples", True), "samples, is no int"),
         (put(f"{SEGMENT}/scaling", 1.0), "scaling, is no Scaling"),
         (put("colour", "red"), "colour, is not known to this format"),
-        (put(f"{SEGMENT}/scaling/slope", data=np.array([4.0], "<f4")), "slope, is no array"),
+        (put(THETA, data=np.array([4.0], "<f4")), "theta, is no array"),
     ],
 )
 def test_forms_that_cannot_be_are_named(change, words, model):
@@ -175,9 +176,6 @@ def test_attributes_of_the_root_that_are_no_text(attribute, words, value, model)
         artefacts.read_model(changed(model, lambda file: file.attrs.__setitem__(attribute, value)))
 
 
-THETA = f"{SEGMENT}/theta"
-
-
 def _virtual_dataset(file):
     del file[THETA]
     layout = h5py.VirtualLayout((2,), "<f8")
@@ -192,7 +190,7 @@ def _external_link(file):
 
 def _million_links(file):
     for place in range(1, 50):
-        file[f"body/curves/{place:03d}"] = file[CURVE]
+        file[f"body/curves/{place:03d}"] = file["body/curves/all"]
 
 
 @pytest.mark.parametrize(

@@ -16,6 +16,7 @@ from mapmore_cli.annexes.exporting.templates import (
     Wanted,
     code,
     identifier,
+    name_of_output,
     names_of_inputs,
     notes_of,
     rendered_template,
@@ -212,8 +213,10 @@ def simulink_files(model: Model, _wanted: Wanted) -> dict[str, str]:
             "export it as fmu, which Simulink imports",
         )
     source = c_source(model)
-    names = names_of_inputs(model.inputs, [source.name])
-    words = source.words | {"output": identifier(model.output.name), "names": names.values()}
+    taken = [f"{source.name}_{one}" for one in ("eval", "valid", *names_of_inputs(model.outputs))]
+    names = names_of_inputs(model.inputs, [source.name, *taken, "out"])
+    output = name_of_output(model, names_of_inputs(model.inputs).values())
+    words = source.words | {"output": output, "names": names.values()}
     words["parameters"] = [code("double {}", name) for name in names.values()]
     forms = ("simulink.h", "simulink.c")
     return source.files | {f"{source.name}_{one}": rendered_template(one, **words) for one in forms}

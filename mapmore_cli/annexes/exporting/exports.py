@@ -18,14 +18,13 @@ from mapmore_cli.annexes.exporting.templates import (
     Wanted,
     Warn,
     identifier,
+    name_of_output,
     names_of_inputs,
     rendered_template,
-    word,
 )
 from mapmore_cli.annexes.exporting.verifying import middle
 from mapmore_cli.domain import plugins
 from mapmore_cli.domain.errors import UsageError
-from mapmore_cli.domain.foreign import identifiers
 from mapmore_cli.domain.models import Model
 from mapmore_cli.modelling.program.model import program_of
 
@@ -70,7 +69,7 @@ def snippet(model: Model, to: str, files: Sequence[str]) -> str:
         f"snippets/{SNIPPETS[to]}",
         name=identifier(model.name),
         files=files,
-        output=word(identifiers([model.output.name])[0]),
+        output=name_of_output(model, names_of_inputs(model.inputs).values()),
         places={own: places[name] for name, own in names_of_inputs(model.inputs).items()},
         unit_inputs=input_names(model),
         step=kept.step,

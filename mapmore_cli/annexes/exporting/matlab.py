@@ -7,8 +7,9 @@ from __future__ import annotations
 import shutil
 
 from mapmore_cli.annexes.exporting.dialect import MATLAB
-from mapmore_cli.annexes.exporting.python_module import words_of
+from mapmore_cli.annexes.exporting.python_module import words_of_module
 from mapmore_cli.annexes.exporting.templates import (
+    OWN,
     Code,
     Wanted,
     identifier,
@@ -18,15 +19,9 @@ from mapmore_cli.annexes.exporting.templates import (
 )
 from mapmore_cli.annexes.exporting.verifying import CompilerMissing, verify_files
 from mapmore_cli.domain.models import Model
+from mapmore_cli.domain.words import words_of
 from mapmore_cli.modelling.kinds import fed_back
 from mapmore_cli.modelling.program.model import program_of
-
-TAKEN = (
-    "end function otherwise catch persistent elseif parfor spmd classdef outside measured s x n j "
-    "k given largest shape value one_sample outside_range beyond interpolated begun max min abs "
-    "size numel ones false cellfun isnan isempty"
-)
-"""Words of MATLAB, and names within the function."""
 
 
 def matlab_file(model: Model, wanted: Wanted) -> dict[str, str]:
@@ -43,12 +38,17 @@ def matlab_file(model: Model, wanted: Wanted) -> dict[str, str]:
 def matlab_function(model: Model) -> tuple[Code, str]:
     """Return name and text of the function; raises as `c_source.c_source`."""
     program, name = program_of(model), identifier(model.name)
-    taken = [*TAKEN.split(), *(function.name for function in program.functions), name]
+    taken = [
+        *words_of("MATLAB", "Octave"),
+        *OWN,
+        *(function.name for function in program.functions),
+        name,
+    ]
     names = {
         one: own if own[0].isalpha() else f"u{own}"  # no name begins with `_`
         for one, own in names_of_inputs(model.inputs, taken).items()
     }
-    words = words_of(model, program, MATLAB, names, [*taken, *names.values()])
+    words = words_of_module(model, program, MATLAB, names)
     return name, rendered_template("function.m", **words, name=name, fed_back=fed_back(model))
 
 

@@ -8,22 +8,19 @@ MuJoCo); for whole arrays NumPy is many times faster.
 
 from __future__ import annotations
 
-import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 from mapmore_cli.annexes.exporting.dialect import NUMPY, SCALAR, Dialect, program_words
 from mapmore_cli.annexes.exporting.templates import (
-    PYTHON,
     Wanted,
     identifier,
+    name_of_output,
     names_of_inputs,
     notes_of,
     rendered_template,
-    word,
 )
 from mapmore_cli.annexes.exporting.verifying import verify_module
-from mapmore_cli.domain.foreign import identifiers
 from mapmore_cli.domain.models import Model
 from mapmore_cli.modelling.kinds import OUTSIDE_TOLERANCE
 from mapmore_cli.modelling.program.model import program_of, with_slopes
@@ -49,26 +46,22 @@ def python_module(model: Model, plain: bool = False) -> tuple[str, str]:
     where a part of the model is no closed expression.
     """
     name, program, dialect = identifier(model.name), program_of(model), SCALAR if plain else NUMPY
-    # NumPy would import it for Python's own
-    stem = f"model_{name}" if name in sys.stdlib_module_names else name
     functions = [function.name for function in program.functions]
     names = names_of_inputs(model.inputs, functions)
-    taken = [*PYTHON, "outside_range", "derivatives", "reset", "math", *functions]
-    words = words_of(model, program, dialect, names, taken)
+    words = words_of_module(model, program, dialect, names)
     if plain and program.step is None:
         words["slopes"] = program_words(with_slopes(program), dialect)
-    return f"{stem}.py", rendered_template("module.py", **words, plain=plain)
+    return f"{name}.py", rendered_template("module.py", **words, plain=plain)
 
 
-def words_of(
+def words_of_module(
     model: Model,
     program: Program,
     dialect: Dialect,
     names: Mapping[str, str],
-    taken: Sequence[str],
 ) -> dict[str, Any]:
     """Return what the templates of a module or a function know; `names` are those of the inputs in
-    code, `taken` those that the output must not have.
+    code.
     """
     return {
         **program_words(program, dialect),
@@ -76,5 +69,5 @@ def words_of(
         "names": names,
         "notes": notes_of(model, names),
         "tolerance": OUTSIDE_TOLERANCE,
-        "output": word(identifiers([model.output.name], taken)[0]),
+        "output": name_of_output(model, names.values()),
     }

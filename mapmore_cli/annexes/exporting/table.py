@@ -12,10 +12,12 @@ from typing import NamedTuple
 import numpy as np
 
 from mapmore_cli.annexes.exporting.templates import (
+    OWN,
     Code,
     Wanted,
     code,
     identifier,
+    name_of_output,
     names_of_inputs,
     note,
     rendered_template,
@@ -23,8 +25,9 @@ from mapmore_cli.annexes.exporting.templates import (
 from mapmore_cli.annexes.exporting.verifying import training_ends
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import UsageError
-from mapmore_cli.domain.foreign import csv_cell, identifiers
+from mapmore_cli.domain.foreign import csv_cell
 from mapmore_cli.domain.models import Model
+from mapmore_cli.domain.words import words_of
 from mapmore_cli.modelling.kinds import equations, outside_range, predict, rules, runs_over_time
 from mapmore_cli.modelling.program.model import program_of
 from mapmore_cli.pipeline.records import grid_axes
@@ -74,7 +77,7 @@ def table_files(model: Model, wanted: Wanted) -> dict[str, str | bytes]:
     }
     if len(grid.places) == 2:
         files[f"{stem}.txt"] = _combi_table(model, grid)
-        names = names_of_inputs(model.inputs, [*MODELICA.split(), _output(model)])
+        names = names_of_inputs(model.inputs, [*words_of("Modelica"), *OWN, _output(model)])
         words = {
             "model": model,
             "name": stem,
@@ -156,7 +159,7 @@ def _mat(model: Model, grid: Grid) -> bytes:
     from scipy.io import savemat
 
     output, stream = _output(model), io.BytesIO()
-    names = names_of_inputs(model.inputs, [output, "valid"])
+    names = names_of_inputs(model.inputs, [*words_of("MATLAB", "Octave"), output, "valid"])
     arrays = {names[name]: column for name, column in grid.places.items()}
     shape = list(map(len, grid.places.values()))
     arrays |= {output: grid.values.reshape(shape), "valid": grid.valid.reshape(shape)}
@@ -165,7 +168,7 @@ def _mat(model: Model, grid: Grid) -> bytes:
 
 
 def _output(model: Model) -> str:
-    return identifiers([model.output.name], ["valid"])[0]
+    return str(name_of_output(model, names_of_inputs(model.inputs).values()))
 
 
 def _combi_table(model: Model, grid: Grid) -> str:
@@ -181,14 +184,6 @@ def _combi_table(model: Model, grid: Grid) -> str:
         table = np.block([[np.zeros((1, 1)), columns], [rows[:, None], inner]])
         lines += [" ".join(map(repr, row)) for row in table.tolist()]
     return "\n".join([*lines, ""])
-
-
-MODELICA = (
-    "algorithm block class connector constant each end equation extends external final flow "
-    "function initial inner input model outer output package parameter protected public record "
-    "replaceable stream then type when within time der valid fileName values validity"
-)
-"""Words of Modelica, and names within the block."""
 
 
 def tex_equations(model: Model, _wanted: Wanted) -> dict[str, str]:

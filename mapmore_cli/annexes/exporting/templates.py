@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 import re
 import shlex
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from importlib.resources import files
@@ -19,10 +19,12 @@ from xml.sax.saxutils import quoteattr
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from mapmore_cli.domain.errors import DataError, UsageError
-from mapmore_cli.domain.foreign import WORDS, c_string, identifiers, plain, tex_text, xml_text
+from mapmore_cli.domain.foreign import c_string, identifiers, plain, tex_text, xml_text
 from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.recording import Quantity
+from mapmore_cli.domain.words import TAKEN
 from mapmore_cli.modelling.expressions.states import IDENTIFIER
+from mapmore_cli.modelling.program.model import program_of
 
 Warn = Callable[[str], None]
 
@@ -67,27 +69,25 @@ def code(form: str, *parts: Code | str | float) -> Code:
     )
 
 
-RESERVED = frozenset(
-    [
-        *(word.lower() for word in WORDS),
-        "model",
-        "co_simulation",
-        "numpy",
-        "aux",
-        "con",
-        "nul",
-        "prn",
-    ]
-)
-"""Words of the languages, names of what lies around a model, and what Windows keeps for devices."""
-
 PYTHON = ("np", "float", "s", "finite", "_beyond", "state", "State", "step", "evaluate")
 """Names in functions of a module that its inputs must not hide."""
 
+OWN = (
+    *PYTHON,
+    *("outside_range", "derivatives", "reset", "eval", "valid", "measured", "math", "in", "out"),
+    *("outside", "x", "n", "j", "k", "y", "given", "largest", "shape", "value", "one_sample"),
+    *("beyond", "interpolated", "begun", "places", "values", "validity", "fileName", "cellfun"),
+    *("numel", "size", "ones", "isempty", "verify_model"),
+)
+"""Names in the templates of all languages, which no output and no model has."""
+
+_FUNCTION = re.compile("(curve|segment)_[0-9]+|slope_(inside|at_end)")
+"""How functions of programs are called."""
+
 
 def identifier(name: str) -> Code:
-    """Return the name with `_` for what C does not allow; `model_` goes before a digit and before a
-    reserved word.
+    """Return the name of a model's functions and files, with `_` for what C does not allow; before
+    a digit, and before a word of a language, its library or the templates, goes `model_`.
 
     The same before `x` and `x_...`: `x_reset` is an input in C. Raises UsageError where there is no
     letter and no digit in it.
@@ -99,24 +99,27 @@ def identifier(name: str) -> Code:
             f"the model is called `{name}`, which has no letter that C allows in a name",
             "give the study another name",
         )
-    first = found.lower().partition("_")[0]
-    return word(
-        f"model_{found}"
-        if first[0].isdigit() or first == "x" or found.lower() in RESERVED
-        else found
-    )
+    first, taken = found.lower().partition("_")[0], TAKEN.union(map(str.lower, OWN))
+    hidden = found.lower() in taken or _FUNCTION.fullmatch(found.lower())
+    return word(f"model_{found}" if first[0].isdigit() or first == "x" or hidden else found)
 
 
 def names_of_inputs(inputs: Sequence[Quantity], functions: Sequence[str] = ()) -> dict[str, str]:
     """Return what each input is called in code beside some `functions`, by its name."""
     names = [quantity.name for quantity in inputs]
-    return dict(
-        zip(
-            names,
-            identifiers(names, [*PYTHON, *functions, *(f"x_{name}" for name in names)]),
-            strict=True,
-        )
-    )
+    taken = [*PYTHON, *functions, *(f"x_{name}" for name in names)]
+    return dict(zip(names, identifiers(names, taken), strict=True))
+
+
+def name_of_output(model: Model, names: Iterable[str]) -> Code:
+    """Return what the output is called in code beside the `names` of the inputs: a function or a
+    variable.
+    """
+    own = [*names]
+    functions = [function.name for function in program_of(model).functions]
+    taken = [*TAKEN, *OWN, *functions, identifier(model.name), *own]
+    taken += [f"invert_{name}" for name in own]
+    return word(identifiers([model.output.name], taken)[0].lstrip("_") or "output")
 
 
 def notes_of(model: Model, names: Mapping[str, str]) -> list[str]:

@@ -52,9 +52,8 @@ def simulate(model: Model, columns: Columns) -> Run:
     eq 9); NaN where an input is.
     """
     body = _pieces_body(model)
-    pieces = (
-        _ready(body, tuple(quantity.name for quantity in model.inputs)) if body.segments else None
-    )
+    names = tuple(quantity.name for quantity in model.inputs)
+    pieces = _ready(body, names) if any(curve.segments for curve in body.curves) else None
 
     def value(inputs: dict[str, Array], n: int) -> Array:
         base = backbone_values(body.backbone, inputs, n)

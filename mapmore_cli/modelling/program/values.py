@@ -7,13 +7,13 @@ as the pieces that count. A side of a branch is made ready when the first row ta
 from __future__ import annotations
 
 import operator
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import cache, reduce
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import Array, BoolArray, Columns, Value
+from mapmore_cli.domain.arrays import Array, BoolArray, Columns, IntArray, Value
 from mapmore_cli.modelling.expressions.evaluation import Known, Part, Shared, part_of
 from mapmore_cli.modelling.expressions.operator import FLOATS
 from mapmore_cli.modelling.expressions.syntax import Condition, Name, Number
@@ -42,6 +42,11 @@ Values = dict[str, Value]
 Run = Callable[[Values, int], list[Value]]
 """The results of a block, given what is known outside of it and the number of rows n: (n,) each, or
 one number for all rows.
+"""
+
+Places = Callable[[Values, Shared, int], Iterator[tuple[int, IntArray]]]
+"""The cases of a choice that rows take, ascending, and these rows, (m,); the last one is that of no
+condition.
 """
 
 Test = Callable[[Values, Shared], BoolArray]
@@ -118,6 +123,8 @@ class _Compiler:
         raise TypeError(f"not a statement of a model without memory: {statement!r}")
 
     def _choice(self, choice: Choose, known: Known) -> Step:
+        if (places := _places_along(choice, known)) is not None:
+            return self._branches(choice.names, places, choice.blocks)
         conditions = [_ready_condition(condition, known) for condition, _ in choice.cases]
         if all(
             not one.statements and all(isinstance(result, Name | Number) for result in one.results)
@@ -125,7 +132,7 @@ class _Compiler:
         ):
             sides = [[part_of(result, known) for result in one.results] for one in choice.blocks]
             return _values_where(choice.names, conditions, sides)
-        return self._branches(choice.names, conditions, choice.blocks)
+        return self._branches(choice.names, _places_by(conditions), choice.blocks)
 
     def _use(self, names: Sequence[str], function: str, arguments: Sequence[Part]) -> Step:
         parameters = self.functions[function].parameters
@@ -139,32 +146,23 @@ class _Compiler:
 
         return step
 
-    def _branches(
-        self, names: Sequence[str], conditions: Sequence[Test], blocks: Sequence[Block]
-    ) -> Step:
-        needed = [names_used_in(block) for block in blocks]
+    def _branches(self, names: Sequence[str], places: Places, blocks: Sequence[Block]) -> Step:
+        needed = cache(lambda number: names_used_in(blocks[number]))
         side = cache(lambda number: self.block(blocks[number]))
 
         def step(values: Values, shared: Shared, n: int) -> None:
             found = [np.empty(n) for _ in names]
-            left = np.ones(n, dtype=np.bool_)
-            for number in range(len(blocks)):
-                mask = (
-                    left & conditions[number](values, shared) if number < len(conditions) else left
-                )
-                rows = np.flatnonzero(mask)
+            for number, rows in places(values, shared, n):
                 if len(rows) == n:
                     values.update(zip(names, side(number)(values, n), strict=True))
                     return
-                if len(rows):
-                    left = left ^ mask
-                    own = {
-                        name: x.take(rows) if (x := values[name]).ndim else x
-                        for name in needed[number]
-                        if name in values
-                    }
-                    for whole, part in zip(found, side(number)(own, len(rows)), strict=True):
-                        whole[rows] = part
+                own = {
+                    name: x.take(rows) if (x := values[name]).ndim else x
+                    for name in needed(number)
+                    if name in values
+                }
+                for whole, part in zip(found, side(number)(own, len(rows)), strict=True):
+                    whole[rows] = part
             values.update(zip(names, found, strict=True))
 
         return step
@@ -208,6 +206,86 @@ def _ready_condition(condition: Condition, known: Known) -> Test:
         part_of(condition.right, known),
     )
     return lambda values, shared: compare(left(values, shared), right(values, shared))
+
+
+def _places_by(conditions: Sequence[Test]) -> Places:
+    """Return the rows of each case, condition by condition until all rows are taken."""
+
+    def places(values: Values, shared: Shared, n: int) -> Iterator[tuple[int, IntArray]]:
+        left = np.ones(n, dtype=np.bool_)
+        for number in range(len(conditions) + 1):
+            mask = left & conditions[number](values, shared) if number < len(conditions) else left
+            rows = np.flatnonzero(mask)
+            if len(rows):
+                yield number, rows
+                left = left ^ mask
+                if len(rows) == n:
+                    return
+
+    return places
+
+
+MANY = 16
+"""Cases from which on they are looked up by their numbers."""
+
+
+def _places_along(choice: Choose, known: Known) -> Places | None:
+    """Return the rows of each case where many cases compare one value with numbers, by bisection:
+    to ask one condition after the other takes the square of the number of levels for all curves.
+    None where the cases are few or others.
+
+    Of the cases with one comparison, the first that holds is the first whose number, or a greater
+    (with `>` a smaller) one before it, is beyond the value.
+    """
+    conditions = [condition for condition, _ in choice.cases]
+    along = {condition.left for condition in conditions}
+    numbers = [one.right.value for one in conditions if isinstance(one.right, Number)]
+    if len(conditions) < MANY or len(along) > 1 or not np.isfinite(numbers).all():
+        return None
+    if len(numbers) < len(conditions):
+        return None
+    value = part_of(along.pop(), known)
+    words = np.array([one.comparison for one in conditions])
+    ways = [
+        _first_that_holds(word, np.flatnonzero(words == word), np.array(numbers))
+        for word in np.unique(words).tolist()
+    ]
+
+    def places(values: Values, shared: Shared, n: int) -> Iterator[tuple[int, IntArray]]:
+        x = np.broadcast_to(value(values, shared), (n,))
+        first: IntArray = reduce(np.minimum, (way(x) for way in ways))
+        for number in np.unique(first).tolist():
+            yield number, np.flatnonzero(first == number)
+
+    return places
+
+
+def _first_that_holds(
+    comparison: str, places: IntArray, numbers: Array
+) -> Callable[[Array], IntArray]:
+    """Return a function of a value x, (n,): the first of the `places`, which ascend, with whose
+    number x compares; the count of all `numbers` where there is none.
+    """
+    ends, numbers = np.append(places, len(numbers)), numbers[places]
+    if comparison == "==":
+        kept, first = np.unique(numbers, return_index=True)
+        padded = np.append(kept, np.nan)
+
+        def equal(x: Array) -> IntArray:
+            at = np.searchsorted(kept, x)
+            found: IntArray = np.where(padded[at] == x, ends[np.append(first, -1)[at]], ends[-1])
+            return found
+
+        return equal
+    turn = 1.0 if comparison.startswith("<") else -1.0
+    reached = np.maximum.accumulate(turn * numbers)
+    side: Literal["left", "right"] = "left" if comparison.endswith("=") else "right"
+
+    def beyond(x: Array) -> IntArray:
+        found: IntArray = ends[np.searchsorted(reached, turn * x, side=side)]
+        return found
+
+    return beyond
 
 
 def _values_where(

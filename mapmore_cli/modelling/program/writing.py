@@ -203,19 +203,19 @@ def pruned(model: Program) -> Program:
         model.body,
         names_in(side for limit in model.limits for side in (limit.value, limit.at or ZERO)),
     )
-    used, functions = names_used_in(body), list[Function]()
+    used, functions = {*names_used_in(body)}, list[Function]()
     for function in reversed(model.functions):  # each uses earlier ones only
         if function.name in used:
-            functions.insert(0, replace(function, body=pruned_block(function.body)))
-            used |= names_used_in(functions[0].body)
-    return replace(model, functions=tuple(functions), body=body)
+            functions.append(replace(function, body=pruned_block(function.body)))
+            used |= names_used_in(functions[-1].body)
+    return replace(model, functions=tuple(reversed(functions)), body=body)
 
 
 def pruned_block(block: Block, also: Set[str] = frozenset()) -> Block:
     """Return the block with only the statements that its results, its memory and the names in
     `also` depend on.
     """
-    used = names_in(block.results) | also
+    used = {*names_in(block.results), *also}
     kept: list[Statement] = []
     for statement in reversed(block.statements):
         found = _used(statement, used)

@@ -41,9 +41,6 @@ LONG, HUGE = 4096, 1 << 17
 stay contiguous, so that any reader finds them at once; huge ones, so that they can be mapped, and
 because compressing them takes longer than all else."""
 
-UNSHARED = 200
-"""Members of lists whose short arrays lie in datasets of their own; those of more lie in one."""
-
 MOST_ATTRIBUTES, LONGEST_WORD = 100, 4096
 """Attributes of one object, and bytes of one of the root."""
 
@@ -83,17 +80,17 @@ def put_arrays(file: h5py.File, arrays: Sequence[Waiting], digest: Any) -> None:
     """Store arrays, and take them into a checksum. A long one that is there twice, as a column of a
     recording and of its curve, is stored once and linked.
 
-    Short ones of many members share a dataset, since one for each would take longer than all else;
-    their references are changed.
+    Short ones of the members of lists share a dataset, since one for each would take longer than
+    all else; their references are changed. One of another type or unit than the first has its own.
     """
-    shared = Counter(shared_path(one.reference[ARRAY]) for one in arrays if one.value.size < LONG)
     datasets: dict[str, list[Waiting]] = {}
     once: dict[tuple[int, str], str] = {}
     for one in arrays:
         path = one.reference[ARRAY]
-        whole = shared_path(path)
-        alone = one.value.size >= LONG or shared[whole] <= UNSHARED
-        datasets.setdefault(path if alone else whole, []).append(one)
+        members = datasets.setdefault(path if one.value.size >= LONG else shared_path(path), [])
+        if members and (one.value.dtype, one.label) != (members[0].value.dtype, members[0].label):
+            members = datasets.setdefault(path, [])
+        members.append(one)
     for path, members in datasets.items():
         value, start = members[0].value, 0
         if path != members[0].reference[ARRAY]:

@@ -1,0 +1,159 @@
+"""Names that languages keep for themselves; to support a language is to add its rows here."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+KEYWORDS: Mapping[str, str] = {
+    "C": (
+        "auto break case char const continue default do double else enum extern float for goto if "
+        "inline int long register restrict return short signed sizeof static struct switch "
+        "typedef union unsigned void volatile while main asm bool complex imaginary alignas "
+        "alignof atomic generic noreturn static_assert thread_local constexpr nullptr typeof true "
+        "false"
+    ),
+    "C++": (
+        "and and_eq bitand bitor catch class compl concept const_cast decltype delete "
+        "dynamic_cast explicit export final friend mutable namespace new noexcept not not_eq "
+        "operator or or_eq override private protected public reinterpret_cast requires "
+        "static_cast template this throw try typeid typename using virtual wchar_t xor xor_eq"
+    ),
+    "macros of C": (
+        "assert errno eof nan infinity huge_val huge_valf null stdin stdout stderr domain "
+        "overflow underflow ploss tloss sing m_pi m_e linux unix offsetof setjmp va_start va_arg "
+        "va_end"
+    ),
+    "Python": (
+        "False None True and as assert async await break class continue def del elif else except "
+        "finally for from global if import in is lambda nonlocal not or pass raise return try "
+        "while with yield match case type __debug__"
+    ),
+    "Python's built-ins": (
+        "abs aiter all anext any ascii bin bool breakpoint bytearray bytes callable chr "
+        "classmethod compile complex delattr dict dir divmod enumerate eval exec filter float "
+        "format frozenset getattr globals hasattr hash help hex id input int isinstance "
+        "issubclass iter len list locals map max memoryview min next object oct open ord pow "
+        "print property range repr reversed round set setattr slice sorted staticmethod str sum "
+        "super tuple vars zip ellipsis notimplemented exit quit copyright credits license self "
+        "cls math numpy np"
+    ),
+    "MATLAB": (
+        "break case catch classdef continue else elseif end for function global if otherwise "
+        "parfor persistent return spmd switch try while arguments enumeration events methods "
+        "properties import ans pi inf nan nargin nargout varargin varargout"
+    ),
+    "Octave": (
+        "do until endif endwhile endfor endfunction endswitch end_try_catch end_unwind_protect "
+        "unwind_protect unwind_protect_cleanup endparfor endclassdef endenumeration endevents "
+        "endmethods endproperties endspmd endarguments"
+    ),
+    "Modelica": (
+        "algorithm and annotation assert block break class connect connector constant "
+        "constrainedby der discrete each else elseif elsewhen encapsulated end enumeration "
+        "equation expandable extends external false final flow for function if import impure in "
+        "initial inner input loop model not operator or outer output package parameter partial "
+        "protected public pure record redeclare replaceable return stream then true type when "
+        "while within time Real Integer Boolean String Modelica terminal pre edge change reinit "
+        "sample"
+    ),
+    "functions in exported code": (
+        "exp log sqrt sin cos tan atan sinh cosh tanh expm1 log1p pow power abs fabs sign sign_of "
+        "expf logf sqrtf sinf cosf tanf atanf sinhf coshf tanhf expm1f log1pf powf fabsf isfinite "
+        "isnan floor"
+    ),
+}
+"""Words that no name in code may be, by language."""
+
+LIBRARY: Mapping[str, str] = {
+    "C": (
+        "acos acosh asin asinh atan2 atanh cbrt ceil copysign drem erf erfc exp2 exp10 fdim "
+        "finite fma fmax fmin fmod frexp gamma gamma_r hypot ilogb isinf j0 j1 jn ldexp lgamma "
+        "lgamma_r llrint llround log10 log2 logb lrint lround modf nearbyint nextafter nexttoward "
+        "remainder remquo rint round scalb scalbln scalbn significand signgam sincos tgamma trunc "
+        "y0 y1 yn abort atexit atof atoi atol bsearch calloc div exit free getenv labs ldiv "
+        "malloc qsort rand random realloc srand strtod strtol system clock difftime time gmtime "
+        "localtime mktime ctime signal raise kill alarm sleep pause index rindex strlen strcpy "
+        "strcat strcmp strchr memcpy memset memcmp printf scanf puts gets putchar getchar fopen "
+        "fclose read write open close link unlink access select accept bind connect listen send "
+        "recv socket step advance isalpha isdigit toupper tolower environ daemon end etext edata"
+    ),
+    "headers of C": (
+        "alloca assert complex ctype dirent endian errno fcntl features fenv float inttypes "
+        "iso646 limits locale malloc math memory poll pthread regex sched search semaphore setjmp "
+        "signal stdalign stdarg stdatomic stdbool stddef stdint stdio stdlib stdnoreturn string "
+        "strings tgmath threads time uchar unistd utime values wait wchar wctype xlocale mujoco "
+        "simstruc mex matrix tmwtypes fmi2functions fmi2typesplatform fmi2functiontypes "
+        "fmi3functions fmi3platformtypes fmi3functiontypes unit co_simulation model this_model"
+    ),
+    "Python's modules": (
+        "abc aifc antigravity argparse array ast asynchat asyncio asyncore atexit audioop base64 "
+        "bdb binascii bisect builtins bz2 calendar cgi cgitb chunk cmath cmd code codecs codeop "
+        "collections colorsys compileall compression concurrent configparser contextlib "
+        "contextvars copy copyreg cprofile crypt csv ctypes curses dataclasses datetime dbm "
+        "decimal difflib dis distutils doctest email encodings ensurepip enum errno faulthandler "
+        "fcntl filecmp fileinput fnmatch fractions ftplib functools gc genericpath getopt getpass "
+        "gettext glob graphlib grp gzip hashlib heapq hmac html http idlelib imaplib imghdr imp "
+        "importlib inspect io ipaddress itertools json keyword lib2to3 linecache locale logging "
+        "lzma mailbox mailcap marshal mimetypes mmap modulefinder msilib msvcrt multiprocessing "
+        "netrc nis nntplib nt ntpath nturl2path numbers opcode operator optparse os ossaudiodev "
+        "pathlib pdb pickle pickletools pipes pkgutil platform plistlib poplib posix posixpath "
+        "pprint profile pstats pty pwd py_compile pyclbr pydoc pydoc_data pyexpat queue quopri "
+        "random re readline reprlib resource rlcompleter runpy sched secrets select selectors "
+        "shelve shlex shutil signal site smtpd smtplib sndhdr socket socketserver spwd sqlite3 "
+        "sre_compile sre_constants sre_parse ssl stat statistics string stringprep struct "
+        "subprocess sunau symtable sys sysconfig syslog tabnanny tarfile telnetlib tempfile "
+        "termios test textwrap this threading time timeit tkinter token tokenize tomllib trace "
+        "traceback tracemalloc tty turtle turtledemo types typing unicodedata unittest urllib uu "
+        "uuid venv warnings wave weakref webbrowser winreg winsound wsgiref xdrlib xml xmlrpc "
+        "zipapp zipfile zipimport zlib zoneinfo scipy"
+    ),
+    "MATLAB": (
+        "accumarray acos all angle any area arrayfun asin atan2 axes axis bar besselj beta bode "
+        "camlight cat ceil cell cell2mat cellfun char class clc clear close colon colorbar "
+        "colormap columns complex conj contour conv cov cross cumprod cumsum curl date deal "
+        "deconv delete det diag diary diff disp display div dot double doc echo edit eig ellipse "
+        "eps erf error errorbar eval evalin exist factor false fclose feval fft fgetl fieldnames "
+        "figure filter find fix fft2 flipud fminsearch fopen format fprintf fread fscanf fwrite "
+        "fzero gamma gca gcf get global grad gradient grid gtext hist hold horzcat hypot i "
+        "idivide ifft imag image imread imshow ind2sub input inputname int int32 interp1 interp2 "
+        "inv isempty isfield isnumeric j kron lasterr legend length light line linspace load "
+        "log10 log2 logical logspace lookfor lu magic mat2str mean median mesh meshgrid min max "
+        "mod more norm not nnz num2cell num2str numel nyquist ode45 ones optimset pack patch path "
+        "pause permute pinv plot plot3 polar poly polyfit polyval position primes print prod "
+        "profile qr quad quit rand randn rank rat real regexp rem repmat reshape residue roots "
+        "round rows run save scatter set shape shift sim simulink single size slice solve sort "
+        "spline sprintf sqrtm squeeze stairs std stem step strcat strcmp string strrep struct "
+        "sub2ind subplot sum surf svd system table tempdir test text tic title toc trace trapz "
+        "true type uint8 union unique var ver vertcat view warning what which who whos why xlabel "
+        "xlim ylabel ylim zeros zlabel zoom"
+    ),
+    "Modelica": (
+        "ceil acos asin atan2 log10 integer noevent smooth delay cardinality homotopy semilinear "
+        "instream actualstream spatialdistribution promote ndims size scalar vector matrix "
+        "identity diagonal zeros ones fill linspace transpose symmetric cross skew min max mod "
+        "rem div"
+    ),
+    "TeX": (
+        "texput plain latex tex article report book letter booktabs amsmath amssymb graphicx "
+        "input include document null"
+    ),
+    "Windows": (
+        "aux con nul prn com1 com2 com3 com4 com5 com6 com7 com8 com9 lpt1 lpt2 lpt3 lpt4 lpt5 "
+        "lpt6 lpt7 lpt8 lpt9"
+    ),
+}
+"""Functions, modules and headers of languages and files of systems, which no model is called: its
+file or its function would stand before them.
+"""
+
+
+def words_of(*languages: str) -> frozenset[str]:
+    """Return the `KEYWORDS` of languages in lower case."""
+    return frozenset(" ".join(KEYWORDS[one] for one in languages).lower().split())
+
+
+WORDS = words_of("C", "C++", "macros of C", "Python", "functions in exported code")
+"""What no name in code may be, whatever the language: most exports are C or Python."""
+
+TAKEN = words_of(*KEYWORDS) | frozenset(" ".join(LIBRARY.values()).lower().split())
+"""What no function and no file may be called."""

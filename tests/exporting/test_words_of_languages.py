@@ -1,0 +1,99 @@
+"""Models, inputs and outputs that are called by a word of a language: nothing that is exported has
+that name, and compilers and interpreters take it.
+"""
+
+import keyword
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import pytest
+from export_samples import formula
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from test_foreign_text import needs_compiler
+
+from mapmore_cli.annexes.exporting.exports import exported, snippet
+from mapmore_cli.annexes.exporting.templates import OWN, identifier
+from mapmore_cli.annexes.sums import Part, Sum
+from mapmore_cli.domain.models import Model
+from mapmore_cli.domain.recording import Quantity
+from mapmore_cli.domain.words import KEYWORDS, LIBRARY, TAKEN
+from mapmore_cli.modelling.expressions.operator import FUNCTIONS
+
+ROWS = {**KEYWORDS, **LIBRARY, "templates": " ".join(OWN)}
+EVERY = sorted({word for row in ROWS.values() for word in row.split()} | {"curve_1", "segment_2"})
+TO = ("c", "py", "numpy", "matlab", "simulink", "table", "tex", "fmu", "fmu3")
+
+
+def called(name, inputs, output):
+    """Sarosi's formula with other names."""
+    inner = formula("sarosi")
+    places = dict(zip((one.name for one in inner.inputs), inputs, strict=True))
+    quantities = [replace(one, name=places[one.name]) for one in inner.inputs]
+    return Model(name, Quantity(output, "N"), tuple(quantities), Sum((Part(inner, 1.0, places),)))
+
+
+def test_python_has_no_other_words():
+    known = {*TAKEN}
+    assert {word.lower() for word in keyword.kwlist} <= known
+    assert {word.lower() for word in sys.stdlib_module_names if not word.startswith("_")} <= known
+
+
+def test_no_function_and_no_file_is_called_by_a_word():
+    for name in EVERY:
+        assert identifier(name).lower() not in {one.lower() for one in EVERY}
+
+
+FAULTS = [
+    ("math", ("isfinite", "NaN"), "eval"),
+    ("beyond", ("curve_1", "len"), "derivatives"),
+    ("m", ("m_eval", "out"), "invert_out"),
+    ("end", ("range", "input"), "range"),
+]
+NAMES = st.sampled_from(EVERY)
+INPUTS = st.sampled_from([one for one in EVERY if one not in FUNCTIONS])
+"""A quantity cannot be called as a function of terms."""
+
+
+def check(name, inputs, output, to):
+    """Compiled or run, and compared with `predict`, by the exporter itself."""
+    model, told = called(name, inputs, output), []
+    files = exported(model, to, warn=told.append)
+    assert [text for text in told if "no C compiler" not in text and "Octave" not in text] == []
+    if to in ("c", "simulink"):
+        with TemporaryDirectory() as folder:
+            for file, data in files.items():
+                (Path(folder) / file).write_bytes(data)
+            sources = [file for file in files if file.endswith(".c")]
+            options = [
+                "-std=c99",
+                "-Wall",
+                "-Wextra",
+                "-Werror",
+                "-pedantic",
+                "-I.",
+                "-fsyntax-only",
+            ]
+            subprocess.run(["gcc", *options, *sources], check=True, cwd=folder)
+    for file in files:
+        assert file.partition(".")[0].lower() not in TAKEN
+    snippet(model, to, list(files))
+
+
+@needs_compiler
+@pytest.mark.parametrize(("name", "inputs", "output"), FAULTS)
+def test_words_that_a_target_reserves(name, inputs, output):
+    for to in ("c", "py", "simulink", "table"):
+        check(name, inputs, output, to)
+
+
+@needs_compiler
+@pytest.mark.long
+@settings(max_examples=200)
+@given(NAMES, st.tuples(INPUTS, INPUTS), NAMES, st.sampled_from(TO))
+def test_any_words_in_any_target(name, inputs, output, to):
+    if len({one.lower() for one in (*inputs, output)}) == 3:
+        check(name, inputs, output, to)
