@@ -19,6 +19,7 @@ from mapmore_cli.domain.arrays import Array, Columns
 from mapmore_cli.domain.fits import FormulaFit
 from mapmore_cli.modelling import literature
 from mapmore_cli.modelling.literature.backbone import pooled_training
+from mapmore_cli.modelling.literature.formulas.sarosi_hysteresis_loss import HysteresisLoss
 from mapmore_cli.reporting.table import Cell, Table
 
 STUDIES = (
@@ -56,7 +57,7 @@ def formulas_of(study: str) -> list[str]:
     spec = shipped(study).spec
     if spec.target == "hysteresis":
         return [*OF_ANY]
-    component = {"static": "static", "damping": "damping"}.get(spec.target)
+    component = spec.target if spec.target in ("static", "damping") else None
     inputs = {*spec.data.columns, *spec.data.derive, "pressure"}
     known = [
         name
@@ -71,17 +72,21 @@ def fitted(study: str, name: str, runs: Path) -> Fitted:
     """Fit a formula to the training data of a study, by the package and by the global search."""
     spec = shipped(study).spec
     lengths = {"length": spec.muscle.length, "diameter": spec.muscle.diameter}
+    sizes = {key: np.asarray(value) for key, value in lengths.items()}
     if name == LOSS:
         needed = f"m2/{Path(str(spec.needs.static)).stem}"
         return _loss(pooled(needed, runs)[0], lengths["length"])
     columns, y = pooled(study, runs)
     fit = literature.get(name).of_muscle(lengths).fit(columns, y)
-    return Fitted(fit, rmse(fit), least_rmse(name, {**lengths, **columns}, y))
+    return Fitted(fit, rmse(fit), least_rmse(name, {**sizes, **columns}, y))
 
 
 def _loss(cycles: Columns, length: float | None) -> Fitted:
     """Return Sárosi's formula on both branches of load cycles."""
-    fit = literature.get(LOSS).fit_cycles(cycles, length)
+    formula = literature.get(LOSS)
+    assert isinstance(formula, HysteresisLoss)
+    assert length is not None
+    fit = formula.fit_cycles(cycles, length)
     ways = (cycles["force"] + way * cycles["hysteresis"] for way in (1, -1))
     least = [least_rmse("sarosi", cycles, branch) for branch in ways]
     return Fitted(fit, rmse(fit), float(np.sqrt(np.mean(np.square(least)))))

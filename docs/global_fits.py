@@ -10,7 +10,7 @@ several are sought by differential evolution from a fixed seed, which is refined
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.optimize import differential_evolution, minimize, minimize_scalar
@@ -66,15 +66,15 @@ def _second(c: Columns) -> tuple[list[Array], float]:
     return [x**2, x * p, x, p, np.ones_like(p)], 0.0
 
 
-def _braid(x: Array, theta: float) -> Array:
+def _braid(x: Array, theta: float) -> Any:
     return 3 * (1 - x) ** 2 / np.tan(theta) ** 2 - 1 / np.sin(theta) ** 2
 
 
-def _fixed_area(c: Columns, x: Array, theta: float) -> Array:
+def _fixed_area(c: Columns, x: Array, theta: float) -> Any:
     return 250 * np.pi * c["diameter"] ** 2 * c["pressure"] * _braid(x, theta)
 
 
-def _corrected(c: Columns, a_k: float, b_k: float) -> Array:
+def _corrected(c: Columns, a_k: float, b_k: float) -> Any:
     return (a_k * np.exp(-c["pressure"] / 100) - b_k) * c["strain"]
 
 
@@ -239,18 +239,26 @@ def _least(sse: Callable[[Array], float], ends: Array) -> float:
     """Return the least value of a function within the ends of its places, `(k, 2)`."""
     if not len(ends):
         return sse(np.zeros(0))
-    if len(ends) == 1:
-        grid = np.linspace(*ends[0], GRID)
-        found = np.array([sse(np.array([place])) for place in grid])
-        step, best = grid[1] - grid[0], [float(found.min())]
-        for place in grid[np.argsort(found)[:3]]:
-            within = (max(place - step, ends[0, 0]), min(place + step, ends[0, 1]))
-            refined = minimize_scalar(lambda z: sse(np.array([z])), bounds=within, method="bounded")
-            best.append(float(refined.fun))
-        return min(best)
-    found = differential_evolution(
-        sse, [*map(tuple, ends)], seed=SEED, popsize=20, maxiter=150, tol=1e-8, polish=False
+    if len(ends) > 1:
+        return _evolved(sse, [(float(low), float(high)) for low, high in ends])
+    low, high = map(float, ends[0])
+    grid = np.linspace(low, high, GRID)
+    found = np.array([sse(np.array([place])) for place in grid])
+    step, least = (high - low) / (GRID - 1), float(found.min())
+    for place in grid[np.argsort(found)[:3]]:
+        refined: Any = minimize_scalar(
+            lambda z: sse(np.array([z])),
+            bounds=(max(place - step, low), min(place + step, high)),
+            method="bounded",
+        )
+        least = min(least, float(refined.fun))
+    return least
+
+
+def _evolved(sse: Callable[[Array], float], ends: Any) -> float:
+    evolved: Any = differential_evolution(
+        sse, ends, seed=SEED, popsize=20, maxiter=150, tol=1e-8, polish=False
     )
-    options = {"maxiter": 4000, "fatol": 0.0, "xatol": 1e-9}
-    simplex = minimize(sse, found.x, method="Nelder-Mead", options=options)
-    return min(float(found.fun), float(simplex.fun))
+    options: Any = {"maxiter": 4000, "fatol": 0.0, "xatol": 1e-9}
+    refined: Any = minimize(sse, evolved.x, method="Nelder-Mead", options=options)
+    return min(float(evolved.fun), float(refined.fun))

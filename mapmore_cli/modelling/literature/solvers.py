@@ -343,12 +343,12 @@ def _best_solution(
         return failure(problem, method)
     m = len(problem.linear)
     allowed = [end for end in ends if problem.allows(end.x[m:])]
-    notes = () if allowed else ("every start ended at a sign that the source does not have",)
+    notes = ["every start ended at a sign that the source does not have"] * (not allowed)
     ends = allowed or ends
     best = min(ends, key=_cost)
-    notes += (agreement(ends, best, starts),) if starts > 1 else ()
+    notes += [agreement(ends, best, starts)] * (starts > 1)
     others = tuple((end.x[:m], end.x[m:]) for end in rivals(ends, best))
-    return Solution(best.x[:m], best.x[m:], best.status, method, notes, others)
+    return Solution(best.x[:m], best.x[m:], best.status, method, tuple(notes), others)
 
 
 METHODS: Mapping[str, Callable[[LeastSquares], Solution]] = {
