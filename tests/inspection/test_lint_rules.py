@@ -200,6 +200,10 @@ def rippled(level, columns):
     return {**columns, "P": level + 4 * np.sin(np.linspace(0, 20, 60))}
 
 
+def up_and_down(samples):
+    return 0.2 * (1 - np.abs(np.linspace(-1, 1, samples)))
+
+
 def cycles(over, **spec):
     return {"data": {"cycles": {"over": over, "samples": 20}}, **spec}
 
@@ -492,6 +496,11 @@ def test_a_rule_speaks_of_what_it_is_made_for(tmp_path, id_, severity, spoil, sp
         ),  # slack: the force rests at the offset of the sensor
         ("not-single-valued", looped(lambda _: 60), cycles("strain")),
         ("cycles-of-nothing", looped(lambda _: 60), cycles("strain")),
+        (
+            "cycles-of-nothing",
+            lambda level, c: {**c, "eps": (0.03 if level == 100 else 1) * up_and_down(60)},
+            cycles("strain"),
+        ),  # a slack muscle, which moves little
         (
             "force-never-positive",
             at(100, lambda _, c: {**c, "F": np.full(60, -0.4) + 0.1 * c["eps"]}),
