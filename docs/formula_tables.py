@@ -113,11 +113,10 @@ def competitors(runs: Path) -> Table:
     )
     rows = [*_rows(runs)]
     worst = max(row[4] for row in rows if isinstance(row[4], float))
-    note = (
-        f"Training error. The largest ratio of {len(rows)} is {worst:.4f}; condition is that of "
-        "the derivatives for all parameters, each of unit length."
+    note = f"The largest ratio of {len(rows)} is {worst:.4f}."
+    return Table.of(
+        "competitors", "Training error beside that of a global fit", columns, rows, note
     )
-    return Table.of("competitors", "Ours beside a global fit", columns, rows, note)
 
 
 def _rows(runs: Path) -> Iterator[tuple[Cell, ...]]:

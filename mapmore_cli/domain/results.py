@@ -153,8 +153,8 @@ class ResidualTest:
         """What lies outside."""
         count = f"{self.beyond} of {self.tested}"
         if self.name == AUTOCORRELATION:
-            return f"{count} lags of their autocorrelation"
-        return f"{count} checks against {self.name}"
+            return f"{count} lags"
+        return f"{count} checks of {self.name}"
 
 
 @dataclass(frozen=True)
@@ -202,10 +202,7 @@ class Validation:
         failing = [one.words for one in self.residual_tests if one.fails]
         if not failing:
             return ""
-        return (
-            "the errors are not noise alone, so the model misses something: outside of the bounds "
-            f"of noise are {' and '.join(failing)}"
-        )
+        return f"the errors are not noise alone ({', '.join(failing)} are outside)"
 
     @property
     def table(self) -> ScoreTable:

@@ -149,8 +149,8 @@ class Competitor(Section):
     - `damping`: a formula of the damping force, or `none`, as `reynolds`
     - `method`: how a formula is fitted (variable projection by default), as `simplex`
     - `starts`: where `levenberg_marquardt` starts: `published` or `printed`, as `published`
-    - `levels`: `nominal` fits and scores a formula at the levels of the curves, in place of the
-      values that were measured there
+    - `levels`: the values of the level quantity that a formula is fitted to and scored at, in place
+      of the measured ones, as `nominal`
     - `sum`: formulas with signs and renamed inputs, which are fitted together, as `[{formula:
       sarosi}, {formula: viscous, sign: -1}]`
     - `as`: its name in the scores, as `one_term`

@@ -368,9 +368,8 @@ def test_the_verdict_begins_with_what_residual_tests_found():
     made = Validation({}, {}, tuple(scores), {"force": "N"}, residual_tests=tests).table
     sentence = verdict_sentence(scores, "mapmore", Quantity("force", "N"), (), made.alert)
     assert sentence.startswith(
-        "Alert: the errors are not noise alone, so the model misses something: outside of the "
-        "bounds of noise are 20 of 25 lags of their autocorrelation and 3 of 4 checks against "
-        "pressure. mapmore predicts force"
+        "Alert: the errors are not noise alone (20 of 25 lags, 3 of 4 checks of pressure are "
+        "outside). mapmore predicts force"
     )
     clean = Validation({}, {}, tuple(scores), {"force": "N"}, residual_tests=tests[1:2]).table
     assert clean.alert == ""
