@@ -11,6 +11,7 @@ from mapmore_cli.checking.rules import (
     Rule,
     Subject,
     curves,
+    fits,
     odd_values,
     pairs,
     samples,
@@ -26,19 +27,26 @@ from mapmore_cli.study.sections.data import Split
 OF_RECORDINGS: tuple[Rule, ...] = (
     *(units.strain_in_per_cent, units.unit_in_the_name, units.unit_line, units.formulas_in_labels),
     *(samples.constant, samples.same_signal, samples.clipped, samples.force_never_pulls),
+    *(samples.still_cycles, units.header_of_numbers),
     *(samples.recorded_twice, odd_values.spikes_in, odd_values.below_vacuum),
     *(pairs.computed_from, pairs.untold_difference),
 )
 """Rules that need the recordings alone, so that they can say why no curves could be made of them.
 """
 
-OF_CURVES: tuple[Rule, ...] = (curves.few_samples, curves.short_segments, curves.even_steps)
+OF_CURVES: tuple[Rule, ...] = (
+    curves.few_samples,
+    fits.short_segments,
+    fits.few_for_formula,
+    curves.even_steps,
+)
 """Rules that need the curves."""
 
 OF_CHECK: tuple[Rule, ...] = (
     samples.unsettled,
     samples.offset,
     curves.single_valued,
+    fits.contradicted_shape,
     curves.beyond_training,
 )
 """Rules that `check` alone applies: hints, and what a run tells by itself as it scores."""

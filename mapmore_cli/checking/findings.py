@@ -76,7 +76,7 @@ def refusal(issues: Iterable[Issue]) -> SpecError | DataError | None:
 FINDINGS = "check.json"
 """The file in the folder of a run."""
 
-REVISION = 2
+REVISION = 3
 """Raised when a rule changes: findings of older rules do not count."""
 
 

@@ -21,6 +21,7 @@ from mapmore_cli.reporting.score_tables import (
     curve_scores_table,
     pieces_sentence,
     score_table,
+    scored,
     verdict_sentence,
 )
 from mapmore_cli.reporting.table import Cell, Table
@@ -112,7 +113,7 @@ def verdict_lines(run_dir: Path) -> tuple[str, ...]:
     table, data, body = files.scores(), files.dataset(), files.model().body
     outputs = zip(table.each, data.each, strict=True)
     verdicts = [
-        verdict_sentence(one.scores, OWN, own.quantities[own.target], one.failed)
+        verdict_sentence(one.scores, OWN, scored(one, own), one.failed, one.alert)
         for one, own in outputs
     ]
     formula = body.backbone if isinstance(body, Pieces) else None

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from math import comb
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -110,6 +111,9 @@ class ErrorBand:
 
 AUTOCORRELATION = "autocorrelation"
 
+RARE = 0.01
+"""Probability below which noise is not taken as the reason."""
+
 
 @dataclass(frozen=True)
 class ResidualTest:
@@ -134,6 +138,23 @@ class ResidualTest:
         """How many do."""
         outside = np.abs(self.values) > self.bounds
         return int(outside[len(self.x) - self.tested :].sum())
+
+    @property
+    def fails(self) -> bool:
+        """Whether noise alone has so many outside less often than once in a hundred times, where
+        each is outside by itself with 5 %.
+        """
+        n, chance = self.tested, 0.05
+        counts = range(self.beyond, n + 1)
+        return sum(comb(n, k) * chance**k * (1 - chance) ** (n - k) for k in counts) < RARE
+
+    @property
+    def words(self) -> str:
+        """What lies outside."""
+        count = f"{self.beyond} of {self.tested}"
+        if self.name == AUTOCORRELATION:
+            return f"{count} lags"
+        return f"{count} checks of {self.name}"
 
 
 @dataclass(frozen=True)
@@ -176,6 +197,14 @@ class Validation:
         return (replace(self, others=()), *self.others)
 
     @property
+    def alert(self) -> str:
+        """What residual tests found in the errors of the run's own model; empty where they pass."""
+        failing = [one.words for one in self.residual_tests if one.fails]
+        if not failing:
+            return ""
+        return f"the errors are not noise alone ({', '.join(failing)} are outside)"
+
+    @property
     def table(self) -> ScoreTable:
         """The numbers alone, of all outputs."""
         failed = [
@@ -186,6 +215,7 @@ class Validation:
             {name: unit for one in self.each for name, unit in one.units.items()},
             tuple(dict.fromkeys(failed)),
             tuple(dict.fromkeys(told for one in self.each for told in one.warnings)),
+            {name: one.alert for one in self.each for name in one.units if one.alert},
         )
 
 

@@ -157,13 +157,19 @@ class Published:
 @dataclass(frozen=True)
 class ScoreTable:
     """What a validation says in numbers: the rows, the unit of every target, models without scores,
-    and what must be known before.
+    what must be known before, and by target what residual tests found.
     """
 
     scores: tuple[Score, ...]
     units: Mapping[str, str]
     failed: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
+    alerts: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def alert(self) -> str:
+        """What residual tests found of all targets; empty where they pass."""
+        return "; ".join(self.alerts.values())
 
     @property
     def each(self) -> tuple[ScoreTable, ...]:
@@ -176,6 +182,7 @@ class ScoreTable:
                 self,
                 scores=tuple(score for score in self.scores if score.target == target),
                 units={target: self.units[target]},
+                alerts={target: self.alerts[target]} if target in self.alerts else {},
             )
             for target in targets
         )

@@ -102,9 +102,9 @@ class Contest:
             from mapmore_cli.fitting.baselines import predictions
 
             return Rival(label, _forecasts(predictions(name, dataset, self.model)))
-        how = (competitor.method, competitor.starts)
-        fit = self._fitted(name, dataset.curves, dataset.target, *how)
-        return Rival(label, _forecasts(_formula_says(fit, dataset.curves)), {label: fit})
+        curves = dataset.curves if competitor.levels is None else _at_levels(dataset)
+        fit = self._fitted(name, curves, dataset.target, competitor.method, competitor.starts)
+        return Rival(label, _forecasts(_formula_says(fit, curves)), {label: fit})
 
     def simple_beside(self, named: Collection[str]) -> tuple[str, ...]:
         """Return the simple competitors that the model allows and that are not `named` already.
@@ -236,6 +236,15 @@ class Contest:
                 "add `needs: {static: my-static.yaml}`",
             )
         return RunFiles(self.static_run)
+
+
+def _at_levels(dataset: Dataset) -> list[Curve]:
+    """Return the curves with the quantity that was held at its nominal value."""
+    name = dataset.level
+    return [
+        replace(one, columns={**one.columns, name: np.full(one.size, one.level)}) if name else one
+        for one in dataset.curves
+    ]
 
 
 def _formula_says(fit: FormulaFit, curves: Sequence[Curve]) -> list[Array]:

@@ -317,7 +317,7 @@ def frozen_models(spec: ExperimentSpec, folder: Path) -> list[Path]:
 
 STAGE = Stage(
     name="validate",
-    revision=10,
+    revision=11,
     outputs=(VALIDATION, "scores.csv", "scores.json"),
     reads=scores_slice,
     run=score,

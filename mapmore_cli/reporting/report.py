@@ -25,7 +25,7 @@ from mapmore_cli.reporting.figures.drawing import (
 )
 from mapmore_cli.reporting.figures.style import figure_style
 from mapmore_cli.reporting.inputs import ReportInputs
-from mapmore_cli.reporting.score_tables import verdict_sentence
+from mapmore_cli.reporting.score_tables import scored, verdict_sentence
 from mapmore_cli.reporting.sections import all_tables, sections_of
 from mapmore_cli.reporting.table import (
     Table,
@@ -61,10 +61,12 @@ def render_page(
 
 def _words_of(inputs: ReportInputs, figures: Figures) -> dict[str, object]:
     """Return what the template knows of an output."""
-    scores = inputs.validation.scores
+    scores, table = inputs.validation.scores, inputs.validation.each[0].table
+    target = scored(table, inputs.dataset)
     return {
         "inputs": inputs,
-        "verdict": verdict_sentence(scores, inputs.own, inputs.target, inputs.failed),
+        "verdict": verdict_sentence(scores, inputs.own, target, inputs.failed, table.alert),
+        "alert": bool(table.alert),
         "sections": sections_of(inputs),
         "figures": figures,
         "errors": {fit.id: training_rmse(fit) for fit in inputs.fit.segments},

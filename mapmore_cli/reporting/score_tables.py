@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 
-from mapmore_cli.domain.recording import Quantity
+from mapmore_cli.domain.recording import Dataset, Quantity
 from mapmore_cli.domain.results import Search
-from mapmore_cli.domain.scores import REPEATABILITY, Published, Score, deciding
+from mapmore_cli.domain.scores import REPEATABILITY, Published, Score, ScoreTable, deciding
 from mapmore_cli.modelling.validation.comparison import Comparison
 from mapmore_cli.reporting.table import MODEL, Cell, Column, Table, cells_of, title_of
 
@@ -135,24 +135,36 @@ EQUAL_WITHIN = 0.01
 """Relative difference of two errors below which neither model is called better."""
 
 
+def scored(table: ScoreTable, dataset: Dataset) -> Quantity:
+    """Return the quantity that the rows are of, which may be an input of an inverted model."""
+    name = next(iter(table.units), dataset.target)
+    return dataset.quantities[name if name in dataset.quantities else dataset.target]
+
+
 def verdict_sentence(
-    scores: Sequence[Score], own: str, target: Quantity, failed: Sequence[str] = ()
+    scores: Sequence[Score],
+    own: str,
+    target: Quantity,
+    failed: Sequence[str] = (),
+    alert: str = "",
 ) -> str:
     """Compare the pooled error of the model `own` with the best of the others, on held-out data
     where there are any.
 
-    `failed` names the competitors that have no scores, because their fit failed.
+    `target` is what was scored; `failed` names the competitors that have no scores, because their
+    fit failed; an `alert` comes first.
     """
+    head = f"Alert: {alert}. " if alert else ""
     compared = deciding(scores)
     ours = next((s for s in compared if s.model == own), None)
     if ours is None or not math.isfinite(ours.nrmse):
-        return f"{own} gave no prediction."
+        return f"{head}{own} gave no prediction."
     where = "on the held-out data"
     if ours.split == "train":
         where = (
             "on its own training data (nothing was held out, so this says little about new data)"
         )
-    unit = "" if target.unit in ("", "1") else f" {target.unit}"
+    unit = _of(target.unit)
     by_range = (
         f", {_percent(ours.nrmse_range)} of the range: the target lies far from zero"
         if ours.far
@@ -166,23 +178,62 @@ def verdict_sentence(
         if s.model == REPEATABILITY
     ]
     comparison = _comparison(ours, others, failed)
-    return f"{own} predicts {target.name} with {errors} {where}; {comparison}{''.join(floors)}."
+    said = f"{own} predicts {target.name} with {errors} {where}"
+    return f"{head}{said}; {comparison}{''.join(floors)}."
+
+
+def short_verdict(table: ScoreTable, own: str) -> str:
+    """Say in a line how the model `own` stands beside the best of the others, with both errors."""
+    compared, unit = deciding(table.scores), next(iter(table.units.values()), "")
+    ours = next((s for s in compared if s.model == own), None)
+    if ours is None or not math.isfinite(ours.nrmse):
+        return "no prediction"
+    best = _best([s for s in compared if s.model not in (own, REPEATABILITY)])
+    word = "alone" if best is None else _word(ours, best)
+    rows = [ours] if best is None else [ours, best]
+    errors = (f"{title_of(s.model)} {_error(s, unit)}" for s in rows)
+    where = "held-out" if ours.split == "validate" else "training"
+    alert = "alert: the errors are not noise alone; " if table.alert else ""
+    return f"{alert}{word}: {ours.target}, {where} RMSE: {', '.join(errors)}"
+
+
+def _error(score: Score, unit: str) -> str:
+    """Return an error as a person would write it."""
+    return f"{score.rmse:.3g}{_of(unit)} ({_percent(score.nrmse)})"
+
+
+def _of(unit: str) -> str:
+    """Return a unit behind a number."""
+    return "" if unit in ("", "1") else f" {unit}"
+
+
+def _best(others: Sequence[Score]) -> Score | None:
+    """Return the score with the least error; None where there is none that is a number."""
+    usable = [s for s in others if math.isfinite(s.nrmse)]
+    return min(usable, key=lambda s: s.nrmse, default=None)
+
+
+def _word(ours: Score, best: Score) -> str:
+    """Return how an error stands beside the best of the others."""
+    if ours.rmse == best.rmse:
+        return "an exact tie"
+    if abs(ours.rmse - best.rmse) <= EQUAL_WITHIN * max(ours.rmse, best.rmse):
+        return "no difference to speak of"
+    return "better" if ours.rmse < best.rmse else "worse"
 
 
 def _comparison(ours: Score, others: Sequence[Score], failed: Sequence[str]) -> str:
-    usable = [s for s in others if math.isfinite(s.nrmse)]
-    if not usable:
+    best = _best(others)
+    if best is None:
         if others or failed:
             return "no competitor gave a prediction to compare with"
         return "it was compared with no other model"
-    best = min(usable, key=lambda s: s.nrmse)
     claim = f"the best competitor ({title_of(best.model)}) reaches {_percent(best.nrmse)}"
-    if ours.rmse == best.rmse:
-        return f"{claim}: an exact tie"
-    if abs(ours.rmse - best.rmse) <= EQUAL_WITHIN * max(ours.rmse, best.rmse):
-        return f"{claim}: no difference to speak of"
+    word = _word(ours, best)
+    if word not in ("better", "worse"):
+        return f"{claim}: {word}"
     ratio = f" ({ours.rmse / best.rmse:.3g} times the RMSE)" if best.rmse > 0 else ""
-    return f"{claim}: {ours.model} is {'better' if ours.rmse < best.rmse else 'worse'}{ratio}"
+    return f"{claim}: {ours.model} is {word}{ratio}"
 
 
 def pieces_sentence(scores: Sequence[Score], own: str, backbone: str) -> str:

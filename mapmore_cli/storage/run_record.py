@@ -253,7 +253,8 @@ _SCORES = TypeAdapter(tuple[Score, ...])
 def write_scores(folder: Path, table: ScoreTable, name: str) -> None:
     """Write `scores.csv` and `scores.json` of the run `name` into `folder`.
 
-    The JSON document is `{"name", "target", "units", "scores": [row, ...], "failed", "warnings"}`:
+    The JSON document is `{"name", "target", "units", "scores": [row, ...], "failed", "warnings",
+    "alerts"}`:
     `failed` names models that could not be fitted. A number that is not finite is null there, and
     empty in the CSV. The same scores give the same bytes.
     """
@@ -265,6 +266,7 @@ def write_scores(folder: Path, table: ScoreTable, name: str) -> None:
         "scores": rows,
         "failed": list(table.failed),
         "warnings": list(table.warnings),
+        "alerts": dict(table.alerts),
     }
     write_text(
         folder / "scores.json",
@@ -304,7 +306,9 @@ def scores_in(document: Any) -> ScoreTable:
     return ScoreTable(
         _SCORES.validate_python(rows),
         units,
-        *(tuple(map(str, document.get(key, ()))) for key in ("failed", "warnings")),
+        tuple(map(str, document.get("failed", ()))),
+        tuple(map(str, document.get("warnings", ()))),
+        {str(name): str(alert) for name, alert in document.get("alerts", {}).items()},
     )
 
 

@@ -544,6 +544,22 @@ def competitors(spec: ExperimentSpec) -> Iterator[Finding]:
             target=spec.target,
             label=rival.label,
         )
+        at_levels = rival.levels is not None
+        yield from told(
+            (
+                at_levels and rival.model is not None and formula is None and not rival.is_file,
+                (*loc, "levels"),
+                "`{model}` is no formula: it has no `levels`",
+                REMOVE,
+            ),
+            (
+                at_levels and spec.data.levels is None,
+                (*loc, "levels"),
+                "the curves have no levels",
+                "add `levels: {{of: ...}}` to `data`, or remove it here",
+            ),
+            model=rival.model,
+        )
         shown.append(rival.label)
 
 

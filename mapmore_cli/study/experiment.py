@@ -149,6 +149,8 @@ class Competitor(Section):
     - `damping`: a formula of the damping force, or `none`, as `reynolds`
     - `method`: how a formula is fitted (variable projection by default), as `simplex`
     - `starts`: where `levenberg_marquardt` starts: `published` or `printed`, as `published`
+    - `levels`: the values of the level quantity that a formula is fitted to and scored at, in place
+      of the measured ones, as `nominal`
     - `sum`: formulas with signs and renamed inputs, which are fitted together, as `[{formula:
       sarosi}, {formula: viscous, sign: -1}]`
     - `as`: its name in the scores, as `one_term`
@@ -161,6 +163,7 @@ class Competitor(Section):
     damping: str | None = None
     method: FitMethod | None = None
     starts: str | None = None
+    levels: Literal["nominal"] | None = None
     sum: Summands | None = None
     as_: Name | None = Field(default=None, alias="as")
 
@@ -214,6 +217,10 @@ class Competitor(Section):
             yield Contradiction(
                 "`starts` goes with a `model` and `method: levenberg_marquardt`", remedy, "starts"
             )
+
+        if self.levels is not None and (self.model is None or self.is_file):
+            remedy = "write `{model: polynomial_5, levels: nominal, as: at_levels}`"
+            yield Contradiction("`levels` goes with the formula of a `model`", remedy, "levels")
 
     @property
     def is_file(self) -> bool:

@@ -1,6 +1,7 @@
 """Campaigns: variants of a spec, one table, one page."""
 
 import json
+import re
 
 import pytest
 from cli_samples import edit, write_study
@@ -49,6 +50,14 @@ def test_a_campaign_runs_its_variants_and_writes_its_page(campaign, tmp_path, ma
     assert [name for name, _ in rows] == ["one", "two", "broken"]
     assert rows[2][1] == "failed"
     assert "broken: error:" in result.stderr
+    *_, one, two, broken = result.stdout.splitlines()
+    for name, line in (("one", one), ("two", two)):
+        assert re.fullmatch(
+            rf"{name}: (alert: .*; )?(better|worse|no difference.*|.*tie): .* RMSE: mapmore \S+ N "
+            r"\(\S+ %\), .* N \(\S+ %\)",
+            line,
+        )
+    assert broken.startswith("broken: failed: error:")
 
 
 def test_pages_are_written_where_they_are_asked_for(campaign, tmp_path, mapmore):

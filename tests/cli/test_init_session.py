@@ -115,7 +115,7 @@ def test_without_a_terminal_nothing_is_asked_and_questions_stay_open_until_confi
     run = json.loads(mapmore("run", spec, "--json", says="not confirmed").stdout)
     assert run["unconfirmed"] == checked["unconfirmed"]
     page = tmp_path / "runs" / run["name"] / "report" / "index.html"
-    assert page.read_text().index("not confirmed") < page.read_text().index('class="verdict"')
+    assert page.read_text().index("not confirmed") < page.read_text().index('class="verdict')
     for again in (("check", spec, "--confirm"), ("run", spec)):
         assert document(*again, "-q")["unconfirmed"] == []
     assert "not confirmed" not in page.read_text()

@@ -39,7 +39,7 @@ def test_all_rows_are_of_the_force(study, tmp_path, mapmore, document):
     """
     against = "validate.against=[polynomial_2]"
     turned = options(*TURNED, "validate.as=force", against, "name=turned")
-    mapmore("run", study, *turned, code=0)
+    said = mapmore("run", study, *turned, code=0).stdout
     run = tmp_path / "runs" / "turned"
     assert json.loads((run / "scores.json").read_text())["units"] == {"force": "N"}
     rows = by_place(run / "scores.json")
@@ -55,6 +55,9 @@ def test_all_rows_are_of_the_force(study, tmp_path, mapmore, document):
     error = np.sqrt(np.mean((found["force_predicted"] - found["force"]) ** 2))
     assert rows[OWN]["rmse"] == pytest.approx(error, rel=1e-6)
     assert rows[OWN]["nrmse"] < 0.05
+    verdict = f"mapmore predicts force with an NRMSE of {100 * rows[OWN]['nrmse']:.3g} % (RMSE "
+    assert f"{verdict}{rows[OWN]['rmse']:.3g} N)" in said
+    assert verdict in page_of("turned")
     assert "The model predicts strain; it is inverted, and scored as force." in page_of("turned")
 
 

@@ -71,14 +71,16 @@ lever-tip  mapmore 0.0088  cubic 0.0106
 dmsp-20-88-static  mapmore 0.0170  sarosi 0.0092  polynomial_2 0.0346
 dmsp-20-88-weighed  mapmore 0.0163  sarosi 0.0092  polynomial_2 0.0346
 peano-static  mapmore 0.0091  sarosi 0.0144  polynomial_2 0.0410
-dmsp-20-88-m1-static  mapmore 0.0197  two_terms 0.0275  sarosi 0.0139  polynomial_5 2.0798
-peano-m1-static  mapmore 0.0194  two_terms 0.0101  sarosi 0.0144  polynomial_5 1.1660
-dmsp-20-88-m1-hysteresis  mapmore 0.1590  one_term 4.3463  sarosi 0.1306
+dmsp-20-88-m1-static  mapmore 0.0197  two_terms 0.0275  sarosi 0.0139  polynomial_5 0.4083  \
+    polynomial_5_nominal 2.0720
+peano-m1-static  mapmore 0.0194  two_terms 0.0101  sarosi 0.0144  polynomial_5 0.1995  \
+    polynomial_5_nominal 1.1641
+dmsp-20-88-m1-hysteresis  mapmore 0.1590  one_term 4.3463  sarosi 0.0856
 dmsp-20-88-perturbation  mapmore 0.1186  none 0.2358
 dmsp-20-88-cycles  mapmore 0.0272  sarosi 0.0276
 peano-cycles  mapmore 0.0182  sarosi 0.0255
 peano-perturbation  mapmore 0.2714  none 0.4244
-peano-m1-hysteresis  mapmore 0.1010  sarosi 0.7104
+peano-m1-hysteresis  mapmore 0.1010  sarosi 0.0870
 dmsp-20-88-inner-reversals  mapmore 0.0055  static 0.0176  rise_and_fall 0.0082  \
      prandtl_ishlinskii 0.0242
 peano-inner-reversals  mapmore 0.0032  static 0.0164  rise_and_fall 0.0062  \

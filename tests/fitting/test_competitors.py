@@ -126,3 +126,23 @@ def test_in_a_fold_another_run_is_made_anew(tmp_path):
 def test_composites_need_a_static_run():
     with pytest.raises(SpecError, match="data of a static run"):
         contest().rival(Competitor(static="sarosi", damping="reynolds"))
+
+
+def test_at_nominal_levels_a_formula_is_fitted_and_scored_there():
+    """Measured pressures scatter; the two readings differ, and each fits its own inputs."""
+    rng = np.random.default_rng(0)
+    scattered = [
+        replace(one, columns={**one.columns, "pressure": one.level + rng.normal(0, 2, 40)})
+        for one in DATASET.curves
+    ]
+    data = replace(DATASET, curves=tuple(scattered))
+    nominal = Competitor.model_validate(
+        {"model": "polynomial_2", "levels": "nominal", "as": "at_levels"}
+    )
+    one = contest(dataset=data).rival(nominal)
+    other = contest().rival("polynomial_2")  # of curves without scatter
+    assert one.name == "at_levels"
+    for said, exact in zip(one.forecasts, other.forecasts, strict=True):
+        np.testing.assert_array_equal(said.values, exact.values)
+    measured = contest(dataset=data).rival("polynomial_2")
+    assert not np.allclose(measured.forecasts[0].values, one.forecasts[0].values, atol=0.1)

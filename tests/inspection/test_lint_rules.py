@@ -15,9 +15,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mapmore_cli.domain.arrays import Array
-from mapmore_cli.domain.errors import DataError, SpecError
+from mapmore_cli.domain.errors import DataError, FitError, SpecError
 from mapmore_cli.modelling.validation.repeatability import monotone_floor
 from mapmore_cli.pipeline.inspection import inspect
+from mapmore_cli.pipeline.runner import bring_up_to_date
 from mapmore_cli.study.loader import load
 from mapmore_cli.study.yaml_loader import dump
 
@@ -186,6 +187,23 @@ def held_out(**condition):
     return {"data": {"split": {"validate": condition}}}
 
 
+def jittered(noise):
+    """The pressure is held, but for the noise of its sensor."""
+    return lambda level, c: {
+        **c,
+        "P": level + np.random.default_rng(int(level)).normal(0, noise, 60),
+    }
+
+
+def rippled(level, columns):
+    """The regulator lets the pressure swing a little and slowly."""
+    return {**columns, "P": level + 4 * np.sin(np.linspace(0, 20, 60))}
+
+
+def up_and_down(samples):
+    return 0.2 * (1 - np.abs(np.linspace(-1, 1, samples)))
+
+
 def cycles(over, **spec):
     return {"data": {"cycles": {"over": over, "samples": 20}}, **spec}
 
@@ -236,6 +254,78 @@ FINE = [{"set": {"segment.strain.count": 30}, "as": "fine"}]
             [],
         ),
         ("force-never-positive", "warning", lambda _, c: {**c, "F": -np.abs(c["F"]) - 1}, {}, []),
+        (
+            "force-never-positive",
+            "warning",
+            lambda _, c: {**c, "F": np.where(np.arange(60) % 7, -900, 0.9)},
+            {"segment": {}},
+            ["hardly ever positive (it runs from -900 to 0.9)", "`scale: -1`"],
+        ),  # noise of a slack muscle
+        (
+            "force-never-positive",
+            "warning",
+            lambda _, c: {**c, "F": -np.abs(c["F"]) - 1},
+            {"data": {"columns": {"force": {"column": "F", "unit": "N", "scale": 2.0}}}},
+            ["`scale: -2`"],
+        ),
+        (
+            "force-never-positive",
+            "warning",
+            at(300, lambda _, c: {**c, "F": 0.5 - np.abs(c["F"])}),
+            {"segment": {}},
+            ["level_300.csv: the force", "as in no other recording"],
+        ),
+        ("cycles-of-nothing", "error", jittered(0.3), cycles("pressure"), ["`cycles: {over: str"]),
+        ("cycles-of-nothing", "error", rippled, cycles("pressure"), ["level_100.csv and 3 more"]),
+        (
+            "cycles-of-nothing",
+            "warning",
+            at(300, lambda _, c: {**c, "eps": 0.1 + 1e-4 * np.resize([0, 1, 0, -1], 60)}),
+            cycles("strain"),
+            ["strain is held in level_300.csv"],
+        ),
+        (
+            "header-of-numbers",
+            "warning",
+            clean,
+            {"data": {"header": 3}},
+            ["2 of the 3", "header: 1"],
+        ),
+        (
+            "header-of-numbers",
+            "warning",
+            clean,
+            {"data": {"header": 2}},
+            ["1 of the 2", "header: 1"],
+        ),
+        (
+            "short-segment",
+            "error",
+            first_rows(20),
+            {"segment": {"strain": {"method": "optimal", "count": 3}}},
+            ["3 segments of 10 need 30"],
+        ),
+        (
+            "few-for-formula",
+            "error",
+            first_rows(6),
+            {"segment": {}, "validate": {"against": ["polynomial_5"]}},
+            ["polynomial_5 has 21 parameters, and there are 18 training samples"],
+        ),
+        (
+            "few-for-formula",
+            "error",
+            first_rows(4),
+            {"segment": {}, "fit": {"max_terms": 1}, "model": {"backbone": "sarosi_hinged"}},
+            ["there are 12 training samples"],
+        ),
+        (
+            "shape",
+            "error",
+            clean,
+            {"fit": {"shape": {"pressure": "decreasing"}}},
+            ["`pressure: decreasing`", "contradict"],
+        ),
         ("recorded-twice", "warning", at(300, copied(100)), THREE_LEVELS, []),
         ("recorded-twice", "error", at(300, copied(100)), BY_FILE, []),
         ("few-samples", "warning", at(200, first_rows(3)), {}, []),
@@ -405,10 +495,46 @@ def test_a_rule_speaks_of_what_it_is_made_for(tmp_path, id_, severity, spoil, sp
             {},
         ),  # slack: the force rests at the offset of the sensor
         ("not-single-valued", looped(lambda _: 60), cycles("strain")),
+        ("cycles-of-nothing", looped(lambda _: 60), cycles("strain")),
+        (
+            "cycles-of-nothing",
+            lambda level, c: {**c, "eps": (0.03 if level == 100 else 1) * up_and_down(60)},
+            cycles("strain"),
+        ),  # a slack muscle, which moves little
+        (
+            "force-never-positive",
+            at(100, lambda _, c: {**c, "F": np.full(60, -0.4) + 0.1 * c["eps"]}),
+            {"segment": {}},
+        ),  # a slack muscle, whose sensor rests below zero
+        ("shape", clean, {"fit": {"shape": {"pressure": "increasing"}}}),
+        ("header-of-numbers", clean, {}),
     ],
 )
 def test_a_rule_is_silent_where_nothing_is_wrong(tmp_path, id_, spoil, spec):
     assert id_ not in found(inspected(tmp_path, spoil, **spec))
+
+
+@pytest.mark.parametrize(
+    ("under", "swallowed"),
+    [("kPa,s,-,N", 0), ("1,2,3,4", 0), ("0,1,2,3", 0), ("kPa;s;;", 0), ("5,100,0.01,20", 1)],
+)
+def test_units_and_numbers_of_columns_are_no_samples(tmp_path, under, swallowed):
+    """What stands under the names of all files, where the header has two lines."""
+    inspected(tmp_path)
+    for path in tmp_path.glob("level_*.csv"):
+        names, *rows = path.read_text().splitlines()
+        path.write_text("\n".join([names, under, *rows]) + "\n")
+    spec = tmp_path / "clean.yaml"
+    spec.write_text(dump(merged(SPEC, {"data": {"header": 2}})))
+    assert ("header-of-numbers" in found(inspect(load(spec)))) == bool(swallowed)
+
+
+def test_check_says_of_a_shape_what_the_run_says(tmp_path):
+    contradicting = {"fit": {"shape": {"pressure": "decreasing"}}}
+    issue = only(inspected(tmp_path, **contradicting), "shape")
+    with pytest.raises(FitError) as told:
+        bring_up_to_date(load(tmp_path / "clean.yaml"), tmp_path / "runs", "fuse")
+    assert told.value.message.partition(" differences")[0].rpartition(" ")[0] in issue.message
 
 
 def test_every_issue_that_a_rule_can_raise_is_on_the_page_and_no_other():

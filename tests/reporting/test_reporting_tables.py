@@ -1,5 +1,6 @@
 import math
 from dataclasses import replace
+from math import comb
 
 import numpy as np
 import pytest
@@ -9,11 +10,12 @@ from scipy.stats import t as student
 from mapmore_cli.domain.fits import FormulaFit
 from mapmore_cli.domain.models import FoldError
 from mapmore_cli.domain.recording import Dataset, Quantity, Recording
-from mapmore_cli.domain.results import PiecesFit
-from mapmore_cli.domain.scores import Published
+from mapmore_cli.domain.results import AUTOCORRELATION, PiecesFit, ResidualTest, Validation
+from mapmore_cli.domain.scores import Published, ScoreTable
 from mapmore_cli.reporting.score_tables import (
     pieces_sentence,
     score_table,
+    short_verdict,
     verdict_sentence,
 )
 from mapmore_cli.reporting.tables import levels_table, recordings_table, same_models, terms_table
@@ -340,6 +342,58 @@ def test_what_pieces_add_to_their_backbone(scores, said):
     sentence = pieces_sentence([*scores_of(scores)], "mapmore", "sarosi")
     assert sentence.endswith(said)
     assert bool(sentence) == bool(said)
+
+
+def residual_test(name, outside, of):
+    """A residual test with so many values outside of their bounds."""
+    own = name == AUTOCORRELATION
+    values = np.repeat([1.0, 0.5, 0.0], [own, outside, of - outside])
+    return ResidualTest(name, np.arange(float(len(values))), values, np.full(len(values), 0.1))
+
+
+@pytest.mark.parametrize(("outside", "of", "fails"), [(4, 25, False), (5, 25, True), (2, 2, True)])
+def test_a_residual_test_fails_where_noise_hardly_has_so_many_outside(outside, of, fails):
+    for name in (AUTOCORRELATION, "strain"):
+        assert residual_test(name, outside, of).fails == fails
+    exact = sum(comb(of, k) * 0.05**k * 0.95 ** (of - k) for k in range(outside, of + 1))
+    assert (exact < 0.01) == fails
+
+
+def test_the_verdict_begins_with_what_residual_tests_found():
+    tests = (
+        residual_test(AUTOCORRELATION, 20, 25),
+        residual_test("strain", 1, 10),
+        residual_test("pressure", 3, 4),
+    )
+    scores = [*scores_of("mapmore .02, sarosi .04")]
+    made = Validation({}, {}, tuple(scores), {"force": "N"}, residual_tests=tests).table
+    sentence = verdict_sentence(scores, "mapmore", Quantity("force", "N"), (), made.alert)
+    assert sentence.startswith(
+        "Alert: the errors are not noise alone (20 of 25 lags, 3 of 4 checks of pressure are "
+        "outside). mapmore predicts force"
+    )
+    clean = Validation({}, {}, tuple(scores), {"force": "N"}, residual_tests=tests[1:2]).table
+    assert clean.alert == ""
+
+
+@pytest.mark.parametrize(
+    ("scores", "alert", "line"),
+    [
+        (
+            "mapmore .02, sarosi .04",
+            "",
+            "better: force, held-out RMSE: mapmore 2 N (2 %), Sárosi 4",
+        ),
+        ("mapmore .02, sarosi .01", "lags", "alert: the errors are not noise alone; worse: force"),
+        ("mapmore .02 train", "", "alone: force, training RMSE: mapmore 2 N (2 %)"),
+        ("mapmore .02, sarosi .02", "", "an exact tie: force"),
+        ("mapmore nan, sarosi .02", "", "no prediction"),
+    ],
+)
+def test_the_verdict_in_short(scores, alert, line):
+    alerts = {"force": alert} if alert else {}
+    table = ScoreTable((*scores_of(scores),), {"force": "N"}, alerts=alerts)
+    assert short_verdict(table, "mapmore").startswith(line)
 
 
 def test_the_verdict_where_every_competitor_failed():

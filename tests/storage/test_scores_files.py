@@ -56,7 +56,9 @@ def test_document(tmp_path):
     (row,) = written(tmp_path, ROW)
     text = (tmp_path / "scores.json").read_text(encoding="utf-8")
     document = json.loads(text)
-    assert list(document) == ["name", "target", "units", "scores", "failed", "warnings"]
+    assert list(document) == [
+        *("name", "target", "units", "scores", "failed", "warnings", "alerts")
+    ]
     assert (document["name"], document["target"], document["units"]) == (
         "demo",
         "force",

@@ -145,6 +145,7 @@ def batch(
     finished = [run for run in ordered.values() if not isinstance(run, BaseException)]
     lines = [line for run in finished if not no_pages for line in page_lines(run.run_dir)]
     lines += [f"campaign page: {path}" for path, _ in pages]
+    lines += [line for name, result in ordered.items() for line in _ends(name, result)]
     documents = [
         _run_document(entry.config, name, ordered[name])
         for entry, name in zip(entries, names, strict=True)
@@ -164,6 +165,17 @@ def _tell(reporter: Reporter, name: str, result: Result, count: str) -> None:
     reporter.say(f"{name}: done ({count})")
     for limit in result.missed:
         reporter.complain(f"{name}: {message(LimitMissed(limit))}")
+
+
+def _ends(name: str, result: Result) -> list[str]:
+    """Say in a line of each output how a run ended."""
+    from mapmore_cli.domain.scores import OWN
+    from mapmore_cli.reporting.score_tables import short_verdict
+
+    if isinstance(result, BaseException):
+        first, *_ = message(result).splitlines()
+        return [f"{name}: failed: {first}"]
+    return [f"{name}: {short_verdict(one, OWN)}" for one in result.table.each]
 
 
 def _code(result: Result) -> int:

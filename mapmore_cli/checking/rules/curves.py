@@ -1,5 +1,5 @@
-"""Rules about curves: enough samples to fit, held-out data within reach, steps that terms with
-memory can count, and shapes to follow.
+"""Rules about curves: enough samples, held-out data within reach, steps that terms with memory can
+count, and one value at each place.
 """
 
 from __future__ import annotations
@@ -14,11 +14,7 @@ from mapmore_cli.checking.rules import Issue, Issues, Subject
 from mapmore_cli.domain.arrays import Array, extremes, picked
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.recording import Dataset
-from mapmore_cli.fitting.kinds.choices import level_of
-from mapmore_cli.fitting.kinds.pieces import cuts_of
 from mapmore_cli.modelling.memory.records import records_of, time_step
-from mapmore_cli.modelling.pieces.recipe import Cuts
-from mapmore_cli.modelling.pieces.segmentation import cut_by_course
 from mapmore_cli.modelling.signals.sampling import MANY, even_share
 from mapmore_cli.modelling.validation.repeatability import WORTH, floors
 from mapmore_cli.study.check_study import formula_called
@@ -41,54 +37,15 @@ def few_samples(subject: Subject) -> Issues:
             )
 
 
-def short_segments(subject: Subject) -> Issues:
-    """Every segment needs more training samples than terms."""
-    spec, dataset = subject.spec, subject.dataset
-    fits_decide = any(
-        isinstance(cut, Cuts) and cut.method == "optimal" for cut in spec.segment.values()
-    )
-    if spec.model.type != "mapmore" or fits_decide:
-        return
-    by_level, least = level_of(spec.data.levels, spec.segment) is not None, spec.fit.max_terms
-    counts = [np.count_nonzero(curve.training) for curve in dataset.curves]
-    if not spec.segment and all(count > least for count in counts if count):
-        return
-    try:
-        cut = cut_by_course(dataset.curves, by_level, cuts_of(spec.segment), dataset.target)
-    except DataError as error:
-        yield Issue(
-            "error",
-            "empty-segment",
-            subject.where("segment"),
-            error.message,
-            error.remedy or "use fewer segments",
-            "data",
-        )
-        return
-    for curve in cut:
-        short = [piece for piece in curve.segments if len(piece.rows) <= least]
-        if short:
-            told = ", ".join(
-                f"{one.id} has {len(one.rows)} training sample{'s' * (len(one.rows) != 1)}"
-                for one in short
-            )
-            yield Issue(
-                "error",
-                "short-segment",
-                subject.where("segment"),
-                f"{told}: too few for {least} term{'s' * (least > 1)}",
-                "use fewer segments, lower `fit.max_terms`, or keep more samples of this curve",
-                "data",
-            )
-
-
 def beyond_training(subject: Subject) -> Issues:
     """Held-out samples outside of the training range test extrapolation, which is rarely meant."""
     hold_out, dataset = subject.spec.data.split.hold_out, subject.dataset
     if hold_out is None:
         return
     chosen = {*([dataset.level] if dataset.level else ()), *hold_out.quantities}
-    for name in dict.fromkeys((*sorted(chosen), *_inputs_of_model(subject))):
+    measured = {*subject.spec.data.measured}
+    inputs = (name for name in inputs_of_model(subject) if name in measured)
+    for name in dict.fromkeys((*sorted(chosen), *inputs)):
         training, validation = (
             _split_values(dataset, name, held_out=False),
             _split_values(dataset, name, held_out=True),
@@ -117,9 +74,9 @@ def beyond_training(subject: Subject) -> Issues:
             )
 
 
-def _inputs_of_model(subject: Subject) -> list[str]:
-    """Return the measured quantities that the model is a function of, but the time; the target has
-    its own past in a free run.
+def inputs_of_model(subject: Subject) -> list[str]:
+    """Return the quantities that the model is a function of, but the time; the target has its own
+    past in a free run.
     """
     spec = subject.spec
     texts = [
@@ -130,8 +87,8 @@ def _inputs_of_model(subject: Subject) -> list[str]:
     formula = formula_called(spec, spec.model.backbone or spec.model.name)
     used = {*spec.segment, *(formula.inputs if formula is not None else ())}
     used |= {name for text in texts for name in re.findall(r"[A-Za-z_]\w*", text)}
-    measured = {*spec.data.measured} - {"time", *spec.targets}
-    return [name for name in subject.dataset.quantities if name in used & measured]
+    others = {"time", *spec.targets}
+    return [name for name in subject.dataset.quantities if name in used - others]
 
 
 def _split_values(dataset: Dataset, name: str, held_out: bool) -> Array:

@@ -8,7 +8,7 @@ from mapmore_cli.checking import evidence
 from mapmore_cli.checking.evidence import LITTLE, MUCH
 from mapmore_cli.checking.findings import Severity
 from mapmore_cli.checking.rules import Issue, Issues, Subject
-from mapmore_cli.domain.arrays import extremes, in_blocks
+from mapmore_cli.domain.arrays import Array, extremes, in_blocks
 from mapmore_cli.domain.recording import Recording
 from mapmore_cli.domain.scores import FAR_FROM_ZERO
 from mapmore_cli.modelling.signals.sampling import PART, even_share
@@ -122,19 +122,91 @@ def _clipped(
     )
 
 
+PULL = 0.01
+"""Share of the sum of squares of a force: one that pulls with less has its sign turned."""
+
+NOISE = 0.1
+"""Share of the largest force in any recording, below which one recording shows no sign."""
+
+
 def force_never_pulls(subject: Subject) -> Issues:
-    """Find a force that never pulls: a muscle pulls, and the models take pull as positive."""
-    if subject.has("force"):
-        low, high = subject.span("force")
-        if high <= 0 and low < 0:
-            yield Issue(
-                "warning",
-                "force-never-positive",
-                subject.source("force"),
-                f"the force is never positive (it runs from {low:.4g} to {high:.4g}): its "
-                "sign looks turned",
-                "say `scale: -1`, so that pull is positive",
-            )
+    """Find a force that hardly ever pulls, in all recordings or in one: a muscle pulls, and the
+    models take pull as positive. Noise and a single spike above zero are no pull.
+    """
+    if not subject.has("force"):
+        return
+    low, high = subject.span("force")
+    kept = [one for one in subject.recordings if one.rows_kept]
+    turned = [one for one in kept if _pull(one) < PULL]
+    if turned and len(turned) == len(kept):
+        ends = f"it runs from {low:.4g} to {high:.4g}"
+        yield _turned(subject, f"the force is hardly ever positive ({ends})", "")
+        return
+    largest = max(-low, high)
+    for one in turned:
+        least = extremes(one.columns["force"])[0]
+        if -least > NOISE * largest:
+            what = f"{one.name}: the force is hardly ever positive (down to {least:.4g}), as in no "
+            yield _turned(subject, f"{what}other recording", " in a study of its own")
+
+
+def _pull(recording: Recording) -> float:
+    """Return the share of forces above zero in the sum of squares; one where there are none."""
+    above = below = 0.0
+    for (x,) in in_blocks(recording.columns["force"]):
+        above += float(np.sum(x[x > 0] ** 2))
+        below += float(np.sum(x[x < 0] ** 2))
+    return above / (above + below) if below else 1.0
+
+
+def _turned(subject: Subject, what: str, where: str) -> Issue:
+    column = subject.spec.data.columns.get("force")
+    scale = 1.0 if column is None else column.scale
+    return Issue(
+        "warning",
+        "force-never-positive",
+        subject.source("force"),
+        f"{what}: its sign looks turned",
+        f"say `scale: {-scale:g}`{where}, so that pull is positive",
+    )
+
+
+STILL = 0.05
+"""Share of the range of a quantity over all recordings: it is held where it moves less in each."""
+
+
+def still_cycles(subject: Subject) -> Issues:
+    """Find load cycles over a quantity that is held: what turns back and forth is its noise."""
+    cycles = subject.spec.data.cycles
+    if cycles is None or not subject.has(cycles.over):
+        return
+    low, high = subject.span(cycles.over)
+    # less than what tells one recording from another, as the pressure of levels does
+    least = max(STILL * (high - low), LITTLE * max(abs(low), abs(high)))
+    kept = [one for one in subject.recordings if one.rows_kept]
+    columns = [one.columns[cycles.over] for one in kept]
+    noisy = [_is_noise(values) for values in columns]
+    spans = [ends[1] - ends[0] for ends in map(extremes, columns)]
+    everywhere = all(noise or span <= least for noise, span in zip(noisy, spans, strict=True))
+    held = [one.name for one, noise in zip(kept, noisy, strict=True) if noise or everywhere]
+    if held:
+        others = f" and {len(held) - 1} more" if len(held) > 1 else ""
+        yield Issue(
+            "error" if everywhere else "warning",
+            "cycles-of-nothing",
+            subject.where("data", "cycles"),
+            f"{cycles.over} is held in {held[0]}{others}: it has no load cycles there, only noise",
+            "name the quantity that was moved up and down, as `cycles: {over: strain}`",
+            "data",
+        )
+
+
+def _is_noise(values: Array) -> bool:
+    """Whether neighbouring samples differ as much as any two: von Neumann's ratio is 2 of noise,
+    next to 0 of a movement.
+    """
+    x = values[:PART]
+    return len(x) > 1 and float(np.mean(np.diff(x) ** 2)) >= float(np.var(x))
 
 
 def recorded_twice(subject: Subject) -> Issues:

@@ -1,10 +1,15 @@
-"""Rules about units, and labels that cannot be set."""
+"""Rules about units, header lines, and labels that cannot be set."""
 
 from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
 
 from mapmore_cli.checking.names import read_label
 from mapmore_cli.checking.rules import Issue, Issues, Subject
 from mapmore_cli.storage.readers import READERS
+from mapmore_cli.storage.tables import Top
 from mapmore_cli.storage.tables.cells import shortened
 from mapmore_cli.study.units import can_convert, convert, default_unit, is_same, unit_of
 
@@ -45,20 +50,56 @@ def unit_in_the_name(subject: Subject) -> Issues:
 
 def unit_line(subject: Subject) -> Issues:
     """Find lines of units that say otherwise: kN under the name, and the column is read in N."""
+    if subject.recordings and (top := _header(subject, subject.recordings[0].source)) is not None:
+        names, *below = [list(map(str, row)) for row in top.rows] or [[]]
+        yield from _units_below(subject, [name.strip() for name in names], below)
+
+
+def _header(subject: Subject, source: str) -> Top | None:
+    """Return the header lines of a file, where it has several."""
     data = subject.spec.data
     peek = READERS[data.reader].peek
-    if peek is None or int(data.header) < 2 or not subject.recordings:
-        return
-    path = subject.folder / subject.recordings[0].source
-    for top in peek(path, data.skip_rows + int(data.header)):
+    if peek is None or int(data.header) < 2:
+        return None
+    for top in peek(subject.folder / source, data.skip_rows + int(data.header)):
         if all(
             getattr(data, key) == value
             for key, value in top.settings.items()
             if key in type(data).model_fields
         ):
-            names, *below = [list(map(str, row)) for row in top.rows[data.skip_rows :]] or [[]]
-            yield from _units_below(subject, [name.strip() for name in names], below)
+            return replace(top, rows=top.rows[data.skip_rows :])
+    return None
+
+
+LOOKED_AT = 20  # files of which the header is looked at
+
+
+def header_of_numbers(subject: Subject) -> Issues:
+    """Find header lines that hold numbers in every column: they are samples, which a header
+    swallows. Numbers that count the columns are none.
+    """
+    for source in [*dict.fromkeys(one.source for one in subject.recordings)][:LOOKED_AT]:
+        top = _header(subject, source)
+        rows = [] if top is None else [row for row in top.rows[1:] if _is_sample(row, top)]
+        if rows:
+            count, lines = len(rows), int(subject.spec.data.header)
+            yield Issue(
+                "warning",
+                "header-of-numbers",
+                subject.where("data", "header"),
+                f"{source}: {count} of the {lines} header lines hold numbers: they are not read",
+                f"say `header: {lines - count}`, or how many lines there are before the samples",
+            )
             return
+
+
+def _is_sample(row: Sequence[Any], top: Top) -> bool:
+    cells = [cell for cell in row if str(cell).strip() and cell is not None]
+    if not cells or not all(map(top.is_number, cells)):
+        return False
+    words = [str(cell).strip() for cell in cells]
+    counts = [[str(first + place) for place in range(len(words))] for first in (0, 1)]
+    return len(words) == 1 or words not in counts
 
 
 def _units_below(subject: Subject, names: list[str], below: list[list[str]]) -> Issues:

@@ -243,7 +243,7 @@ class Formula:
             return fit
         sse, freedom = problem.sse(solution.beta, solution.c), samples - count
         deviations, rank, condition = linear.parameter_errors(
-            self._jacobian(values, problem.at_levels.columns, samples),
+            self._jacobian(values, problem.columns, samples),
             sse / freedom if freedom else np.nan,
         )
         errors = dict(zip(self.fitted, map(float, deviations), strict=True))
@@ -254,6 +254,12 @@ class Formula:
                 else ("one of many equally good solutions")
             )
             notes = (*notes, dependence(rank, count, problem.columns, f"{one} was taken"))
+        elif not self.nonlinear:
+            held = problem.at_levels.columns
+            _, least, _ = linear.parameter_errors(self._jacobian(values, held, samples), 0.0)
+            if least < count:
+                decided = "how measured values scatter about these levels decided"
+                notes = (*notes, dependence(least, count, held, decided))
         weak = [
             name
             for name, error in errors.items()

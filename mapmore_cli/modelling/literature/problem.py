@@ -13,7 +13,8 @@ import numpy as np
 from mapmore_cli.domain.arrays import Array, Columns
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.modelling.expressions import Expression, NotFinite, dictionary_matrix, evaluate
-from mapmore_cli.modelling.literature.linear import parameter_errors
+
+Intervals = tuple[tuple[float, float], ...]
 
 
 @dataclass(frozen=True)
@@ -26,7 +27,7 @@ class Nonlinear:
 
     name: str
     per: str | None
-    intervals: tuple[tuple[float, float], ...]
+    intervals: Intervals
     of: str | None = None
 
     @property
@@ -121,19 +122,18 @@ class LeastSquares:
 
     @cached_property
     def at_levels(self) -> LeastSquares:
-        """A linear problem at the levels that were held, where these leave parameters undetermined;
-        else the problem as it is.
+        """The problem at the levels that its inputs scatter about.
 
-        Values that are nominally equal scatter a little. That raises the numerical rank, and what
-        is fitted to the scatter explodes between the levels (1e-8 of scatter hid that
-        `polynomial_5` has a rank of 18 with four pressures).
+        The scatter of nominally equal values raises the numerical rank. A fit uses it, as it is
+        scored on it; a note says what the rank is without (`polynomial_5` has 18 of 21 at four
+        pressures).
         """
-        if self.nonlinear:
-            return self
-        columns = {name: nominal(column) for name, column in self.columns.items()}
-        held = replace(self, columns=columns)
-        _, rank, _ = parameter_errors(held.linear_at(np.empty(0))[0], 0.0)
-        return held if rank < len(self.linear) else self
+        return replace(self, columns={name: nominal(x) for name, x in self.columns.items()})
+
+    def allows(self, c: Array) -> bool:
+        """Whether all coordinates, `(k,)`, have a sign that they are sought with."""
+        low, high = self.bounds
+        return bool(((c > 0) | (low < 0)).all() and ((c < 0) | (high > 0)).all())
 
     def condensed(self) -> LeastSquares:
         """Return the problem over means of neighbouring samples, where there are many: quick, and

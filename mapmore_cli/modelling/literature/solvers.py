@@ -184,7 +184,7 @@ def variable_projection(problem: LeastSquares) -> Solution:
     show, and say how many starts agree.
     """
     if not problem.nonlinear:
-        straight = _projected(problem.at_levels, np.empty(0))
+        straight = _projected(problem, np.empty(0))
         return Solution(straight.beta, np.empty(0), "converged", "linear least squares")
     few, several = problem.condensed(), len(problem.nonlinear) > 1
     bounds = problem.bounds
@@ -336,13 +336,19 @@ def simplex(problem: LeastSquares) -> Solution:
 def _best_solution(
     problem: LeastSquares, ends: Sequence[End], starts: int, method: str
 ) -> Solution:
-    """Return the lowest of the ends of all parameters at once, with its rivals."""
+    """Return the lowest of the ends of all parameters at once, with its rivals; of those whose
+    parameters have the signs of the source, where there are any.
+    """
     if not ends:
         return failure(problem, method)
-    m, best = len(problem.linear), min(ends, key=_cost)
-    notes = (agreement(ends, best, starts),) if starts > 1 else ()
+    m = len(problem.linear)
+    allowed = [end for end in ends if problem.allows(end.x[m:])]
+    notes = ["every start ended at a sign that the source does not have"] * (not allowed)
+    ends = allowed or ends
+    best = min(ends, key=_cost)
+    notes += [agreement(ends, best, starts)] * (starts > 1)
     others = tuple((end.x[:m], end.x[m:]) for end in rivals(ends, best))
-    return Solution(best.x[:m], best.x[m:], best.status, method, notes, others)
+    return Solution(best.x[:m], best.x[m:], best.status, method, tuple(notes), others)
 
 
 METHODS: Mapping[str, Callable[[LeastSquares], Solution]] = {

@@ -14,9 +14,6 @@ from mapmore_cli.reporting.figures.panels import draw_dots, looks_of, zero_line
 from mapmore_cli.reporting.figures.style import LIGHT
 from mapmore_cli.reporting.inputs import ReportInputs
 
-CHANCE = 0.05
-"""Share that lies outside of the bounds by chance."""
-
 
 def draw(inputs: ReportInputs) -> list[Drawing]:
     """Return a panel for the autocorrelation and one for each input; none where nothing was
@@ -63,7 +60,7 @@ def _autocorrelation(inputs: ReportInputs, own: ResidualTest) -> str:
     )
     meaning = f"are alike, so there is {cause} (or drift) that the model misses."
     by_chance = ""
-    if own.beyond <= max(1.0, 2 * CHANCE * own.tested):
+    if not own.fails:
         by_chance, meaning = ", about as many as by chance", "tell nothing of each other."
     count = f"{own.beyond} of {own.tested} lags lie outside{by_chance}"
     return f"Autocorrelation: {count}: neighbouring errors {along} {meaning}"

@@ -33,7 +33,7 @@ def published(diameter: int, largest: str, c0: float, c1: float, c2: float) -> F
             f"{largest}*({c0}*(exp(-{c1}*strain/e620) - 1) + "
             f"pressure/620*exp(-{c2}*(strain/e620)^2))"
         ),
-        nonlinear=(Nonlinear("e620", per=None, intervals=((0.02, 0.6),)),),
+        nonlinear=(Nonlinear("e620", per=None, intervals=((0.01, 1.0),)),),
         dimensions=("length",),
     )
 

@@ -14,8 +14,9 @@ from mapmore_cli.modelling.literature.formula import Formula, LinearForm
 from mapmore_cli.modelling.literature.problem import Nonlinear
 
 # Sought from a factor on the force that is next to none up to ten times the active force at the
-# fastest velocity, with either sign.
-DAMPING = Nonlinear("b0", per="velocity", intervals=((-10.0, -1e-4), (1e-4, 10.0)))
+# fastest velocity. H's table I prints it negative for every muscle: with the other sign, motion
+# would be driven and not damped.
+DAMPING = Nonlinear("b0", per="velocity", intervals=((-10.0, -1e-4),))
 
 FORMULA = Formula(
     name="muscle_like",

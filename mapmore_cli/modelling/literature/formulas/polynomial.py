@@ -63,10 +63,9 @@ those of `muscle_like`.""",
         """Fifth-order polynomial of pressure and strain (Tothova et al., as used in M1); `a21`
         multiplies `strain^2*pressure^1`.
 
-With k training pressures only the powers up to k - 1 of the pressure are told apart: the rank is
-15, 18, 20, 21 with k = 3, 4, 5, 6, and
-the minimum-norm solution is taken; what nominally equal pressures scatter does not count
-(`Problem.at_levels`). This is why its
-prediction between few training pressures is poor (M1 section IV).""",
+It is plain least squares on the pressures as measured. With k training pressures only the powers
+up to k - 1 of the pressure are told apart: the rank is 15, 18, 20, 21 with k = 3, 4, 5, 6, but for
+how the measured pressures scatter, which a note says. This is why its prediction between few
+training pressures is poor (M1 section IV).""",
     ),
 )

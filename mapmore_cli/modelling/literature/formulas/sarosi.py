@@ -3,13 +3,14 @@
 from dataclasses import replace
 
 from mapmore_cli.modelling.literature.formula import Formula
-from mapmore_cli.modelling.literature.problem import Nonlinear
+from mapmore_cli.modelling.literature.problem import Intervals, Nonlinear
 
-# The curvature is sought from almost straight to a decay within 1/50 of the largest strain, with
-# either sign. Published fits lie at
-# a3*max|strain| of about -8 (W). Nearer to zero the exponential cannot be told from the linear
-# terms, and a1, a2 grow without bound.
-CURVATURE = ((-50.0, -1e-3), (1e-3, 50.0))
+# Every author prints a negative exponent, so the force decays with the strain: a growing one may
+# fit the training data better, and then dives beyond them. It is sought from almost straight to a
+# decay within 1/50 of the largest strain. Published fits lie at a3*max|strain| of about -8 (W).
+# Nearer to zero the exponential cannot be told from the linear terms, and a1, a2 grow without
+# bound.
+DECAY = ((-50.0, -1e-3),)
 
 STARTS = {
     "published": {
@@ -34,8 +35,10 @@ strain in per cent (`published` has them for a fraction), but W's strain is a fr
 has the numbers as they stand)."""
 
 
-def sarosi(letter: str) -> Formula:
-    """Return the formula whose parameters are called by a letter and a number from 1 to 6."""
+def sarosi(letter: str, curvature: Intervals = DECAY) -> Formula:
+    """Return the formula whose parameters are called by a letter and a number from 1 to 6, its
+    exponent sought in the intervals of the `curvature`.
+    """
     names = tuple(f"{letter}{number}" for number in range(1, 7))
     a1, a2, a3, a4, a5, a6 = names
     return Formula(
@@ -47,7 +50,7 @@ def sarosi(letter: str) -> Formula:
         text=(
             f"({a1}*pressure + {a2})*exp({a3}*strain) + {a4}*strain*pressure + {a5}*pressure + {a6}"
         ),
-        nonlinear=(Nonlinear(a3, per="strain", intervals=CURVATURE),),
+        nonlinear=(Nonlinear(a3, per="strain", intervals=curvature),),
     )
 
 

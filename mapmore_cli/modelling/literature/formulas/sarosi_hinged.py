@@ -23,11 +23,11 @@ from mapmore_cli.domain.fits import FormulaFit
 from mapmore_cli.modelling.expressions import Expression, parse
 from mapmore_cli.modelling.literature import hinge
 from mapmore_cli.modelling.literature.formula import Formula, with_numbers
-from mapmore_cli.modelling.literature.formulas.sarosi import sarosi
+from mapmore_cli.modelling.literature.formulas.sarosi import DECAY, sarosi
 
 GOOD_ENOUGH = 0.01  # RMSE/max|F| below which better is no longer a reason for a larger share
 
-PLAIN = sarosi("s")
+PLAIN = sarosi("s", (*DECAY, (1e-3, 50.0)))  # a part of ours may also grow with the strain
 HIGH, LOW = sarosi("a").text, "b0 + b1*pressure + b2*strain"
 PRINTED = f"share*({LOW} + w*log(1 + exp(({HIGH} - ({LOW}))/w))) + (1 - share)*({PLAIN.text})"
 COMPUTED = (  # the same, but cannot overflow: ln(1 + exp(z)) = (z + |z|)/2 + ln(1 + exp(-|z|))

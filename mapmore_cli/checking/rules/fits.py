@@ -1,0 +1,127 @@
+"""Rules about what will be fitted: enough samples for the terms of a segment and for formulas, and
+a shape that the data show.
+"""
+
+from __future__ import annotations
+
+from typing import cast
+
+import numpy as np
+
+from mapmore_cli.checking.rules import Issue, Issues, Subject
+from mapmore_cli.checking.rules.curves import inputs_of_model
+from mapmore_cli.domain.arrays import extremes, picked
+from mapmore_cli.domain.errors import DataError, FitError
+from mapmore_cli.domain.fits import FormulaFit
+from mapmore_cli.domain.models import CurveRange, Formula, Model
+from mapmore_cli.domain.recording import Curve
+from mapmore_cli.fitting.kinds.choices import level_of
+from mapmore_cli.fitting.kinds.pieces import cuts_of
+from mapmore_cli.modelling.pieces.recipe import Cuts
+from mapmore_cli.modelling.pieces.segmentation import cut_by_course
+from mapmore_cli.modelling.shape.region import refuse_unsupported
+from mapmore_cli.study.check_study import formula_called, rivals_of
+
+FEWER = "use fewer segments, lower `fit.max_terms`, or keep more samples of this curve"
+
+
+def short_segments(subject: Subject) -> Issues:
+    """Every segment needs more training samples than terms."""
+    spec, dataset = subject.spec, subject.dataset
+    if spec.model.type != "mapmore":
+        return
+    least = spec.fit.max_terms
+    counts = [int(np.count_nonzero(curve.training)) for curve in dataset.curves]
+    cuts = [cut for cut in spec.segment.values() if isinstance(cut, Cuts)]
+    if any(cut.method == "optimal" for cut in cuts):  # its segments are known after the fit
+        yield from _too_many_to_place(subject, cuts, counts)
+        return
+    if not spec.segment and all(count > least for count in counts if count):
+        return
+    by_level = level_of(spec.data.levels, spec.segment) is not None
+    try:
+        cut = cut_by_course(dataset.curves, by_level, cuts_of(spec.segment), dataset.target)
+    except DataError as error:
+        yield Issue(
+            "error",
+            "empty-segment",
+            subject.where("segment"),
+            error.message,
+            error.remedy or "use fewer segments",
+            "data",
+        )
+        return
+    for curve in cut:
+        short = [piece for piece in curve.segments if len(piece.rows) <= least]
+        if short:
+            told = ", ".join(f"{one.id} has {_samples(len(one.rows))}" for one in short)
+            yield _short(subject, f"{told}: too few for {least} term{'s' * (least > 1)}")
+
+
+def _too_many_to_place(subject: Subject, cuts: list[Cuts], counts: list[int]) -> Issues:
+    """Find curves that have too few samples for the segments that the fits will choose."""
+    each = subject.spec.fit.max_terms + 1
+    for curve, count in zip(subject.dataset.curves, counts, strict=True):
+        for cut in cuts:
+            needed = (cut.count or 1) * max(cut.least, each)
+            if 0 < count < needed:
+                of = f"{cut.count} segments of {max(cut.least, each)} need {needed}"
+                yield _short(subject, f"{curve.id} has {_samples(count)}: {of}")
+
+
+def _samples(count: int) -> str:
+    return f"{count} training sample{'s' * (count != 1)}"
+
+
+def _short(subject: Subject, message: str) -> Issue:
+    place = subject.where("segment")
+    return Issue("error", "short-segment", place, message, FEWER, "data")
+
+
+def few_for_formula(subject: Subject) -> Issues:
+    """Find formulas with more parameters than training samples: the model, its backbone, and
+    competitors.
+    """
+    spec, dataset = subject.spec, subject.dataset
+    count = sum(int(np.count_nonzero(curve.training)) for curve in dataset.curves)
+    own = ((("model", key), getattr(spec.model, key, None)) for key in ("name", "backbone"))
+    for loc, name in (*own, *((loc, rival.model) for loc, rival in rivals_of(spec))):
+        formula = formula_called(spec, name)
+        if formula is not None and 0 < count < len(formula.fitted):
+            yield Issue(
+                "error",
+                "few-for-formula",
+                subject.where(*loc),
+                f"{name} has {len(formula.fitted)} parameters, and there are {_samples(count)}",
+                "give it more training data, or leave the formula out",
+                "data",
+            )
+
+
+def contradicted_shape(subject: Subject) -> Issues:
+    """Find a `fit.shape` that training data contradict, as `run` does before it fuses."""
+    spec, dataset = subject.spec, subject.dataset
+    if spec.fit.shape is None or spec.runs_over_time or spec.model.type != "mapmore":
+        return
+    level, quantities = level_of(spec.data.levels, spec.segment), dataset.quantities
+    inputs = dict.fromkeys((*([level] if level else ()), *inputs_of_model(subject)))
+    ranges = tuple(
+        CurveRange(curve.id, curve.level, {name: _training_ends(curve, name) for name in inputs})
+        for curve in dataset.curves
+        if curve.training.any()
+    )
+    # nothing is fitted yet: the shape is held against the data alone
+    body = Formula(cast(FormulaFit, None), level, ranges)
+    about = Model(
+        spec.name, quantities[dataset.target], tuple(map(quantities.__getitem__, inputs)), body
+    )
+    try:
+        refuse_unsupported(about, dataset.curves, spec.fit)
+    except FitError as fault:
+        where = subject.where("fit", "shape")
+        yield Issue("error", "shape", where, fault.message, fault.remedy or "", "data")
+
+
+def _training_ends(curve: Curve, name: str) -> tuple[float, float]:
+    low, high = extremes(picked(curve.columns[name], curve.training))
+    return float(low), float(high)

@@ -1,0 +1,67 @@
+"""Every formula of the literature is fitted to shipped studies as well as an independent global
+search does; docs/formulas.md has the table, which `docs/formula_tables.py` makes.
+"""
+
+from pathlib import Path
+
+import formula_tables
+import global_fits
+import numpy as np
+import pytest
+from page_tables import rows_of
+
+PAGE = Path(formula_tables.__file__).with_name("formulas.md")
+QUICK = ("m1/dmsp-20-88-m1-hysteresis", "m1/peano-m1-hysteresis")
+
+CASES = [
+    pytest.param(study, name, marks=() if study in QUICK else pytest.mark.long)
+    for study in formula_tables.STUDIES
+    for name in formula_tables.formulas_of(study)
+]
+
+
+@pytest.fixture(scope="module")
+def runs(tmp_path_factory):
+    return tmp_path_factory.mktemp("runs")
+
+
+@pytest.mark.parametrize(("study", "name"), CASES)
+def test_no_global_search_finds_a_lower_training_error(study, name, runs):
+    """The search is as good as the fit too: what it misses it could not show."""
+    one = formula_tables.fitted(study, name, runs)
+    assert 0.998 < one.ratio < 1.01
+    (printed,) = [
+        [float(text) for text in cells[1:4]]
+        for first, *cells in rows_of("competitors", PAGE)
+        if (first, cells[0]) == (study.rpartition("/")[2], name)
+    ]
+    assert printed == pytest.approx([one.ours, one.least, one.ratio], rel=2e-4)
+
+
+def test_the_page_has_a_row_for_every_formula_of_every_study():
+    rows = [(study, name) for study, name, *_ in rows_of("competitors", PAGE)]
+    assert rows == [
+        (study.rpartition("/")[2], name)
+        for study in formula_tables.STUDIES
+        for name in formula_tables.formulas_of(study)
+    ]
+    worst = max(float(cells[4]) for cells in rows_of("competitors", PAGE))
+    assert f"The largest ratio of {len(rows)} is {worst:.4f}" in PAGE.read_text("utf-8")
+
+
+def test_the_search_is_independent_of_the_program():
+    assert "mapmore_cli" not in Path(global_fits.__file__).read_text("utf-8")
+
+
+@pytest.mark.parametrize("name", ["sarosi", pytest.param("kerscher", marks=pytest.mark.long)])
+def test_the_search_finds_what_was_planted(name):
+    """One nonlinear parameter, and three."""
+    rng = np.random.default_rng(0)
+    columns = {"pressure": rng.uniform(0, 600, 60), "strain": rng.uniform(0, 0.25, 60)}
+    p, x = columns["pressure"], columns["strain"]
+    force = (0.3 * p + 20) * np.exp(-12 * x) - 2 * p * x + p - 5
+    if name == "kerscher":
+        strain = (3.5 * np.exp(-p / 100) + 1.2) * x
+        braid = 3 * (1 - strain) ** 2 / np.tan(0.6) ** 2 - 1 / np.sin(0.6) ** 2
+        force = (0.3 * np.exp(-40 * x) + 0.5) * p * braid
+    assert global_fits.least_rmse(name, columns, force) < 1e-3
