@@ -14,7 +14,8 @@ from mapmore_cli.domain.fits import Segment
 from mapmore_cli.modelling.expressions import dictionary_matrix, parse, to_text
 from mapmore_cli.modelling.expressions.families import products
 from mapmore_cli.modelling.frols import frols, reads_once
-from mapmore_cli.modelling.pieces.build import fit_together, placements, scaled_inputs
+from mapmore_cli.modelling.pieces.build import fit_together, scaled_inputs
+from mapmore_cli.modelling.pieces.placement import placements
 
 seeds = st.integers(0, 2**32 - 1)
 

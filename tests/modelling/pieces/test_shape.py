@@ -23,7 +23,7 @@ from mapmore_cli.modelling.kinds import outside_range, predict
 from mapmore_cli.modelling.literature.backbone import fit_formula
 from mapmore_cli.modelling.pieces.recipe import Cuts
 from mapmore_cli.modelling.shape.least_squares import least_squares_under
-from mapmore_cli.modelling.shape.region import refuse_unsupported
+from mapmore_cli.modelling.shape.support import refuse_unsupported
 from mapmore_cli.modelling.shape.violations import known_shape, verified
 
 SHAPE = {"pressure": "increasing", "strain": "decreasing"}
@@ -178,7 +178,8 @@ def refused(samples, shape, **settings):
     fit = recipe(shape=shape).fit
     model = built(samples, max_terms=1, **settings)
     with pytest.raises(FitError) as told:
-        refuse_unsupported(model, samples, fit)
+        names = [one.name for one in model.inputs]
+        refuse_unsupported(samples, model.output.name, names, model.level, fit)
     return str(told.value)
 
 
