@@ -114,7 +114,7 @@ def segment(part: ModelChoices, workspace: Workspace) -> None:
 
 
 SEGMENT = Stage(
-    name="segment", revision=7, outputs=(SEGMENTATION,), reads=segment_slice, run=segment
+    name="segment", revision=8, outputs=(SEGMENTATION,), reads=segment_slice, run=segment
 )
 
 
@@ -159,7 +159,7 @@ def fit(part: ModelChoices, workspace: Workspace) -> None:
     write_fit(workspace.out / FIT, result, units_of(dataset))
 
 
-FITTING = Stage(name="fit", revision=11, outputs=(FIT,), reads=fit_choices, run=fit)
+FITTING = Stage(name="fit", revision=12, outputs=(FIT,), reads=fit_choices, run=fit)
 
 
 # Fuse: `model.h5`
@@ -220,7 +220,7 @@ def _finished(part: ModelChoices, model: Model, dataset: Dataset) -> Model:
 
 FUSE = Stage(
     name="fuse",
-    revision=10,
+    revision=11,
     outputs=(MODEL,),
     reads=model_choices,
     run=fuse,

@@ -27,7 +27,6 @@ from mapmore_cli.modelling.expressions.printing import to_text
 from mapmore_cli.modelling.expressions.states import IDENTIFIER
 from mapmore_cli.modelling.frols.engine import frols
 
-
 TOLERANCE = 1e-4  # of `stop: tolerance` where none is given
 FEWEST = 3  # terms that few samples may have
 # part of a power of a column that rounding may take from what tells it from others
@@ -53,8 +52,8 @@ class FROLS:
     are refused.
 
     After `fit`, `terms_`, `coef_` and `err_` are the terms, their coefficients and error reduction
-    ratios, (k,). Monomials of a column that stands far from zero, as `1e6 + x`, are the same but for
-    rounding errors: the terms are then selected among those of the column less its mean, as
+    ratios, (k,). Monomials of a column that stands far from zero, as `1e6 + x`, are the same but
+    for rounding errors: the terms are then selected among those of the column less its mean, as
     `selection_` and `table_` have them, and `predict` computes with. `terms_` and `coef_` are the
     same model in the column itself; a term that comes with others has no ratio of its own, which is
     then zero.
@@ -142,8 +141,8 @@ class FROLS:
         for chosen, theta in zip(found.chosen.tolist(), found.theta.tolist(), strict=True):
             for power in product(*(range(highest + 1) for highest in powers[chosen])):
                 part = Fraction(theta)
-                for highest, kept, c in zip(powers[chosen], power, centre, strict=True):
-                    part *= comb(highest, kept) * (-c) ** (highest - kept)
+                for most, least, c in zip(powers[chosen], power, centre, strict=True):
+                    part *= comb(most, least) * (-c) ** (most - least)
                 if part:
                     number = place[power]
                     own[number] = own.get(number, Fraction(0)) + part

@@ -68,6 +68,7 @@ from mapmore_cli.modelling.pieces.segmentation import (
 )
 from mapmore_cli.modelling.pieces.shaped import shaped
 
+
 def quantities_in(terms: Iterable[Expression]) -> tuple[str, ...]:
     """Return the quantities that occur in some terms, in the order of their names."""
     return tuple(sorted(frozenset[str]().union(*(term.names for term in terms))))
@@ -180,7 +181,8 @@ def fit_together(
     inputs = outputs[0].inputs
     ends = {name: np.array(extremes(x)) for name, x in zip(variables, inputs, strict=True)}
     places = zip(*(one.placements(recipe, variables) for one in outputs), strict=True)
-    for place, scalings in enumerate(places):
+    for place, found in enumerate(places):
+        scalings: Sequence[Scaling] = found
         written = placed(
             recipe.dictionary,
             tuple((name, *z.tolist()) for name, z in scaled_inputs(scalings[0], ends).items()),
@@ -295,9 +297,10 @@ def _robust(
             weights = weights_of(recipe.fit.loss, left / selection.scale)
             anchored.append(one.placements(recipe, scaling.variables, weights)[place])
             starting.append(replace(one, weighing=replace(one.weighing, start=weights)))
-        for some in (outputs, starting):
-            ways.append((anchored, _selected_terms(terms, anchored, some, recipe)))
-
+        ways += [
+            (anchored, _selected_terms(terms, anchored, some, recipe))
+            for some in (outputs, starting)
+        ]
     return min(ways, key=lambda way: sum(one.scale for one in way[1]))
 
 

@@ -14,12 +14,16 @@ from mapmore_cli.domain.arrays import Array, extremes
 from mapmore_cli.domain.fits import Scaling
 from mapmore_cli.modelling.signals.sampling import even_share
 
-# share of a segment's samples whose mean stands for an end of the trend, and the fewest of them
+# share of a segment's samples at which the trend's mean stands for its end, and the fewest samples
+# that tell the trend there
 END_FRACTION, FEWEST = 0.05, 3
 # variables for which all `2^v` corners are tried as origins; beyond, only all-left and all-right
 EVERY_CORNER_UP_TO = 3
 # directions in which samples near the anchor vary by less than this part of the largest are none
 FLAT = 1e-3
+# weights that differ by less than this part are alike; samples more than these where they do not
+ALIKE, EXTRA = 1e-12, 1
+ROUNDING = 1e-9  # of a sum of weights
 
 
 def placements(
@@ -81,14 +85,15 @@ def span(width: ArrayLike) -> Array:
 
 
 def end_of_trend(away: Array, y: Array, weights: Array) -> float:
-    """Return the mean of the trend of `y`, (n,), at the samples nearest to the anchor, from which
-    samples are `away`, (v, n), in scaled coordinates: at the nearest 5 %, but three at least.
+    """Return the mean of the trend of `y`, (n,), at the nearest 5 % of the samples; from the anchor
+    these are `away`, (v, n), in scaled coordinates.
 
-    Where these weigh alike that is their mean. Else the trend is the parabola of weighted least
-    squares through so many of the nearest samples that they weigh as much as those would: a sample
-    that counts little moves nothing, although the trend is steep and its place counts as before.
-    Equal rows are one sample of their summed weight, so that k of them are one of k times the
-    weight. All samples at the same distance count, so the order of rows does not matter.
+    Where they weigh alike and are three or more, that is their mean. Else the trend is the parabola
+    of weighted least squares through so many of the nearest samples that they carry the weight of
+    as many, and of three at least: a sample that counts little then moves nothing, although the
+    trend is steep and the sample's place counts as before. Equal rows are one sample of their
+    summed weight, so that k of them are one of k times the weight. All samples at the same distance
+    count, so that the order of rows does not matter.
     """
     far = np.abs(away).max(axis=0)
     order = np.lexsort([y, *away, far])
@@ -96,12 +101,13 @@ def end_of_trend(away: Array, y: Array, weights: Array) -> float:
     first = np.flatnonzero(np.append(True, (rows[1:] != rows[:-1]).any(axis=1)))
     order, total = order[first], np.add.reduceat(weights[order], first)
     away, y, far = away[:, order], y[order], far[order]
-    least = min(len(y), max(FEWEST, int(np.ceil(END_FRACTION * len(y)))))
-    nearest = far <= far[least - 1]
-    if np.ptp(total[nearest]) <= ALIKE * total[nearest].max():
+    nearest = far <= far[max(1, int(np.ceil(END_FRACTION * len(y)))) - 1]
+    count = max(FEWEST, int(np.count_nonzero(nearest)))
+    first = total[:count]
+    alike = np.ptp(first) <= ALIKE * first.max()
+    if alike and np.count_nonzero(nearest) >= FEWEST:
         return float(np.mean(y[nearest]))
-    count = np.count_nonzero(nearest)
-    wanted = (count + EXTRA) * np.median(total)
+    wanted = (count + EXTRA * (not alike)) * np.median(total) * (1 - ROUNDING)
     enough = int(np.searchsorted(np.cumsum(total), wanted))
     used = far <= far[min(enough, len(y) - 1)]
     used |= nearest
@@ -110,5 +116,3 @@ def end_of_trend(away: Array, y: Array, weights: Array) -> float:
     root = np.sqrt(total[used] / total[used].max())
     theta = np.linalg.lstsq((B[:, used] * root).T, y[used] * root, rcond=FLAT)[0]
     return float(np.mean(theta @ B[:, nearest]))
-
-ALIKE, EXTRA = 1e-12, 1

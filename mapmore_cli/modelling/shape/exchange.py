@@ -29,7 +29,7 @@ ROUNDS, ADDED = 60, 200
 # a fall by this share of the range of the training output, from node to node, is none
 ROUNDING = 1e-11
 # root of a ridge, as a part of each column, for terms that the data do not tell apart; it pulls to
-# the unconstrained start, and is so small that terms which are merely ill-conditioned do not feel it
+# the unconstrained start, and is so small that ill-conditioned terms do not feel it
 RIDGE = 1e-11
 # coefficients whose derivatives are computed together
 TOGETHER = 16
@@ -66,7 +66,7 @@ class Exchange:
         y, lengths = R @ self.start, np.linalg.norm(R, axis=0)
         lengths[lengths == 0] = 1.0
         self.steps = step * (np.linalg.norm(y) or 1.0) / lengths
-        self.R = np.linalg.qr(np.vstack([R, RIDGE * np.diag(lengths)]), mode="r")
+        _, self.R = np.linalg.qr(np.vstack([R, RIDGE * np.diag(lengths)]))
         self.f, self.R_inverse = self.R @ self.start, np.linalg.inv(self.R)
         self.rounding = np.finfo(float).eps * np.linalg.norm(self.R_inverse / self.steps[:, None])
         self.stencils: list[tuple[int, Stencils]] = []

@@ -71,7 +71,7 @@ class Region:
         places = (self.places - middle) / width
         asked = (np.column_stack([columns[name] for name in self.names]) - middle) / width
         n, d = asked.shape
-        vertices = np.repeat(KDTree(places).query(asked)[1][:, None], d + 1, axis=1)
+        vertices = np.repeat(np.asarray(KDTree(places).query(asked)[1])[:, None], d + 1, axis=1)
         shares = np.tile(np.eye(d + 1)[0], (n, 1))
         if d == 1:
             order = np.argsort(places[:, 0])
@@ -120,12 +120,14 @@ class Region:
 
     def axes(self, knots: Mapping[str, Sequence[float]], nodes: int) -> dict[str, Array]:
         """Return the axes of a grid of even steps over the range, so many `nodes` in all, and of
-        the knots with nodes close to each: the model may bend there.
+        the knots with nodes close to each: the model may bend there. Zero is a node too, where a
+        rate stands when the muscle rests.
         """
         axes = dict(self.fixed)
         for name, (low, high) in self.ends.items():
             even = np.linspace(low, high, self.nodes_along(nodes))
             near = np.add.outer(knots.get(name, ()), np.array([-1, 0, 1]) * BESIDE * (high - low))
+            near = np.append(near, 0.0)
             axes[name] = np.unique(np.append(even, near[(near >= low) & (near <= high)]))
         return axes
 
@@ -157,4 +159,6 @@ def region_within(
     _, number, count = np.unique(cells, axis=0, return_inverse=True, return_counts=True)
     *places, values = (np.bincount(number.ravel(), x) / count for x in (*X.T, y))
     fixed = {name: samples[name][:1] for name in inputs if name not in names}
-    return Region(names, np.column_stack(places), values, count, fixed, varied, fit)
+    return Region(
+        names, np.column_stack(places), values, count.astype(np.float64), fixed, varied, fit
+    )

@@ -99,9 +99,7 @@ def _ranges_of(
         (one for one in curves if one.training.any()),
         key=lambda one: (one.level is not None, one.level),
     )
-    own = [
-        {name: one.limits(name) for name in inputs if name in one.columns} for one in known
-    ]
+    own = [{name: one.limits(name) for name in inputs if name in one.columns} for one in known]
     if level is None:
         return [CurveRange("all", None, united(own))]
     return [CurveRange(one.id, one.level, its) for one, its in zip(known, own, strict=True)]
@@ -152,7 +150,9 @@ def _contradiction(
             break
         size = (len(stencils.nodes), len(inside))
         starts = np.arange(0, stencils.nodes.size + 1, stencils.nodes.shape[1])
-        rises = csr_array((stencils.weights.ravel(), stencils.nodes.ravel(), starts), size) @ between
+        rises = (
+            csr_array((stencils.weights.ravel(), stencils.nodes.ravel(), starts), size) @ between
+        )
         error = np.sqrt(rises.power(2) @ sigma**2) + ROUNDING * region.span
         against = -(rises @ region.values) / error
         if against.max() > worst.errors:
@@ -178,7 +178,7 @@ def _noise(region: Region) -> Array:
     if c < d + ABOUT:
         return np.zeros(c)
     places = region.places / np.ptp(region.places, axis=0)
-    near = KDTree(places).query(places, min(c, max(2 * d + ABOUT, LOCAL)))[1]
+    near = np.asarray(KDTree(places).query(places, min(c, max(2 * d + ABOUT, LOCAL)))[1])
     about = near[:, 1 : 2 * d + ABOUT]
     away = places[about] - places[:, None]
     weights = np.linalg.pinv(np.concatenate([np.ones_like(away[..., :1]), away], axis=2))[:, 0]
