@@ -26,8 +26,9 @@ from mapmore_cli.modelling.literature.backbone import pooled
 from mapmore_cli.modelling.pieces.build import build
 from mapmore_cli.modelling.pieces.recipe import Recipe
 from mapmore_cli.modelling.selection import Fit
-from mapmore_cli.modelling.shape.region import refuse_unsupported, region_of
+from mapmore_cli.modelling.shape.region import region_of
 from mapmore_cli.modelling.shape.stencils import asked_of
+from mapmore_cli.modelling.shape.support import refuse_unsupported
 from mapmore_cli.modelling.shape.violations import violations
 from mapmore_cli.reporting.table import Cell, Table
 
@@ -120,7 +121,8 @@ def cases(config: str, runs: Path) -> list[Case]:
                 build(config, curves, _recipe(dataset, form, order, fit), dataset.quantities)
                 for fit in (Fit(), asked)
             )
-            refuse_unsupported(shaped, curves, asked)
+            names = [one.name for one in shaped.inputs]
+            refuse_unsupported(curves, shaped.output.name, names, shaped.level, asked)
         except FitError:
             continue
         judged = [_judged(model, curves, asked) for model in (plain, shaped)]

@@ -23,6 +23,9 @@ LEAST_RIDGE = 1e-9  # a smaller ridge, but for zero, would drown in the rounding
 # terms chosen forward for each that is kept, where pruning follows and nothing else is said
 FORWARD = 3
 
+TERMS_OF_ONE_MODEL = 12
+"""Terms of one model of whole records, or of all curves, at most, where nothing else is said."""
+
 Loss = Literal["squares", "huber", "bisquare"]
 """What a residual costs."""
 
@@ -39,7 +42,9 @@ class Fit(Settings):
     - `margin`: how far beyond `range` states are clipped, as a fraction of it, as `0.15`
     - `train_level`: the one training level whose samples the pieces are fitted to, as M2 does, as
       `highest`
-    - `max_terms`: terms of a segment, or of a model with memory, at most, as `2`
+    - `max_terms`: terms of a segment, or of one model of whole records or of all curves, at most;
+      such a model has up to 12 by default, of which `stop: bic` keeps as many as the data support,
+      as `2`
     - `tolerance`: ends the choice where no larger fraction of the squares of the target is left, of
       those about its mean where the dictionary has a constant; it ends no other `stop` rule, as
       `0.01`

@@ -114,7 +114,7 @@ def segment(part: ModelChoices, workspace: Workspace) -> None:
 
 
 SEGMENT = Stage(
-    name="segment", revision=7, outputs=(SEGMENTATION,), reads=segment_slice, run=segment
+    name="segment", revision=8, outputs=(SEGMENTATION,), reads=segment_slice, run=segment
 )
 
 
@@ -135,6 +135,8 @@ def fit(part: ModelChoices, workspace: Workspace) -> None:
     """Fit what the kind of model asks for: every segment, one model with memory, a formula, or
     nothing where models are added up.
     """
+    from mapmore_cli.modelling.frols.offsets import far_from_zero
+    from mapmore_cli.modelling.literature.backbone import pooled_training
     from mapmore_cli.storage.artefacts import write_fit
     from mapmore_cli.storage.artefacts.schema import units_of
 
@@ -143,6 +145,9 @@ def fit(part: ModelChoices, workspace: Workspace) -> None:
     result = kinds.fit(part, given)
     alone = dict.fromkeys(note for one in result.each for note in one.constant_alone)
     for note in alone:
+        workspace.warn(note)
+    pieces = [piece for one in result.each for piece in one.pieces]
+    for note in far_from_zero(pieces, pooled_training(dataset.curves)) if pieces else ():
         workspace.warn(note)
     result = replace(result, notes=(*alone, *result.notes))
     tied = (piece.id for one in result.each for piece in one.pieces if piece.selection.tied.any())
@@ -200,9 +205,12 @@ def _finished(part: ModelChoices, model: Model, dataset: Dataset) -> Model:
     from mapmore_cli.modelling.validation.residuals import explained_by_inputs
 
     if part.fit.shape is not None:
-        from mapmore_cli.modelling.shape.region import refuse_unsupported
+        from mapmore_cli.modelling.kinds import runs_over_time
+        from mapmore_cli.modelling.shape.support import refuse_unsupported
 
-        refuse_unsupported(model, dataset.curves, part.fit)
+        names = [quantity.name for quantity in model.inputs]
+        asked = (dataset.curves, model.output.name, names, model.level, part.fit)
+        refuse_unsupported(*asked, over_time=runs_over_time(model))
     return replace(
         model,
         signals=needed_signals(part.signals, [quantity.name for quantity in model.inputs]),

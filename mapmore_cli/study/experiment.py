@@ -31,7 +31,7 @@ from pydantic import (
 from mapmore_cli.domain.declared import Contradiction, Either, Name, Settings
 from mapmore_cli.domain.scores import FIGURES, Published
 from mapmore_cli.modelling.pieces.recipe import CutByDirection, Fuse, Segmented
-from mapmore_cli.modelling.selection import Fit
+from mapmore_cli.modelling.selection import TERMS_OF_ONE_MODEL, Fit
 from mapmore_cli.study.fields import (
     Context,
     Metres,
@@ -342,6 +342,24 @@ def _given_memory(dictionary: Any, info: ValidationInfo) -> bool:
         return False
 
 
+def _pooled(given: Mapping[str, Any]) -> bool:
+    """Whether a spec that is not validated yet has one segment of all its curves."""
+    data, segment = given.get("data"), given.get("segment") or {}
+    levels = data.get("levels") if isinstance(data, dict) else None
+    whole = isinstance(segment, dict) and all(cut == "none" for cut in segment.values())
+    return whole and (levels is None or bool(segment))
+
+
+def _sized_by_data(fit: dict[str, Any]) -> None:
+    """Let the data choose the number of terms of one model, where nothing is said of it: a single
+    term, which is enough for a segment, would often be the constant.
+    """
+    if "max_terms" not in fit:
+        fit["max_terms"] = TERMS_OF_ONE_MODEL
+        if "tolerance" not in fit:
+            fit.setdefault("stop", "bic")
+
+
 class ExperimentSpec(Section):
     """One experiment: what was measured, how to cut it up, which terms may appear, how to join,
     what to compare with.
@@ -419,6 +437,9 @@ class ExperimentSpec(Section):
         if isinstance(fit, dict) and _given_memory(dictionary, info):
             # numbers of steps and widths in physical units stay readable
             fit.setdefault("scaling", "none")
+            _sized_by_data(fit)
+        elif isinstance(fit, dict) and dictionary and _pooled(given):
+            _sized_by_data(fit)
         elif isinstance(fit, dict) and target == "damping":
             # pure products, which no shifted origin leaves so
             fit.setdefault("scaling", "max_abs")

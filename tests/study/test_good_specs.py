@@ -162,6 +162,26 @@ DYNAMIC = DAMPING.replace("target: damping", "target: dynamic").replace(
 DYNAMIC = DYNAMIC[: DYNAMIC.index("dictionary")] + DYNAMIC[DYNAMIC.index("validate: {against") :]
 
 
+FIT = "fit: {max_terms: 4, ridge: auto, forward: 12}"
+UNSAID = STATIC.replace(", max_terms: 1, tolerance: 1.0e-4", "")
+
+
+@pytest.mark.parametrize(
+    ("text", "terms", "stop"),
+    [
+        (MOTION.replace(FIT, ""), 12, "bic"),
+        (MOTION.replace(FIT, "fit: {max_terms: 3}"), 3, "tolerance"),
+        (MOTION.replace(FIT, "fit: {stop: press}"), 12, "press"),
+        (MOTION.replace(FIT, "fit: {tolerance: 0.01}"), 12, "tolerance"),
+        (UNSAID, 1, "tolerance"),
+        (UNSAID.replace("strain: {method: even, count: 4}", "pressure: none"), 12, "bic"),
+    ],
+)
+def test_one_model_of_everything_has_as_many_terms_as_data_support(tmp_path, text, terms, stop):
+    fit = load_text(tmp_path, text).spec.fit
+    assert (fit.max_terms, fit.stop) == (terms, stop)
+
+
 def test_the_damping_example(tmp_path):
     spec = load_text(tmp_path, DAMPING).spec
     assert (spec.fit.scaling, load_text(tmp_path, MOTION).spec.fit.scaling) == ("max_abs", "none")

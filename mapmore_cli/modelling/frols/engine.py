@@ -237,9 +237,9 @@ def frols(
     - `tolerance`: stop when `1 - sum ERR <= tolerance` (M2 eq 6). Where a column of `P` is
       constant, it counts out first: what is
       left has to be that fraction of the squares about the mean of `y`.
-    - `stop`: `tolerance`; or `bic`, `aicc`, `press`: go on to `max_terms`, or until rounding error
-      is left (1e-28 of `y'y`, or no independent candidate), and keep the number of terms that is
-      best by that criterion.
+    - `stop`: `tolerance`; or `bic`, `ebic`, `aicc`, `press`: go on to `max_terms`, or until
+      rounding error is left (1e-28 of `y'y`, or no independent candidate), and keep the number of
+      terms that is best by that criterion.
     - `names` of the candidates, (M,), for tables and messages; `p0`, `p1`, ... where they have
       none.
     - `weighing`: how samples weigh, where not all alike: their uncertainty, a robust loss.

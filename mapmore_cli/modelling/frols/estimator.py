@@ -6,7 +6,10 @@ from __future__ import annotations
 
 import sys
 import warnings
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
+from fractions import Fraction
+from itertools import product
 from math import comb
 from typing import Any, ClassVar, Self
 
@@ -15,12 +18,20 @@ from numpy.typing import ArrayLike
 
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import DataError
+from mapmore_cli.domain.fits import Selection
 from mapmore_cli.domain.given import Door, labels_of
+from mapmore_cli.modelling.expressions import Expression, parse, substitute
 from mapmore_cli.modelling.expressions.evaluation import dictionary_matrix
 from mapmore_cli.modelling.expressions.families import products, refuse_beyond_memory
 from mapmore_cli.modelling.expressions.printing import to_text
 from mapmore_cli.modelling.expressions.states import IDENTIFIER
 from mapmore_cli.modelling.frols.engine import frols
+
+TOLERANCE = 1e-4  # of `stop: tolerance` where none is given
+FEWEST = 3  # terms that few samples may have
+# part of a power of a column that rounding may take from what tells it from others
+LOST = 1e-10
+ROUNDING = 1e-13  # of the sum of its parts: a coefficient that small is none
 
 
 class NotFitted(ValueError, AttributeError):
@@ -33,13 +44,19 @@ class FROLS:
     (`mapmore_cli.modelling.frols`).
 
     - `order`: total degree of the candidate monomials; `constant`: whether the constant is one.
-    - `max_terms`, `tolerance`, `stop`: as in `frols`.
+    - `max_terms`, `tolerance`, `stop`: as in `frols`. Without a tolerance the extended Bayesian
+      criterion (`ebic`) chooses the number of terms, up to half of the number of samples: what is
+      noise is then left unexplained.
 
     `X` and `y` may be arrays and frames of any kind. Units, and values that are missing or masked,
     are refused.
 
     After `fit`, `terms_`, `coef_` and `err_` are the terms, their coefficients and error reduction
-    ratios, (k,).
+    ratios, (k,). Monomials of a column that stands far from zero, as `1e6 + x`, are the same but
+    for rounding errors: the terms are then selected among those of the column less its mean, as
+    `selection_` and `table_` have them, and `predict` computes with. `terms_` and `coef_` are the
+    same model in the column itself; a term that comes with others has no ratio of its own, which is
+    then zero.
 
     >>> x = np.linspace(0, 1, 50)
     >>> model = FROLS(order=2, max_terms=2).fit(np.column_stack([x, np.cos(9 * x)]), 3 * x**2 - 1)
@@ -49,8 +66,8 @@ class FROLS:
 
     order: int = 2
     max_terms: int | None = None
-    tolerance: float = 1e-4
-    stop: str = "tolerance"
+    tolerance: float | None = None
+    stop: str | None = None
     constant: bool = True
     _estimator_type: ClassVar[str] = "regressor"
 
@@ -73,27 +90,70 @@ class FROLS:
         )
         refuse_beyond_memory(comb(values.shape[1] + self.order, self.order))
         candidates = products(columns, self.order, constant=self.constant)
-        P = dictionary_matrix(candidates, dict(zip(columns, values.T, strict=True)), len(values))
+        self._columns = tuple(columns)
+        self._centre = self._centre_of(values)
+        centred = {
+            name: parse(f"{name} - {centre!r}" if centre > 0 else f"{name} + {-centre!r}")
+            for name, centre in zip(columns, self._centre.tolist(), strict=True)
+            if centre
+        }
         found = frols(
-            P,
+            self._dictionary(candidates, values),
             target,
-            self.max_terms,
-            self.tolerance,
-            stop=self.stop,
-            names=tuple(map(to_text, candidates)),
+            max(FEWEST, len(values) // 2) if self.max_terms is None else self.max_terms,
+            TOLERANCE if self.tolerance is None else self.tolerance,
+            stop=self.stop or ("ebic" if self.tolerance is None else "tolerance"),
+            names=tuple(to_text(substitute(one, centred)) for one in candidates),
         )
         self.n_features_in_ = values.shape[1]
         self.__dict__.pop("feature_names_in_", None)
         if names is not None:
             self.feature_names_in_ = np.array(names, dtype=object)
-        self._columns, self._terms = tuple(columns), tuple(candidates[i] for i in found.chosen)
-        self.terms_, self.coef_, self.err_, self.selection_ = (
-            found.names,
-            found.theta,
-            found.err,
-            found,
-        )
+        self._terms, self.selection_ = tuple(candidates[i] for i in found.chosen), found
+        self.terms_, self.coef_, self.err_ = found.names, found.theta, found.err
+        if centred:
+            self.terms_, self.coef_, self.err_ = self._in_columns(candidates, found)
         return self
+
+    def _centre_of(self, values: Array) -> Array:
+        """Return what is taken from each column, (m,): the mean of one so far from zero that its
+        powers have lost the digits that tell them apart, else zero.
+        """
+        mean, spread = values.mean(axis=0), values.std(axis=0)
+        far = spread * (LOST / np.finfo(float).eps) ** (1 / max(self.order, 1)) < np.abs(mean)
+        return np.where(far & (spread > 0) & self.constant, mean, 0.0)
+
+    def _dictionary(self, terms: Sequence[Expression], values: Array) -> Array:
+        centred = (values - self._centre).T
+        return dictionary_matrix(terms, dict(zip(self._columns, centred, strict=True)), len(values))
+
+    def _in_columns(
+        self, candidates: Sequence[Expression], found: Selection
+    ) -> tuple[tuple[str, ...], Array, Array]:
+        """Return the model in the columns themselves: terms, coefficients and error reduction
+        ratios, (k,) each. Powers of differences are multiplied out in exact fractions.
+        """
+        m, own = len(self._columns), dict.fromkeys(found.chosen.tolist(), Fraction(0))
+        twos = dict(zip(self._columns, 1 + np.eye(m), strict=True))
+        powers = np.log2(dictionary_matrix(candidates, twos, m)).round().astype(int).T.tolist()
+        place = {tuple(power): number for number, power in enumerate(powers)}
+        size, centre = dict.fromkeys(own, 0.0), list(map(Fraction, self._centre.tolist()))
+        for chosen, theta in zip(found.chosen.tolist(), found.theta.tolist(), strict=True):
+            for power in product(*(range(highest + 1) for highest in powers[chosen])):
+                part = Fraction(theta)
+                for most, least, c in zip(powers[chosen], power, centre, strict=True):
+                    part *= comb(most, least) * (-c) ** (most - least)
+                if part:
+                    number = place[power]
+                    own[number] = own.get(number, Fraction(0)) + part
+                    size[number] = size.get(number, 0.0) + abs(float(part))
+        kept = [number for number in own if abs(float(own[number])) > ROUNDING * size[number]]
+        ratio = dict(zip(found.chosen.tolist(), found.err.tolist(), strict=True))
+        return (
+            tuple(to_text(candidates[number]) for number in kept),
+            np.array([float(own[number]) for number in kept]),
+            np.array([ratio.get(number, 0.0) for number in kept]),
+        )
 
     def predict(self, X: ArrayLike) -> Array:
         """Return the model at every row of `X`, (n,)."""
@@ -111,15 +171,14 @@ class FROLS:
                 f"X has {values.shape[1]} features, but FROLS is expecting "
                 f"{self.n_features_in_} features as input"
             )
-        P = dictionary_matrix(
-            self._terms, dict(zip(self._columns, values.T, strict=True)), len(values)
-        )
-        return np.asarray(P @ self.coef_)
+        return np.asarray(self._dictionary(self._terms, values) @ self.selection_.theta)
 
     def score(self, X: ArrayLike, y: ArrayLike) -> float:
         """R² of the prediction."""
         predicted = self.predict(X)
         target = _target(y, len(predicted))
+        unit = float(np.abs(target).max()) or 1.0  # whose square is a number
+        predicted, target = predicted / unit, target / unit
         spread = float(np.sum((target - target.mean()) ** 2))
         return 1.0 - float(np.sum((target - predicted) ** 2)) / spread if spread else 0.0
 

@@ -24,7 +24,7 @@ NO_GAIN = 1e-28
 # a regressor counts as dependent when `q'q <= RANK_TOLERANCE p'p`: what remains is then rounding
 # error
 RANK_TOLERANCE = 1e-24
-CRITERIA = ("tolerance", "bic", "aicc", "press")  # rules for the number of terms
+CRITERIA = ("tolerance", "bic", "ebic", "aicc", "press")  # rules for the number of terms
 
 
 @dataclass(frozen=True)
@@ -168,13 +168,15 @@ def to_explain(blocks: Blocks, samples: int, yy: float, uncertainty: Array | Non
 ROUNDING = 1e-30
 
 
-def fewest_terms(criterion: str, unexplained: Array, n: int) -> int:
+def fewest_terms(criterion: str, unexplained: Array, n: int, candidates: int = 0) -> int:
     """Return the number of terms at which a criterion is least, the smaller of equals; of several
     outputs, its sum.
 
     `unexplained` (k,), or (m, k) of m outputs, is `SSE / y'y` after 1, 2, ... terms of n samples.
 
     - `bic`: `n ln(SSE/n) + k ln n` (Schwarz 1978);
+    - `ebic`: `2 k ln M` more, since the best of M `candidates` explain some noise (Chen and Chen
+      2008, Biometrika 95, with gamma one and the powers of M in place of the numbers of subsets);
     - `aicc`: `n ln(SSE/n) + 2k + 2k(k+1)/(n-k-1)` (Hurvich and Tsai 1989).
     """
     outputs = np.atleast_2d(unexplained)
@@ -183,6 +185,8 @@ def fewest_terms(criterion: str, unexplained: Array, n: int) -> int:
     if criterion == "aicc":
         freedom = n - k - 1
         price = np.where(freedom > 0, 2 * k + 2 * k * (k + 1) / np.maximum(freedom, 1), np.inf)
+    if criterion == "ebic":
+        price = price + 2 * k * np.log(candidates)
     left = np.sum(n * np.log(np.maximum(outputs, ROUNDING)), axis=0)
     return int(np.argmin(left + len(outputs) * price)) + 1
 
@@ -234,7 +238,7 @@ def selected(
         best = int(np.argmin(errors)) + 1
     elif k and stopping.criterion != "tolerance":
         unexplained = np.array([step.sse for step in steps]) / remainders.yy
-        best = fewest_terms(stopping.criterion, unexplained, samples)
+        best = fewest_terms(stopping.criterion, unexplained, samples, len(scale) - 1)
     return _selection_of_steps(
         steps[:best], stopping.criterion if best < k else stop, remainders.yy, scale, samples
     )
@@ -287,8 +291,8 @@ def in_units(found: Selection, scale: Array) -> Selection:
         theta_error=found.theta_error * y / chosen,
         a=found.a * chosen / chosen[:, None],
         g_all=found.g_all * y / columns,
-        sse=found.sse * y**2,
-        yy=found.yy * y**2,
+        sse=found.sse * y * y,  # infinite where the square is no number: a power would raise
+        yy=found.yy * y * y,
     )
 
 

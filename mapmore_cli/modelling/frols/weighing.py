@@ -43,6 +43,8 @@ class Weighing:
     - `curves`: the curve of each sample, (n,), where residuals of a curve go together.
     - `alike`: whether all curves count alike, however many samples they have.
     - `recorded`: the place of each sample in the order of time, (n,), where it is known.
+    - `start`: weights of the samples, (n,), with which a robust loss chooses the first terms; all
+      are alike without.
     """
 
     uncertainty: Array | None = None
@@ -51,6 +53,7 @@ class Weighing:
     curves: IntArray | None = None
     alike: bool = False
     recorded: IntArray | None = None
+    start: Array | None = None
 
     @cached_property
     def sigma(self) -> Array | None:
@@ -62,6 +65,12 @@ class Weighing:
             root = np.sqrt(np.bincount(self.curves))[self.curves]
             sigma = root if sigma is None else sigma * root
         return None if sigma is None else np.asarray(sigma * np.sqrt(np.mean(sigma**-2.0)))
+
+    def by(self, weights: Array | None) -> Array | None:
+        """Return what rows are divided by, (n,), with robust weights, (n,)."""
+        if weights is None:
+            return self.sigma
+        return np.asarray((1.0 if self.sigma is None else self.sigma) / np.sqrt(weights))
 
     def in_unit(self, unit: float) -> Weighing:
         """Return the same for a target that is divided by a unit."""
@@ -86,7 +95,9 @@ class Weighing:
             before, weights = weights, weights_of(loss, residual / scale)
             if np.abs(weights - before).max() < SETTLED:
                 break
-        return weights, scale, (1.0 if self.sigma is None else self.sigma) / np.sqrt(weights)
+        sigma = self.by(weights)
+        assert sigma is not None
+        return weights, scale, sigma
 
     def with_errors(
         self, found: Selection, only: Callable[[IntArray], Blocks], weights: Array | None
@@ -131,8 +142,8 @@ def reweighted(
     wanted. With the chosen terms, weights and least squares follow from each other in at most ten
     rounds, at first by Huber's loss, which has a single minimum.
     """
-    found = select([one.sigma for one in weighings])
-    weights: list[Array | None] = [None] * len(weighings)
+    weights = [one.start for one in weighings]
+    found = select([one.by(w) for one, w in zip(weighings, weights, strict=True)])
     robust = weighings[0].loss != "squares" and all(len(one.chosen) for one in found)
     for loss in ("huber", weighings[0].loss) if robust else ():
         settled = [

@@ -8,12 +8,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial, reduce
-from itertools import product
-from typing import Any
+from functools import partial
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from mapmore_cli.domain.arrays import (
     LONG,
@@ -22,7 +19,6 @@ from mapmore_cli.domain.arrays import (
     Columns,
     IntArray,
     Rows,
-    by_blocks,
     extremes,
     give_back,
     picked,
@@ -60,7 +56,9 @@ from mapmore_cli.modelling.frols import (
     frols_together,
     reads_once,
 )
+from mapmore_cli.modelling.frols.weighing import weights_of
 from mapmore_cli.modelling.literature.backbone import residual_of
+from mapmore_cli.modelling.pieces.placement import placements, span
 from mapmore_cli.modelling.pieces.recipe import Recipe
 from mapmore_cli.modelling.pieces.segmentation import (
     samples_at,
@@ -69,84 +67,6 @@ from mapmore_cli.modelling.pieces.segmentation import (
     training_curves,
 )
 from mapmore_cli.modelling.pieces.shaped import shaped
-from mapmore_cli.modelling.signals.sampling import even_share
-
-# share of the segment whose mean stands for an end of the trend, so that the anchor does not hang
-# on one noisy sample
-END_FRACTION = 0.05
-# variables for which all `2^v` corners are tried as origins; beyond, only all-left and all-right
-EVERY_CORNER_UP_TO = 3
-
-
-Middle = Callable[[Array], Any]
-
-
-def placements(
-    rule: str,
-    inputs: Sequence[Array],
-    y: Array,
-    variables: Sequence[str],
-    middle: Middle = np.mean,
-) -> tuple[Scaling, ...]:
-    """Return all scalings of the samples of v `inputs` and of `y`, (n,) each, that satisfy a rule;
-    the caller keeps the one that errs least. `middle` makes one anchor of several samples.
-
-    - `unit_square`: x and y span one unit and the trend passes through the origin, which lies at
-      the left or at the right end of each
-      variable: scaled data lie in [0, 1] or [-1, 0]. The two are not equivalent for one-term fits,
-      since left-anchored powers of a falling curve are concave and right-anchored ones convex.
-    - `max_abs`: division by the largest magnitude, no offset.
-    - `none`: data as they are.
-    """
-    names, count = tuple(variables), len(variables)
-    ends = np.array([extremes(x) for x in (*inputs, y)])
-    if rule == "unit_square":
-        every = (
-            product((False, True), repeat=count)
-            if count <= EVERY_CORNER_UP_TO
-            else [(False,) * count, (True,) * count]
-        )
-        return tuple(_anchored(inputs, y, names, right, middle, ends) for right in every)
-    slope, y_slope = np.ones(count), 1.0
-    if rule == "max_abs":
-        sizes = _span(np.abs(ends).max(axis=1))
-        slope, y_slope = 1 / sizes[:-1], float(sizes[-1])
-    elif rule != "none":
-        raise ValueError(f"unknown scaling rule {rule!r}: unit_square, max_abs or none")
-    return (Scaling(rule, "-", names, slope, np.zeros(count), y_slope, 0.0),)
-
-
-def _anchored(
-    inputs: Sequence[Array],
-    y: Array,
-    variables: tuple[str, ...],
-    right: tuple[bool, ...],
-    middle: Middle,
-    ends: Array,
-) -> Scaling:
-    low, high = ends[:-1].T
-    slope, anchor = 1 / _span(high - low), np.where(right, high, low)
-    y_anchor = 0.0
-    # middle of the samples nearest to the anchor; all at the same distance count, so the order of
-    # rows does not matter
-    if variables:
-
-        def farthest(*x: Array) -> Array:
-            away = (np.abs(x - a) * m for x, a, m in zip(x, anchor, slope, strict=True))
-            return reduce(np.maximum, away)
-
-        far = farthest(*(inputs if y.nbytes <= LONG else map(even_share, inputs)))
-        nearest = max(1, int(np.ceil(END_FRACTION * len(far))))
-        limit = np.partition(far, nearest - 1)[nearest - 1]
-        y_anchor = float(middle(by_blocks(lambda y, *x: y[farthest(*x) <= limit], y, *inputs)))
-    place = ",".join("right" if r else "left" for r in right) or "-"
-    y_span = float(_span(np.ptp(ends[-1])))
-    return Scaling("unit_square", place, variables, slope, -slope * anchor, y_span, y_anchor)
-
-
-def _span(width: ArrayLike) -> Array:
-    """Return widths to divide by; a constant variable stays as it is."""
-    return np.where(np.asarray(width) > 0, width, 1.0)
 
 
 def quantities_in(terms: Iterable[Expression]) -> tuple[str, ...]:
@@ -178,7 +98,7 @@ def segment(
             return float("inf")
         trial, columns = Segment(f"{curve.id}/trial", curve.id, (), rows), fitted[curve.id].columns
         fits = fit_together(trial, columns, terms, recipes)
-        spans = [_span(np.ptp(columns[one.target])) if also else 1.0 for one in recipes]
+        spans = [span(np.ptp(columns[one.target])) if also else 1.0 for one in recipes]
         return float(
             sum(
                 one.selection.sse * (one.scaling.y_slope / span) ** 2
@@ -257,20 +177,22 @@ def fit_together(
     outputs = [_samples_of(segment, columns, variables, one, origin) for one in recipes]
     best, least = tuple[SegmentFit, ...](), np.inf
     robust = recipe.fit.loss != "squares"
-    middle = np.median if robust else np.mean
-    rule, errs = recipe.fit.scaling, "scale" if robust else "sse"  # weighted squares do not compare
+    errs = "scale" if robust else "sse"  # weighted squares do not compare
     inputs = outputs[0].inputs
     ends = {name: np.array(extremes(x)) for name, x in zip(variables, inputs, strict=True)}
-    for scalings in zip(
-        *(placements(rule, inputs, one.y, variables, middle) for one in outputs), strict=True
-    ):
+    places = zip(*(one.placements(recipe, variables) for one in outputs), strict=True)
+    for place, found in enumerate(places):
+        scalings: Sequence[Scaling] = found
         written = placed(
             recipe.dictionary,
             tuple((name, *z.tolist()) for name, z in scaled_inputs(scalings[0], ends).items()),
         )
         own = terms if written == recipe.dictionary else list(map(parse, written))
         try:
-            selections = _selected_terms(own, scalings, outputs, recipe)
+            if robust:
+                scalings, selections = _robust(own, scalings, outputs, recipe, place)
+            else:
+                selections = _selected_terms(own, scalings, outputs, recipe)
         except NotFinite as error:
             remedy = (
                 "terms are evaluated in the segment's scaled coordinates; set fit.scaling: "
@@ -285,6 +207,10 @@ def fit_together(
     return best
 
 
+# samples for each term of the fit by which outliers are found
+SAMPLES_PER_TERM = 3
+
+
 @dataclass(frozen=True)
 class _Samples:
     """The samples of a segment, of `inputs` and one output `y`, (n,) each, and how they weigh."""
@@ -292,6 +218,15 @@ class _Samples:
     inputs: Sequence[Array]
     y: Array
     weighing: Weighing
+
+    def placements(
+        self, recipe: Recipe, variables: Sequence[str], robust: Array | None = None
+    ) -> tuple[Scaling, ...]:
+        """Return all scalings; samples count by their uncertainty, and by `robust` weights."""
+        sigma, weights = self.weighing.sigma, robust
+        if sigma is not None:
+            weights = (1.0 if robust is None else robust) / sigma**2
+        return placements(recipe.fit.scaling, self.inputs, self.y, variables, weights)
 
     def blocks(
         self, terms: Sequence[Expression], scaling: Scaling
@@ -338,6 +273,39 @@ def _samples_of(
         recorded,
     )
     return _Samples([samples[name] for name in variables], samples[recipe.target], weighing)
+
+
+def _robust(
+    terms: Sequence[Expression],
+    scalings: Sequence[Scaling],
+    outputs: Sequence[_Samples],
+    recipe: Recipe,
+    place: int,
+) -> tuple[Sequence[Scaling], Sequence[Selection]]:
+    """Return one placement with an anchor, and terms, of which no outlier decides.
+
+    Outliers are found by robust fits with an offset beside the terms, which no anchor binds: of as
+    many terms as the segment has, and of so many that the shape of the curve leaves little. Each
+    gives weights with which the first terms are chosen; of them, and of none, the least scale of
+    what is left wins.
+    """
+    free, n, most = [*terms, parse("1")], len(outputs[0].y), recipe.fit.max_terms
+    ways = []
+    for count in dict.fromkeys((most + 1, max(most + 1, min(len(free), n // SAMPLES_PER_TERM)))):
+        more = replace(recipe, fit=replace(recipe.fit, max_terms=count, tolerance=0.0))
+        found, anchored, starting = _selected_terms(free, scalings, outputs, more), [], []
+        for one, scaling, selection in zip(outputs, scalings, found, strict=True):
+            chosen = [free[i] for i in selection.chosen]
+            blocks = one.weighing.rows(partial(one.blocks, chosen, scaling))()
+            left = np.concatenate([y - P @ selection.theta for P, y in blocks])
+            weights = weights_of(recipe.fit.loss, left / selection.scale)
+            anchored.append(one.placements(recipe, scaling.variables, weights)[place])
+            starting.append(replace(one, weighing=replace(one.weighing, start=weights)))
+        ways += [
+            (anchored, _selected_terms(terms, anchored, some, recipe))
+            for some in (outputs, starting)
+        ]
+    return min(ways, key=lambda way: sum(one.scale for one in way[1]))
 
 
 def _selected_terms(

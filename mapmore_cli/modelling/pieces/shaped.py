@@ -25,8 +25,9 @@ from mapmore_cli.modelling.pieces.recipe import Recipe
 from mapmore_cli.modelling.pieces.segmentation import samples_at, scaled_inputs, training_curves
 from mapmore_cli.modelling.program.values import evaluator
 from mapmore_cli.modelling.shape.exchange import Exchange, Values
-from mapmore_cli.modelling.shape.region import refuse_unsupported, region_of
+from mapmore_cli.modelling.shape.region import region_of
 from mapmore_cli.modelling.shape.stencils import asked_of
+from mapmore_cli.modelling.shape.support import refuse_unsupported
 from mapmore_cli.modelling.shape.violations import verified, with_shape
 
 # step of a coefficient for a derivative (`Exchange`)
@@ -49,7 +50,8 @@ def shaped(
     if region is None and not recipe.bounds:
         return model
     if region is not None:
-        refuse_unsupported(model, curves, recipe.fit, fewest=0)
+        names = [one.name for one in model.inputs]
+        refuse_unsupported(curves, recipe.target, names, recipe.level, recipe.fit, fewest=0)
     start = np.concatenate([one.theta for one in body.segments])
     exchange = Exchange(
         model,

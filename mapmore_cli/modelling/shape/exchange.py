@@ -28,12 +28,14 @@ FINE, CLOSE, CLOSER = 40_000, 9, 3
 ROUNDS, ADDED = 60, 200
 # a fall by this share of the range of the training output, from node to node, is none
 ROUNDING = 1e-11
-# root of a ridge, as a part of each column, for terms that the data hardly tell apart
-RIDGE = 1e-5
+# root of a ridge, as a part of each column, for terms that the data do not tell apart; it pulls to
+# the unconstrained start, and is so small that ill-conditioned terms do not feel it
+RIDGE = 1e-11
 # coefficients whose derivatives are computed together
 TOGETHER = 16
-# part of the output below which coefficients count for nothing at a place
-NOTHING = 1e-12
+# an inequality between places so close that it is no larger than so many rounding errors says
+# nothing
+ROUNDING_ERRORS = 1000
 
 
 Values = Callable[[Array, Columns], Array]
@@ -59,13 +61,14 @@ class Exchange:
         step: float = 1.0,
     ) -> None:
         self.model, self.value, self.start = model, value, start
-        self.inputs = [one.name for one in model.inputs]
+        self.inputs, self.linear = [one.name for one in model.inputs], step == 1.0
         self.D, self.d = bounds
         y, lengths = R @ self.start, np.linalg.norm(R, axis=0)
         lengths[lengths == 0] = 1.0
         self.steps = step * (np.linalg.norm(y) or 1.0) / lengths
-        Q, self.R = np.linalg.qr(np.vstack([R, RIDGE * np.diag(lengths)]))
-        self.f = Q.T @ np.append(y, 0 * y)
+        _, self.R = np.linalg.qr(np.vstack([R, RIDGE * np.diag(lengths)]))
+        self.f, self.R_inverse = self.R @ self.start, np.linalg.inv(self.R)
+        self.rounding = np.finfo(float).eps * np.linalg.norm(self.R_inverse / self.steps[:, None])
         self.stencils: list[tuple[int, Stencils]] = []
         self._solve()
 
@@ -103,11 +106,14 @@ class Exchange:
         return self.value(self.theta, columns)
 
     def _slopes(self, columns: Columns) -> Array:
-        """Return the derivatives of the output by the coefficients, (n, k)."""
-        start, parts = self._values(columns), []
+        """Return the derivatives of the output by the coefficients, (n, k); of an output that is
+        linear in them those at zero, where large coefficients cost no digits.
+        """
+        about = np.zeros_like(self.theta) if self.linear else self.theta
+        start, parts = self.value(about, columns), []
         for first in range(0, len(self.theta), TOGETHER):
             moves = np.diag(self.steps)[:, first : first + TOGETHER]
-            moved = np.repeat(self.theta[:, None] + moves, len(start), axis=1)
+            moved = np.repeat(about[:, None] + moves, len(start), axis=1)
             tiled = {name: np.tile(x, moves.shape[1]) for name, x in columns.items()}
             parts.append(self.value(moved, tiled).reshape(-1, len(start)) - start)
         return np.asarray(np.vstack(parts).T / self.steps)
@@ -143,7 +149,8 @@ class Exchange:
             ]
             if not violated:
                 return
-            self._add(violated)
+            if not self._add(violated):
+                return
             self._solve()
         raise FitError(
             f"fit.shape: no coefficients that keep it were found, {violated[0].told}",
@@ -158,15 +165,20 @@ class Exchange:
         parts = dict(zip(nodes, np.split(of(columns), np.cumsum(sizes)[:-1]), strict=True))
         return [parts[id(one.columns)] for one in every]
 
-    def _add(self, violated: Sequence[Stencils]) -> None:
-        """Add the inequality of each stencil, linear in the coefficients about those so far."""
+    def _add(self, violated: Sequence[Stencils]) -> int:
+        """Add the inequality of each stencil, linear in the coefficients about those so far; return
+        how many of them are more than rounding errors.
+        """
+        before = len(self.D)
         values, slopes = (self._at_nodes(violated, of) for of in (self._values, self._slopes))
         for one, y, dy in zip(violated, values, slopes, strict=True):
             rows = one.of(dy)
-            counts = np.linalg.norm(rows * self.steps, axis=1) > NOTHING * np.abs(y).max()
+            errors = ROUNDING_ERRORS * self.rounding * np.abs(y).max()
+            counts = np.linalg.norm(rows @ self.R_inverse, axis=1) > errors
             self.stencils.append((len(self.D), one.at(counts)))
             self.D = np.vstack([self.D, rows[counts]])
             self.d = np.append(self.d, (rows @ self.theta - one.of(y))[counts])
+        return len(self.D) - before
 
 
 def _widened(axes: Mapping[str, Array], inside: BoolArray) -> BoolArray:
@@ -182,5 +194,8 @@ def _about(stencil: Stencils, steps: Mapping[str, float], region: Region) -> Ste
     """Return the stencils of a grid about one, a step to each side of its middle."""
     middles = {name: float(x[stencil.nodes[0]].mean()) for name, x in stencil.columns.items()}
     reach = np.linspace(-1, 1, CLOSE)
-    axes = {name: np.unique(x + reach * steps.get(name, 0.0)) for name, x in middles.items()}
+    axes = {
+        name: np.unique(np.clip(x + reach * steps.get(name, 0.0), *region.ends.get(name, (x, x))))
+        for name, x in middles.items()
+    }
     return stencils_on(axes, stencil.asked, _widened(axes, region.holds(nodes_of(axes))))

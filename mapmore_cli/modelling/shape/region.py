@@ -1,31 +1,26 @@
-"""Where a shape is asked: within each curve's own range, outside of the slack foot; and what the
-training data themselves say of it.
-"""
+"""Where a shape is asked: within each curve's own range, outside of the slack foot."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from contextlib import suppress
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from mapmore_cli.domain.arrays import Array, BoolArray, Columns
-from mapmore_cli.domain.errors import FitError
 from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.recording import Curve
-from mapmore_cli.modelling.kinds import OUTSIDE_TOLERANCE, InputRange, limits, runs_over_time
+from mapmore_cli.modelling.kinds import OUTSIDE_TOLERANCE, InputRange, limits
 from mapmore_cli.modelling.literature.backbone import pooled_training
 from mapmore_cli.modelling.selection import Fit
-from mapmore_cli.modelling.shape.stencils import Asked, asked_of, nodes_of, stencils_on
+from mapmore_cli.modelling.shape.stencils import Asked
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_array
 
 # cells of all inputs together in which training samples are averaged
 CELLS = 4096
-# places along an input at which training data are compared, where it has more values
-COMPARED = 24
-# differences that a sign needs, and the share of them that may contradict it
-FEWEST, CONTRADICTED = 10, 0.05
 # even nodes of a grid along one input
 MOST = 400
 # how far beside a knot a node lies, as a part of the range
@@ -39,12 +34,14 @@ class Region:
     its minimum.
 
     `places`, (c, inputs), and `values`, (c,), are training samples averaged in small cells, so that
-    loops and noise leave one value. Inputs that do not vary are `fixed`, (1,) each.
+    loops and noise leave one value; `counts`, (c,), are those of the samples. Inputs that do not
+    vary are `fixed`, (1,) each.
     """
 
     names: tuple[str, ...]
     places: Array
     values: Array
+    counts: Array
     fixed: Columns
     ranges: tuple[InputRange, ...]
     fit: Fit
@@ -63,31 +60,46 @@ class Region:
             for one in self.ranges
         }
 
-    @cached_property
-    def _between(self) -> list[Callable[[Array], Array]]:
-        """Ways to interpolate, the first that knows a place last."""
-        from scipy.interpolate import LinearNDInterpolator, NearestNDInterpolator
-        from scipy.spatial import QhullError
+    def between(self, columns: Columns) -> csr_array:
+        """Return the weights of the cells in the output between them, (n, c): linear in the simplex
+        of cells about a place, and those of the nearest cell beyond all of them.
+        """
+        from scipy.sparse import csr_array
+        from scipy.spatial import Delaunay, KDTree, QhullError
 
-        nearest = NearestNDInterpolator(self.places, self.values, rescale=True)
-        found: list[Callable[[Array], Array]] = [nearest]
-        with suppress(QhullError):  # all samples on a line
-            found.append(LinearNDInterpolator(self.places, self.values, rescale=True))
-        return found
+        middle, width = self.places.min(axis=0), np.ptp(self.places, axis=0)
+        places = (self.places - middle) / width
+        asked = (np.column_stack([columns[name] for name in self.names]) - middle) / width
+        n, d = asked.shape
+        vertices = np.repeat(np.asarray(KDTree(places).query(asked)[1])[:, None], d + 1, axis=1)
+        shares = np.tile(np.eye(d + 1)[0], (n, 1))
+        if d == 1:
+            order = np.argsort(places[:, 0])
+            right = np.searchsorted(places[order, 0], asked[:, 0]).clip(1, len(order) - 1)
+            vertices = np.column_stack([order[right - 1], order[right]])
+            low, high = places[vertices, 0].T
+            share = ((asked[:, 0] - low) / (high - low)).clip(0, 1)
+            shares = np.column_stack([1 - share, share])
+        else:
+            try:
+                net = Delaunay(places)
+                simplex = net.find_simplex(asked)
+            except QhullError:  # all samples on a line
+                simplex = np.full(n, -1)
+            if (inside := simplex >= 0).any():
+                own = net.transform[simplex[inside]]
+                first = np.einsum("nij,nj->ni", own[:, :d], asked[inside] - own[:, d])
+                shares[inside] = np.column_stack([first, 1 - first.sum(axis=1)])
+                vertices[inside] = net.simplices[simplex[inside]]
+        starts = np.arange(0, vertices.size + 1, d + 1)
+        shape = (n, len(places))
+        return csr_array((shares.ravel(), vertices.ravel(), starts), shape=shape)
 
     def output(self, columns: Columns) -> Array:
         """Return the training output between the samples, (n,): linear, and that of the nearest
         beyond them.
         """
-        asked = np.column_stack([columns[name] for name in self.names])
-        if len(self.names) == 1:
-            order = np.argsort(self.places[:, 0])
-            return np.interp(asked[:, 0], self.places[order, 0], self.values[order])
-        value = np.full(len(asked), np.nan)
-        for way in self._between:
-            said = way(asked)
-            value = np.where(np.isfinite(said), said, value)
-        return value
+        return np.asarray(self.between(columns) @ self.values)
 
     def holds(self, columns: Columns) -> BoolArray:
         """Return True at places in it, (n,)."""
@@ -108,12 +120,14 @@ class Region:
 
     def axes(self, knots: Mapping[str, Sequence[float]], nodes: int) -> dict[str, Array]:
         """Return the axes of a grid of even steps over the range, so many `nodes` in all, and of
-        the knots with nodes close to each: the model may bend there.
+        the knots with nodes close to each: the model may bend there. Zero is a node too, where a
+        rate stands when the muscle rests.
         """
         axes = dict(self.fixed)
         for name, (low, high) in self.ends.items():
             even = np.linspace(low, high, self.nodes_along(nodes))
             near = np.add.outer(knots.get(name, ()), np.array([-1, 0, 1]) * BESIDE * (high - low))
+            near = np.append(near, 0.0)
             axes[name] = np.unique(np.append(even, near[(near >= low) & (near <= high)]))
         return axes
 
@@ -122,10 +136,21 @@ def region_of(model: Model, curves: Sequence[Curve], fit: Fit) -> Region | None:
     """Return the region of a model in which training `curves` vary; None where nothing does, or the
     model does not know its range.
     """
-    samples = pooled_training(curves)
     ranges = tuple(limits(getattr(model.body, "ranges", ()), model.level))
+    return region_within(ranges, curves, model.output.name, [one.name for one in model.inputs], fit)
+
+
+def region_within(
+    ranges: Sequence[InputRange],
+    curves: Sequence[Curve],
+    target: str,
+    inputs: Sequence[str],
+    fit: Fit,
+) -> Region | None:
+    """Return the region of a target along inputs, of which the `ranges` are known."""
+    samples = pooled_training(curves)
     varied = tuple(one for one in ranges if (one.high > one.low).any() and one.name in samples)
-    names, y = tuple(one.name for one in varied), samples[model.output.name]
+    names, y = tuple(one.name for one in varied), samples[target]
     if not names or np.ptp(y) == 0:
         return None
     X = np.column_stack([samples[name] for name in names])
@@ -133,44 +158,7 @@ def region_of(model: Model, curves: Sequence[Curve], fit: Fit) -> Region | None:
     cells = ((X - X.min(axis=0)) / width * max(4, CELLS ** (1 / len(names)))).astype(int)
     _, number, count = np.unique(cells, axis=0, return_inverse=True, return_counts=True)
     *places, values = (np.bincount(number.ravel(), x) / count for x in (*X.T, y))
-    fixed = {one.name: samples[one.name][:1] for one in model.inputs if one.name not in names}
-    return Region(names, np.column_stack(places), values, fixed, varied, fit)
-
-
-def refuse_unsupported(
-    model: Model, curves: Sequence[Curve], fit: Fit, fewest: int = FEWEST
-) -> None:
-    """Raise FitError for a quantity that does not vary, and for a sign that training data
-    contradict, or of which they have fewer than the `fewest` differences; with 0, as for a part of
-    the data, only for the contradiction.
-
-    Differences are of the interpolated training output, between neighbouring values of the
-    quantity, at the values of the other inputs. With memory they say nothing of the output at rest.
-    """
-    region, asked = region_of(model, curves, fit), asked_of(fit)
-    known = [] if region is None else region.asks(asked)
-    if fewest and (unknown := [one.quantity for one in asked if one not in known]):
-        raise FitError(
-            f"fit.shape: `{unknown[0]}` is no input of the model that varies in training",
-            f"name one of {', '.join(region.names if region else ())}",
-        )
-    if region is None or runs_over_time(model):
-        return
-    axes = dict(region.fixed)
-    for name, x in zip(region.names, region.places.T, strict=True):
-        own = region.ranges[0].levels if name == model.level else np.unique(x)
-        axes[name] = own if len(own) <= COMPARED else np.linspace(own[0], own[-1], COMPARED)
-    columns = nodes_of(axes)
-    inside, output = region.holds(columns), region.output(columns)
-    for one in (one for one in known if one.word in ("increasing", "decreasing")):
-        stencils = stencils_on(axes, one, inside)
-        rises = stencils.of(output)
-        count, wrong = len(rises), int((rises < 0).sum())
-        if count < fewest or wrong > CONTRADICTED * count:
-            worst = f", most for {stencils.at(np.argsort(rises)[:1]).told}" if wrong else ""
-            raise FitError(
-                f"fit.shape: `{one.quantity}: {one.word}` rests on {count} differences of the "
-                f"training data, of which {wrong} contradict it{worst}",
-                f"a sign needs {FEWEST}, and at most {CONTRADICTED:.0%} against it: remove it, "
-                "or raise `fit.slack`",
-            )
+    fixed = {name: samples[name][:1] for name in inputs if name not in names}
+    return Region(
+        names, np.column_stack(places), values, count.astype(np.float64), fixed, varied, fit
+    )

@@ -24,13 +24,15 @@ POINTS: Mapping[Word, int] = {
 
 def weights_of(word: Word, places: Array) -> Array:
     """Return the weights of values at ascending `places`, (..., points), whose sum must not be
-    negative: how far the output rises or falls, or by how much its chord lies above or below.
+    negative: how far the output, or its mean over half of the places, rises or falls, or by how
+    much its chord lies above or below.
     """
     if word == "positive":
         return np.ones_like(places)
     sign = 1.0 if word in ("increasing", "convex") else -1.0
     if POINTS[word] == 2:
-        return np.broadcast_to([-sign, sign], places.shape)
+        half = places.shape[-1] // 2
+        return np.broadcast_to(np.repeat([-sign / half, sign / half], half), places.shape)
     left, middle, right = np.moveaxis(places, -1, 0)
     share = (middle - left) / (right - left)
     return sign * np.stack([1 - share, -np.ones_like(share), share], axis=-1)
@@ -93,11 +95,13 @@ def nodes_of(axes: Mapping[str, Array]) -> dict[str, Array]:
     return {name: x.ravel() for name, x in zip(axes, mesh, strict=True)}
 
 
-def stencils_on(axes: Mapping[str, Array], asked: Asked, inside: BoolArray) -> Stencils:
+def stencils_on(
+    axes: Mapping[str, Array], asked: Asked, inside: BoolArray, reach: int = 1
+) -> Stencils:
     """Return the stencils of a word whose nodes are all `inside`, (n,), on the grid of ascending
-    places along each input.
+    places along each input; those of a sign compare means of `reach` neighbours.
     """
-    columns, points = nodes_of(axes), POINTS[asked.word]
+    columns, points = nodes_of(axes), POINTS[asked.word] * reach
     along = list(axes).index(asked.quantity) if points > 1 else 0
     numbers = np.arange(len(inside)).reshape([len(x) for x in axes.values()])
     nodes = sliding_window_view(numbers, points, axis=along).reshape(-1, points)

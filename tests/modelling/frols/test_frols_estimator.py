@@ -50,3 +50,37 @@ def test_neither_scikit_learn_nor_numpy_is_loaded_before_it_is_needed():
         "assert 'sklearn' not in sys.modules, 'sklearn'; assert 'matplotlib' not in sys.modules"
     )
     python(code, check=True)
+
+
+@pytest.mark.parametrize("offset", [0.0, 1e3, 1e5, 1e6, 1e8, -1e6])
+def test_columns_far_from_zero_are_as_good_as_columns_about_zero(offset):
+    x = np.linspace(0, 1, 200)
+    y, columns = 1 + 2 * x + 3 * x**2, (offset + x)[:, None]
+    model = mm.FROLS(order=2).fit(columns, y)
+    # what rounding of the columns themselves leaves
+    assert np.abs(model.predict(columns) - y).max() < 1e-13 + 8 * abs(offset) * 2.3e-16
+    found = dict(zip(model.terms_, model.coef_, strict=True))
+    wanted = {"1": 1 - 2 * offset + 3 * offset**2, "x0": 2 - 6 * offset, "x0^2": 3.0}
+    assert found == pytest.approx(wanted, rel=1e-7)
+    assert model.err_.sum() == pytest.approx(1)
+
+
+def test_a_target_whose_square_is_no_number_is_fitted():
+    x = np.linspace(0, 1, 50)
+    model = mm.FROLS().fit(x[:, None], 1e200 * (1 + 2 * x))
+    assert dict(zip(model.terms_, model.coef_, strict=True)) == pytest.approx(
+        {"1": 1e200, "x0": 2e200}
+    )
+    assert model.score(x[:, None], 1e200 * (1 + 2 * x)) == pytest.approx(1)
+
+
+def test_noise_is_not_explained_where_no_tolerance_is_given():
+    counts = []
+    for seed in range(20):
+        rng = np.random.default_rng(seed)
+        X = rng.uniform(-1, 1, (200, 2))
+        y = 1 + 2 * X[:, 0] - 3 * X[:, 0] * X[:, 1]
+        found = mm.FROLS(order=3).fit(X, y + 0.01 * y.std() * rng.normal(size=200))
+        counts.append(len(found.coef_))
+        assert {"1", "x0", "x0*x1"} <= set(found.terms_)
+    assert counts.count(3) >= 19

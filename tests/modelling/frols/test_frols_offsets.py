@@ -8,8 +8,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from textbook import frols_streamed
 
+from mapmore_cli.domain.fits import Scaling, SegmentFit
 from mapmore_cli.modelling.frols import frols
 from mapmore_cli.modelling.frols.moments import blocks_of_rows
+from mapmore_cli.modelling.frols.offsets import far_from_zero
 
 X = np.linspace(0, 1, 4000)
 P = np.column_stack([X**0, X, X**2, np.cos(9 * X)])
@@ -87,3 +89,14 @@ def test_the_record_is_read_again_only_where_the_tolerance_may_end_the_choice(ri
 
     frols_streamed(blocks, 2, 1e-4)
     assert (len(read) == 1) == once
+
+
+def test_inputs_far_from_zero_are_told_where_terms_keep_their_origin():
+    x = np.linspace(0, 1, 50)
+    samples = {"far": 1e6 + x, "near": x, "alone": 1e6 + x, "still": np.full(50, 3.0)}
+    terms = ("1", "far", "far^2", "near", "near^2", "alone", "still", "still^2")
+    names, ones = ("far",), np.ones(1)
+    for rule, told in (("none", ["far"]), ("max_abs", ["far"]), ("unit_square", [])):
+        scaling = Scaling(rule, "-", names, ones, 0 * ones, 1.0, 0.0)
+        piece = SegmentFit("a/a", "a", (), terms, scaling, frols(P, X, 1))
+        assert [note.split()[0] for note in far_from_zero([piece], samples)] == told

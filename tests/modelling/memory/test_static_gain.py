@@ -70,3 +70,20 @@ def test_other_fits_are_judged(more, ridge):
         FitError, match=r"gain violates it by 0\.0\d+ 1, most for u: incr.* at u = "
     ):
         fitted([*TERMS[:4], more], ridge=ridge)
+
+
+def test_the_sign_holds_where_a_measured_rate_is_zero():
+    """There it binds alone: beside, the product with the size of the rate makes it true."""
+    rng = np.random.default_rng(1)
+    u, rate = rng.uniform(0, 1, 1500), rng.uniform(-1, 2, 1500)
+    y = (abs(rate) - 0.05) * u + 0.02 * rng.normal(size=1500)
+    found = mm.fit(
+        {"time": STEP * np.arange(1500), "u": u, "v": rate, "y": y},
+        target="y",
+        dictionary=[{"terms": ["1", "u", "u*abs(v)", "v", "u[k-1]"]}],
+        fit={"max_terms": 5, "tolerance": 0.0, "shape": {"u": "increasing"}, "slack": 0.0},
+        check=False,
+    )
+    held = {"u": np.linspace(0.1, 0.9, 200), "v": np.zeros(200)}
+    assert np.diff(settled(found.model, held)).min() > -1e-9
+    assert found.model.shape.kept[0].binds

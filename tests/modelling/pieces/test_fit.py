@@ -11,10 +11,12 @@ from surfaces import recipe
 
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.fits import Segment
+from mapmore_cli.domain.recording import uncertainty_of
 from mapmore_cli.modelling.expressions import dictionary_matrix, parse, to_text
 from mapmore_cli.modelling.expressions.families import products
 from mapmore_cli.modelling.frols import frols, reads_once
-from mapmore_cli.modelling.pieces.build import fit_together, placements, scaled_inputs
+from mapmore_cli.modelling.pieces.build import fit_together, scaled_inputs
+from mapmore_cli.modelling.pieces.placement import placements
 
 seeds = st.integers(0, 2**32 - 1)
 
@@ -46,6 +48,71 @@ def test_the_anchor_does_not_hang_on_one_noisy_sample():
     y = 5 - 3 * x
     left = placed(x, y + 2.0 * (x == 0))[0]
     assert left.y_intercept == pytest.approx(y[:5].mean() + 2.0 / 5)
+
+
+POWERS = products(["strain"], 4)
+PLACES = np.linspace(0, 0.25, 101)
+
+
+def fitted(x, y, sigma=None, **settings):
+    """The curve of one segment at even places."""
+    made = recipe(dictionary=tuple(map(to_text, POWERS)), **{"max_terms": 1, **settings})
+    columns = {"strain": x, "force": y} | (
+        {} if sigma is None else {uncertainty_of("force"): sigma}
+    )
+    one = Segment("all/all", "all", (), np.arange(len(x)))
+    (found,) = fit_together(one, columns, POWERS, [made])
+    scaled = scaled_inputs(found.scaling, {"strain": PLACES})
+    P = dictionary_matrix([parse(term) for term in found.terms], scaled, len(PLACES))
+    return found.scaling.y_intercept + found.scaling.y_slope * (P @ found.selection.theta)
+
+
+def rms(errors):
+    return float(np.sqrt(np.mean(errors**2)))
+
+
+@pytest.mark.parametrize("scaling", ["unit_square", "max_abs", "none"])
+@pytest.mark.parametrize("terms", [1, 2])
+@pytest.mark.parametrize("n", [12, 40, 90])
+def test_weights_are_repeated_rows(scaling, terms, n):
+    rng = np.random.default_rng(n)
+    x, k = np.sort(rng.uniform(0, 0.25, n)), rng.integers(1, 6, n)
+    y = 200 * (1 - x / 0.25) ** 2 + rng.normal(0, 2, n)
+    how = {"scaling": scaling, "max_terms": terms}
+    weighted = fitted(x, y, 3 / np.sqrt(k), **how)
+    assert weighted == pytest.approx(fitted(np.repeat(x, k), np.repeat(y, k), **how), abs=1e-9)
+
+
+@pytest.mark.parametrize("end", [0, -1])
+@pytest.mark.parametrize("n", [20, 60])
+def test_a_sample_that_says_it_is_wrong_does_not_decide(end, n):
+    rng = np.random.default_rng(0)
+    x = np.linspace(0, 0.25, n)
+    y, sigma = 200 * (1 - x / 0.25) ** 2 + rng.normal(0, 0.2, n), np.full(n, 0.2)
+    y[end], sigma[end] = y[end] + 90, 90.0
+    assert rms(fitted(x, y, sigma) - 200 * (1 - PLACES / 0.25) ** 2) < 0.9
+
+
+@pytest.mark.parametrize(
+    ("power", "n", "places"),
+    [
+        (2, 40, (0, 1, 2, 20, 38, 39)),
+        (3, 20, (0, 10, 19)),
+        *(
+            pytest.param(p, n, range(n), marks=pytest.mark.long)
+            for p in (2, 3, 4)
+            for n in (40, 60)
+        ),
+    ],
+)
+def test_one_outlier_moves_a_bisquare_fit_by_no_more_than_the_noise(power, n, places):
+    x = np.linspace(0, 0.25, n)
+    y = 200 * (1 - x / 0.25) ** power + np.random.default_rng(1).normal(0, 0.2, n)
+    clean = fitted(x, y, loss="bisquare")
+    for place in places:
+        for error in (90.0, -25.0):
+            moved = fitted(x, y + error * (np.arange(n) == place), loss="bisquare")
+            assert rms(moved - clean) < 0.2, (place, error)
 
 
 def test_max_abs_divides_without_offset():

@@ -13,6 +13,7 @@ import cvxpy
 import numpy as np
 import pytest
 from agreement import compare
+from numpy.polynomial.chebyshev import chebder, chebval, chebvander
 from surfaces import built, changed, curves, recipe
 
 from mapmore_cli.domain.errors import FitError
@@ -23,7 +24,8 @@ from mapmore_cli.modelling.kinds import outside_range, predict
 from mapmore_cli.modelling.literature.backbone import fit_formula
 from mapmore_cli.modelling.pieces.recipe import Cuts
 from mapmore_cli.modelling.shape.least_squares import least_squares_under
-from mapmore_cli.modelling.shape.region import refuse_unsupported
+from mapmore_cli.modelling.shape.stencils import POINTS
+from mapmore_cli.modelling.shape.support import refuse_unsupported
 from mapmore_cli.modelling.shape.violations import known_shape, verified
 
 SHAPE = {"pressure": "increasing", "strain": "decreasing"}
@@ -153,6 +155,66 @@ def test_a_single_curve_is_the_constrained_least_squares_of_another_solver():
     assert predict(model, {"strain": x}) == pytest.approx(A @ theta, abs=1e-3)
 
 
+@pytest.mark.parametrize(
+    ("order", "word"),
+    [(9, "increasing"), (12, "increasing"), (12, "convex")]
+    + [
+        pytest.param(order, word, marks=pytest.mark.long)
+        for order in range(3, 13)
+        for word in ("increasing", "convex")
+    ],
+)
+def test_high_orders_are_as_good_as_a_dense_quadratic_program(order, word):
+    """In Chebyshev's basis, with the derivative at 4001 places."""
+    x = np.sort(np.random.default_rng(order).uniform(0, 1, 80))
+    steep = np.tanh(25 * (x - 0.4)) if word == "increasing" else np.abs(x - 0.4)
+    y = 100 * steep + x
+    one = Curve("a", None, {"strain": x, "force": y}, np.zeros(80, bool), ("a",))
+    terms = ("1", "strain", *(f"strain^{power}" for power in range(2, order + 1)))
+    how = {"level": None, "cuts": {}, "max_terms": order + 1, "tolerance": 0.0}
+    model = built((one,), dictionary=terms, shape={"strain": word}, slack=0.0, **how)
+    u = (2 * x - x[0] - x[-1]) / np.ptp(x)
+    basis, times = np.eye(order + 1), POINTS[word] - 1
+    slopes = np.column_stack(
+        [chebval(np.linspace(-1, 1, 4001), chebder(each, times)) for each in basis]
+    )
+    Q, R = np.linalg.qr(chebvander(u, order))
+    slopes /= np.linalg.norm(slopes, axis=1)[:, None]
+    best = least_squares_under(R, Q.T @ y, slopes, np.zeros(4001))
+    assert best.force.any()
+    least = np.sum((chebvander(u, order) @ best.theta - y) ** 2)
+    assert np.sum((predict(model, {"strain": x}) - y) ** 2) < 1.001 * least
+
+
+def noisy(true, n, seed, noise=0.05):
+    rng = np.random.default_rng(seed)
+    x = np.sort(rng.uniform(0, 1, n))
+    y = true(x) + noise * rng.normal(size=n)
+    return [Curve("a", None, {"strain": x, "force": y}, np.zeros(n, bool), ("a",))]
+
+
+FALLING = recipe(shape={"strain": "decreasing"}, slack=0.0).fit
+
+
+@pytest.mark.parametrize("true", [lambda x: (1 - x) ** 2, lambda x: np.exp(-12 * x)])
+@pytest.mark.parametrize("n", [40, 300])
+def test_noise_does_not_contradict_a_sign(true, n):
+    for seed in range(20):
+        samples = noisy(true, n, seed)
+        refuse_unsupported(samples, "force", ["strain"], None, FALLING)
+
+
+@pytest.mark.parametrize(
+    "true",
+    [lambda x: x, lambda x: 1.2 * np.exp(-(((x - 0.5) / 0.1) ** 2)) - x, lambda x: abs(x - 0.6)],
+)
+def test_what_contradicts_a_sign_beyond_its_noise_is_refused(true):
+    for seed in range(5):
+        samples = noisy(true, 200, seed)
+        with pytest.raises(FitError, match=r"contradict it, by .* times what their noise explains"):
+            refuse_unsupported(samples, "force", ["strain"], None, FALLING)
+
+
 def test_signs_and_bounds_hold_for_coefficients_in_the_unit_of_the_target():
     """Of free terms, the other coefficients go on fitting."""
     terms = {"dictionary": ("1", "strain", "strain^2"), "max_terms": 3, "cuts": {}}
@@ -177,8 +239,9 @@ def test_signs_and_bounds_hold_for_coefficients_in_the_unit_of_the_target():
 def refused(samples, shape, **settings):
     fit = recipe(shape=shape).fit
     model = built(samples, max_terms=1, **settings)
+    names = [one.name for one in model.inputs]
     with pytest.raises(FitError) as told:
-        refuse_unsupported(model, samples, fit)
+        refuse_unsupported(samples, model.output.name, names, model.level, fit)
     return str(told.value)
 
 

@@ -1,0 +1,38 @@
+"""Whether inputs stand so far from zero that their powers and products cannot be told apart."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from mapmore_cli.domain.arrays import Array
+from mapmore_cli.domain.fits import SegmentFit
+
+# times its spread that the mean of an input may be: the square of that, times the rounding error of
+# a number, is what a coefficient loses
+FAR = 1e4
+PLACED = ("unit_square", "range")
+"""Scalings that move the origin to the samples."""
+
+
+def far_from_zero(pieces: Sequence[SegmentFit], samples: Mapping[str, Array]) -> list[str]:
+    """Return a note for every input of several terms whose mean is more than 1e4 times its standard
+    deviation over the training `samples`, (n,) each, in coordinates that keep their origin.
+
+    For `1e6 + x` the square and the input itself differ by less than rounding leaves of them, and
+    the terms that are found are not those of x.
+    """
+    terms = {term for one in pieces if one.scaling.rule not in PLACED for term in one.candidates}
+    notes = []
+    for name, x in samples.items():
+        several = sum(re.search(rf"\b{name}\b", term) is not None for term in terms) > 1
+        mean, spread = float(np.mean(x)), float(np.std(x))
+        if several and 0 < FAR * spread < abs(mean):
+            notes.append(
+                f"{name} stands {abs(mean) / spread:.2g} times its spread from zero, so that terms "
+                f"of it are the same but for rounding: give it less {mean:.6g} (`derive`), or "
+                "write `fit: {scaling: unit_square}`, with memory `range`"
+            )
+    return notes

@@ -1,0 +1,118 @@
+"""Scaled coordinates of a segment (M1 step 1, M2 (i)): the rules, and the anchor of `unit_square`,
+of which no single sample decides.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import product
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from mapmore_cli.domain.arrays import Array, extremes
+from mapmore_cli.domain.fits import Scaling
+from mapmore_cli.modelling.signals.sampling import even_share
+
+# share of a segment's samples at which the trend's mean stands for its end, and the fewest samples
+# that tell the trend there
+END_FRACTION, FEWEST = 0.05, 3
+# variables for which all `2^v` corners are tried as origins; beyond, only all-left and all-right
+EVERY_CORNER_UP_TO = 3
+# directions in which samples near the anchor vary by less than this part of the largest are none
+FLAT = 1e-3
+# weights that differ by less than this part are alike; samples more than these where they do not
+ALIKE, EXTRA = 1e-12, 1
+ROUNDING = 1e-9  # of a sum of weights
+
+
+def placements(
+    rule: str,
+    inputs: Sequence[Array],
+    y: Array,
+    variables: Sequence[str],
+    weights: Array | None = None,
+) -> tuple[Scaling, ...]:
+    """Return all scalings of the samples of v `inputs` and of `y`, (n,) each, that satisfy a rule;
+    the caller keeps the one that errs least.
+
+    - `unit_square`: x and y span one unit and the trend passes through the origin, which lies at
+      the left or at the right end of each
+      variable: scaled data lie in [0, 1] or [-1, 0]. The two are not equivalent for one-term fits,
+      since left-anchored powers of a falling curve are concave and right-anchored ones convex.
+    - `max_abs`: division by the largest magnitude, no offset.
+    - `none`: data as they are.
+
+    `weights` of the samples, (n,), decide about the anchor (`end_of_trend`); None where all are
+    alike.
+    """
+    names, count = tuple(variables), len(variables)
+    ends = np.array([extremes(x) for x in (*inputs, y)])
+    if rule == "unit_square":
+        every = (
+            product((False, True), repeat=count)
+            if count <= EVERY_CORNER_UP_TO
+            else [(False,) * count, (True,) * count]
+        )
+        weights = np.ones(len(y)) if weights is None else weights
+        shares = list(map(even_share, (*inputs, y, weights)))
+        return tuple(_anchored(shares, names, right, ends) for right in every)
+    slope, y_slope = np.ones(count), 1.0
+    if rule == "max_abs":
+        sizes = span(np.abs(ends).max(axis=1))
+        slope, y_slope = 1 / sizes[:-1], float(sizes[-1])
+    elif rule != "none":
+        raise ValueError(f"unknown scaling rule {rule!r}: unit_square, max_abs or none")
+    return (Scaling(rule, "-", names, slope, np.zeros(count), y_slope, 0.0),)
+
+
+def _anchored(
+    samples: Sequence[Array], variables: tuple[str, ...], right: tuple[bool, ...], ends: Array
+) -> Scaling:
+    low, high = ends[:-1].T
+    slope, anchor = 1 / span(high - low), np.where(right, high, low)
+    *inputs, y, weights = samples
+    away = np.array([(x - a) * m for x, a, m in zip(inputs, anchor, slope, strict=True)])
+    y_anchor = end_of_trend(away, y, weights) if variables else 0.0
+    place = ",".join("right" if r else "left" for r in right) or "-"
+    y_span = float(span(np.ptp(ends[-1])))
+    return Scaling("unit_square", place, variables, slope, -slope * anchor, y_span, y_anchor)
+
+
+def span(width: ArrayLike) -> Array:
+    """Return widths to divide by; a constant variable stays as it is."""
+    return np.where(np.asarray(width) > 0, width, 1.0)
+
+
+def end_of_trend(away: Array, y: Array, weights: Array) -> float:
+    """Return the mean of the trend of `y`, (n,), at the nearest 5 % of the samples; from the anchor
+    these are `away`, (v, n), in scaled coordinates.
+
+    Where they weigh alike and are three or more, that is their mean. Else the trend is the parabola
+    of weighted least squares through so many of the nearest samples that they carry the weight of
+    as many, and of three at least: a sample that counts little then moves nothing, although the
+    trend is steep and the sample's place counts as before. Equal rows are one sample of their
+    summed weight, so that k of them are one of k times the weight. All samples at the same distance
+    count, so that the order of rows does not matter.
+    """
+    far = np.abs(away).max(axis=0)
+    order = np.lexsort([y, *away, far])
+    rows = np.column_stack([*away.T[order].T, y[order]])
+    first = np.flatnonzero(np.append(True, (rows[1:] != rows[:-1]).any(axis=1)))
+    order, total = order[first], np.add.reduceat(weights[order], first)
+    away, y, far = away[:, order], y[order], far[order]
+    nearest = far <= far[max(1, int(np.ceil(END_FRACTION * len(y)))) - 1]
+    count = max(FEWEST, int(np.count_nonzero(nearest)))
+    first = total[:count]
+    alike = np.ptp(first) <= ALIKE * first.max()
+    if alike and np.count_nonzero(nearest) >= FEWEST:
+        return float(np.mean(y[nearest]))
+    wanted = (count + EXTRA * (not alike)) * np.median(total) * (1 - ROUNDING)
+    enough = int(np.searchsorted(np.cumsum(total), wanted))
+    used = far <= far[min(enough, len(y) - 1)]
+    used |= nearest
+    B = np.vstack([np.ones(len(y)), away, away**2])
+    B[1:] /= np.abs(B[1:, used]).max(axis=1, initial=1e-300)[:, None]
+    root = np.sqrt(total[used] / total[used].max())
+    theta = np.linalg.lstsq((B[:, used] * root).T, y[used] * root, rcond=FLAT)[0]
+    return float(np.mean(theta @ B[:, nearest]))

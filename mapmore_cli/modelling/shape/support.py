@@ -1,0 +1,187 @@
+"""Whether training data support a sign that a shape asks for, or contradict it beyond their noise.
+
+Neighbouring samples differ by their noise as much as by the curve, so that differences of raw
+samples contradict any sign. Here means of 1, 2, 4, ... neighbouring places are compared, and the
+largest contradiction, in standard errors, is held against what noise alone does at all places and
+over all widths (a multiscale test of monotonicity: Duembgen and Spokoiny 2001).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from mapmore_cli.domain.arrays import Array, BoolArray
+from mapmore_cli.domain.errors import FitError
+from mapmore_cli.domain.models import CurveRange
+from mapmore_cli.domain.recording import Curve, united
+from mapmore_cli.modelling.kinds import limits
+from mapmore_cli.modelling.selection import Fit
+from mapmore_cli.modelling.shape.region import Region, region_within
+from mapmore_cli.modelling.shape.stencils import Asked, asked_of, nodes_of, stencils_on
+
+# places of the grid on which training data are compared; along an input, where it has more values,
+# at least and at most
+COMPARED, LEAST_ALONG, MOST_ALONG = 4096, 24, 1000
+# differences that a sign needs, and the share of them that may contradict it whatever the noise
+FEWEST, CONTRADICTED = 10, 0.05
+# a smaller fall, as a part of the range of the output, is rounding
+ROUNDING = 1e-9
+LEVEL = 0.01
+"""How often data whose true output is flat, and which are noise alone, may be refused."""
+
+# runs of noise alone, and standard errors below which no contradiction is worth them
+RUNS, UNLIKELY = 499, 2.0
+# cells about a cell, beside those that a plane through it needs, by which its noise is told
+ABOUT, LOCAL = 3, 12
+
+
+def refuse_unsupported(
+    curves: Sequence[Curve],
+    target: str,
+    inputs: Sequence[str],
+    level: str | None,
+    fit: Fit,
+    fewest: int = FEWEST,
+    *,
+    over_time: bool = False,
+) -> None:
+    """Raise FitError for a quantity of `fit.shape` that does not vary, and for a sign that training
+    data contradict beyond their noise, or of which they have fewer than the `fewest` differences;
+    with 0, as for a part of the data, only for the contradiction.
+
+    It needs no model, so that `check` and a run say the same. Differences are of the interpolated
+    training output, between neighbouring values of the quantity, at the values of the other inputs.
+
+    - `curves`: those of the dataset, with their training samples.
+    - `target`, `inputs`: names of the output, and of what the model is a function of.
+    - `level`: the quantity whose curves are interpolated; None where they are pooled.
+    - `over_time`: whether the model has memory: differences then say nothing of the output at rest,
+      and are not asked.
+    """
+    ranges = tuple(limits(_ranges_of(curves, inputs, level), level))
+    region = region_within(ranges, curves, target, inputs, fit)
+    asked = asked_of(fit)
+    known = [] if region is None else region.asks(asked)
+    if fewest and (unknown := [one.quantity for one in asked if one not in known]):
+        raise FitError(
+            f"fit.shape: `{unknown[0]}` is no input of the model that varies in training",
+            f"name one of {', '.join(region.names if region else ())}",
+        )
+    if region is None or over_time:
+        return
+    axes = _axes(region, level)
+    columns = nodes_of(axes)
+    inside, output = region.holds(columns), region.output(columns)
+    for one in (one for one in known if one.word in ("increasing", "decreasing")):
+        rises = stencils_on(axes, one, inside).of(output)
+        count, wrong = len(rises), int((rises < -ROUNDING * region.span).sum())
+        against = None
+        if wrong > CONTRADICTED * count:
+            against = _contradiction(region, axes, one, inside)
+        if count < fewest or against is not None:
+            told = "" if against is None else against.told
+            raise FitError(
+                f"fit.shape: `{one.quantity}: {one.word}` rests on {count} differences of the "
+                f"training data, of which {wrong} contradict it{told}",
+                f"a sign needs {FEWEST}, and data that do not contradict it by more than their "
+                "noise: remove it, or raise `fit.slack`",
+            )
+
+
+def _ranges_of(
+    curves: Sequence[Curve], inputs: Sequence[str], level: str | None
+) -> list[CurveRange]:
+    """Return the training range of every input, curve by curve where curves have levels."""
+    known = sorted(
+        (one for one in curves if one.training.any()),
+        key=lambda one: (one.level is not None, one.level),
+    )
+    own = [{name: one.limits(name) for name in inputs if name in one.columns} for one in known]
+    if level is None:
+        return [CurveRange("all", None, united(own))]
+    return [CurveRange(one.id, one.level, its) for one, its in zip(known, own, strict=True)]
+
+
+def _axes(region: Region, level: str | None) -> dict[str, Array]:
+    """Return the places along each input at which the training output is compared."""
+    most = np.clip(round(COMPARED ** (1 / len(region.names))), LEAST_ALONG, MOST_ALONG)
+    axes = dict(region.fixed)
+    for name, x in zip(region.names, region.places.T, strict=True):
+        own = region.ranges[0].levels if name == level else np.unique(x)
+        axes[name] = own if len(own) <= most else np.linspace(own[0], own[-1], most)
+    return axes
+
+
+class _Against(NamedTuple):
+    """A contradiction that noise alone does not make: by how much means over a stretch contradict
+    the word, how many standard errors that is, and the place in words.
+    """
+
+    amount: float
+    errors: float
+    place: str
+
+    @property
+    def told(self) -> str:
+        """In words."""
+        return (
+            f", by {self.amount:.3g} in the mean over a stretch, which is {self.errors:.3g} times "
+            f"what their noise explains, most for {self.place}"
+        )
+
+
+def _contradiction(
+    region: Region, axes: Mapping[str, Array], asked: Asked, inside: BoolArray
+) -> _Against | None:
+    """Return the largest contradiction of a sign; None where noise alone makes one as large in more
+    than `LEVEL` of all cases.
+    """
+    from scipy.sparse import csr_array
+
+    between, sigma = region.between(nodes_of(axes)), _noise(region)
+    noise = sigma[:, None] * np.random.default_rng(0).normal(size=(len(sigma), RUNS))
+    worst, by_noise = _Against(0.0, UNLIKELY, ""), np.zeros(RUNS)
+    for power in range(len(axes[asked.quantity]).bit_length() - 1):
+        stencils = stencils_on(axes, asked, inside, 2**power)
+        if not len(stencils.nodes):
+            break
+        size = (len(stencils.nodes), len(inside))
+        starts = np.arange(0, stencils.nodes.size + 1, stencils.nodes.shape[1])
+        rises = (
+            csr_array((stencils.weights.ravel(), stencils.nodes.ravel(), starts), size) @ between
+        )
+        error = np.sqrt(rises.power(2) @ sigma**2) + ROUNDING * region.span
+        against = -(rises @ region.values) / error
+        if against.max() > worst.errors:
+            row = int(np.argmax(against))
+            place = stencils.at(np.array([row])).told
+            worst = _Against(float(against[row] * error[row]), float(against[row]), place)
+        by_noise = np.maximum(by_noise, (-(rises @ noise) / error[:, None]).max(axis=0))
+    share = (1 + np.count_nonzero(by_noise >= worst.errors)) / (RUNS + 1)
+    return worst if worst.place and share <= LEVEL else None
+
+
+def _noise(region: Region) -> Array:
+    """Return the standard deviation of the noise in the value of each cell, (c,).
+
+    The value of a cell, less that of the plane through its nearest neighbours, has the variance
+    `s^2 (1/n + sum w_i^2/n_i)` with the weights w of the plane and the numbers n of samples. `s^2`
+    is its mean over all cells, or over those about a cell where that is more (residuals of
+    neighbours: Gasser, Sroka and Jennen-Steinmetz 1986).
+    """
+    from scipy.spatial import KDTree
+
+    c, d = region.places.shape
+    if c < d + ABOUT:
+        return np.zeros(c)
+    places = region.places / np.ptp(region.places, axis=0)
+    near = np.asarray(KDTree(places).query(places, min(c, max(2 * d + ABOUT, LOCAL)))[1])
+    about = near[:, 1 : 2 * d + ABOUT]
+    away = places[about] - places[:, None]
+    weights = np.linalg.pinv(np.concatenate([np.ones_like(away[..., :1]), away], axis=2))[:, 0]
+    left = region.values - np.sum(weights * region.values[about], axis=1)
+    each = left**2 / (1 / region.counts + np.sum(weights**2 / region.counts[about], axis=1))
+    return np.asarray(np.sqrt(np.maximum(each.mean(), each[near].mean(axis=1)) / region.counts))
