@@ -112,7 +112,7 @@ def verdict_lines(run_dir: Path) -> tuple[str, ...]:
     table, data, body = files.scores(), files.dataset(), files.model().body
     outputs = zip(table.each, data.each, strict=True)
     verdicts = [
-        verdict_sentence(one.scores, OWN, own.quantities[own.target], one.failed)
+        verdict_sentence(one.scores, OWN, own.quantities[own.target], one.failed, one.warnings)
         for one, own in outputs
     ]
     formula = body.backbone if isinstance(body, Pieces) else None

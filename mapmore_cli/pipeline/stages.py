@@ -185,7 +185,9 @@ def fuse(part: ModelChoices, workspace: Workspace) -> None:
         from mapmore_cli.fitting.left_out import residuals
         from mapmore_cli.modelling.validation.intervals import interval_refusal
 
-        left_out = residuals(part, dataset, workspace.needed, workspace.progress, model)
+        left_out = residuals(
+            part, dataset, workspace.needed, workspace.progress, model, workspace.run_dir
+        )
         if (why := interval_refusal(left_out)) is not None:
             workspace.warn(f"validate.intervals: {why}")
         model = replace(model, left_out=left_out)
@@ -212,7 +214,7 @@ def _finished(part: ModelChoices, model: Model, dataset: Dataset) -> Model:
 
 FUSE = Stage(
     name="fuse",
-    revision=10,
+    revision=11,
     outputs=(MODEL,),
     reads=model_choices,
     run=fuse,

@@ -61,10 +61,11 @@ def render_page(
 
 def _words_of(inputs: ReportInputs, figures: Figures) -> dict[str, object]:
     """Return what the template knows of an output."""
-    scores = inputs.validation.scores
+    scores, warnings = inputs.validation.scores, inputs.validation.warnings
+    known = (inputs.own, inputs.target, inputs.failed, warnings)
     return {
         "inputs": inputs,
-        "verdict": verdict_sentence(scores, inputs.own, inputs.target, inputs.failed),
+        "verdict": verdict_sentence(scores, *known),
         "sections": sections_of(inputs),
         "figures": figures,
         "errors": {fit.id: training_rmse(fit) for fit in inputs.fit.segments},

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 
 from mapmore_cli.domain.recording import Quantity
 from mapmore_cli.domain.results import Search
-from mapmore_cli.domain.scores import REPEATABILITY, Published, Score, deciding
+from mapmore_cli.domain.scores import REPEATABILITY, STRUCTURE_SEEN, Published, Score, deciding
 from mapmore_cli.modelling.validation.comparison import Comparison
 from mapmore_cli.reporting.table import MODEL, Cell, Column, Table, cells_of, title_of
 
@@ -134,12 +134,18 @@ EQUAL_WITHIN = 0.01
 
 
 def verdict_sentence(
-    scores: Sequence[Score], own: str, target: Quantity, failed: Sequence[str] = ()
+    scores: Sequence[Score],
+    own: str,
+    target: Quantity,
+    failed: Sequence[str] = (),
+    warnings: Sequence[str] = (),
 ) -> str:
     """Compare the pooled error of the model `own` with the best of the others, on held-out data
     where there are any.
 
-    `failed` names the competitors that have no scores, because their fit failed.
+    `failed` names the competitors that have no scores, because their fit failed. The sentence
+    begins with that one of the `warnings` which says that held-out data chose the structure, and
+    names the competitors that were trained on such data, which are not compared.
     """
     compared = deciding(scores)
     ours = next((s for s in compared if s.model == own), None)
@@ -164,7 +170,16 @@ def verdict_sentence(
         if s.model == REPEATABILITY
     ]
     comparison = _comparison(ours, others, failed)
-    return f"{own} predicts {target.name} with {errors} {where}; {comparison}{''.join(floors)}."
+    seen = [title_of(s.model) for s in scores if (s.split, s.curve) == ("seen", "all")]
+    if seen:
+        trained = "were trained on held-out samples, and are" if seen[1:] else TRAINED
+        comparison += f"; {', '.join(seen)} {trained} not compared"
+    chosen = [f"{said.split(':')[0]}; " for said in warnings if said.startswith(STRUCTURE_SEEN)]
+    told = f"{own} predicts {target.name} with {errors} {where}; {comparison}"
+    return f"{''.join(chosen[:1])}{told}{''.join(floors)}."
+
+
+TRAINED = "was trained on held-out samples, and is"
 
 
 def _comparison(ours: Score, others: Sequence[Score], failed: Sequence[str]) -> str:
