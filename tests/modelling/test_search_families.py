@@ -253,3 +253,25 @@ def test_a_long_record_is_shortened_to_pieces_as_long_as_the_run_that_is_held_ou
     assert pieces(100) == [2400] * 5
     assert pieces(5000) == [6000] * 2
     assert pieces(30_000) == [12_000]
+
+
+@pytest.mark.parametrize(
+    ("held", "ends"),
+    [
+        ([[0.8, 1]], [(0.6, 0.8)]),
+        ([[0, 0.3]], [(0.3, 0.53)]),  # a third of what trains at most
+        ([[0.4, 0.6]], []),
+        ([[0.4, 0.45], [0.9, 1]], [(0.8, 0.9)]),
+    ],
+)
+def test_an_end_of_an_input_is_left_out_where_the_study_holds_one_out(held, ends):
+    x, z = np.random.default_rng(1).random((2, 400))
+    held_out = np.any([(x >= low) & (x <= high) for low, high in held], axis=0)
+    part = replace(WHOLE, held_out=Holdout.model_validate({"x": {"between": held}}))
+    bench = bench_of(dataset_of({"x": x, "z": z, "y": x * z}, held_out=held_out), part)
+    values = bench.dataset.curves[0].columns["x"]
+    deciding = [fold for fold, w in zip(bench.folds, bench.weights, strict=True) if w > 0]
+    assert bench.ends == bool(ends)
+    if ends:
+        found = [(values[fold].min(), values[fold].max()) for fold in deciding]
+        assert np.array(found) == pytest.approx(np.array(ends), abs=0.03)
