@@ -124,8 +124,8 @@ KINDS: Mapping[str, tuple[str, Mapping[str, Any]]] = {
         "map",
         {**PIECES, "segment": {"strain": {"method": "optimal", "count": 2, "min_samples": 4}}},
     ),
-    "pieces, stop: bic": ("map", {**PIECES, "fit": {"max_terms": 4, "stop": "bic"}}),
-    "pieces, stop: press": ("map", {**PIECES, "fit": {"max_terms": 4, "stop": "press"}}),
+    "pieces, stop: bic": ("map", {**PIECES, "fit": {"max_terms": 3, "stop": "bic"}}),
+    "pieces, stop: press": ("map", {**PIECES, "fit": {"max_terms": 3, "stop": "press"}}),
     "pieces, loss: bisquare": ("map", {**PIECES, "fit": {"max_terms": 2, "loss": "bisquare"}}),
     "pieces, shape": (
         "map",
