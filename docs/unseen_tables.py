@@ -40,7 +40,7 @@ def _dataset(target: str, level: str | None, curves: list[Curve]) -> Dataset:
     return Dataset(target, level, quantities, (), tuple(curves))
 
 
-def _curve(name: str, level: float | None, columns: dict[str, Array]) -> Curve:
+def _curve(name: str, level: float | None, columns: dict[str, Any]) -> Curve:
     size = len(next(iter(columns.values())))
     return Curve(name, level, columns, np.zeros(size, dtype=np.bool_), (name,))
 
@@ -103,6 +103,12 @@ SPLITS: Mapping[str, Mapping[str, Callable[[Curve], BoolArray]]] = {
         "between": partial(_between, "u", 0.4, 0.6),
     },
 }
+SEARCHED = {
+    "search of a map": ("inner level", "outer level", "recordings"),
+    "search of recordings": ("recordings", "last"),
+}
+"""Splits of a search, which takes long: others have no cell."""
+
 COLUMNS = ("inner level", "outer level", "recordings", "last", "fraction", "between")
 PIECES: dict[str, Any] = {
     "segment": {"pressure": "levels", "strain": {"method": "even", "count": 2}},
@@ -180,12 +186,17 @@ def made(kind: str, dataset: Dataset) -> bytes:
         return tried + path.read_bytes()
 
 
+def splits_of(kind: str) -> tuple[str, ...]:
+    """Return the splits that a row has cells for."""
+    return SEARCHED.get(kind, tuple(SPLITS[KINDS[kind][0]]))
+
+
 def cell(kind: str, split: str) -> str:
     """Say whether anything has changed where the held-out outputs are turned round."""
     name, _ = KINDS[kind]
-    masked = SPLITS[name].get(split)
-    if masked is None:
+    if split not in splits_of(kind):
         return NONE
+    masked = SPLITS[name][split]
     whole = force_map() if name == "map" else records()
     if kind == "two outputs":
         whole = replace(whole, also=("z",))
