@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from pages import DOCS, read_rows, run, scores, write_tables
 
-from mapmore_cli.annexes.search.searching import formula_beside
+from mapmore_cli.annexes.search.searching import formulas_beside
 from mapmore_cli.domain.recording import Quantity
 from mapmore_cli.domain.scores import BASELINES, OWN, SIMPLE, Score
 from mapmore_cli.reporting.score_tables import verdict_sentence
@@ -296,7 +296,7 @@ def says_so(files: RunFiles) -> bool:
     rows: list[Score] = [
         one
         for one in files.validation().scores
-        if one.model in {OWN, *SIMPLE, formula_beside(found)}
+        if one.model in {OWN, *SIMPLE, *formulas_beside(found)}
     ]
     return "is worse" in verdict_sentence(rows, OWN, Quantity(rows[0].target, "")) or any(
         "errs" in note for note in found.notes

@@ -113,7 +113,7 @@ def verdict_lines(run_dir: Path) -> tuple[str, ...]:
     table, data, body = files.scores(), files.dataset(), files.model().body
     outputs = zip(table.each, data.each, strict=True)
     verdicts = [
-        verdict_sentence(one.scores, OWN, scored(one, own), one.failed, one.alert)
+        verdict_sentence(one.scores, OWN, scored(one, own), one.failed, one.alert, one.warnings)
         for one, own in outputs
     ]
     formula = body.backbone if isinstance(body, Pieces) else None

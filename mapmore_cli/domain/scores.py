@@ -54,7 +54,9 @@ class Score:
 
     model: Annotated[Label, "`mapmore`, or the name of a literature model"]
     target: Annotated[Label, "the modelled quantity"]
-    split: Annotated[Label, "`train` or `validate`"]
+    split: Annotated[
+        Label, "`train` or `validate`; `seen` of held-out data that the model was trained on"
+    ]
     curve: Annotated[Label, "`all`, or the identifier of a curve"]
     n: Annotated[int, "samples"]
     rmse: Annotated[float, "root of the mean squared error", "[target]"]
@@ -186,6 +188,10 @@ class ScoreTable:
             )
             for target in targets
         )
+
+
+STRUCTURE_SEEN = "the structure was chosen with all "
+"""What a warning and a verdict begin with, where a structure was chosen with held-out data."""
 
 
 def deciding(scores: Iterable[Score]) -> list[Score]:

@@ -37,13 +37,15 @@ Forecasts = tuple[Forecast, ...]
 @dataclass(frozen=True)
 class Rival:
     """A competitor with what it says of every curve; `formulas` are the fits behind it by the name
-    they are shown under, `own_fit` that of another run, where its kind has a page of its own.
+    they are shown under, `own_fit` that of another run, where its kind has a page of its own, and
+    `run` the folder of that run.
     """
 
     name: str
     forecasts: Forecasts
     formulas: Mapping[str, FormulaFit] = field(default_factory=dict)
     own_fit: Any = None
+    run: Path | None = None
 
     @property
     def failed(self) -> bool:
@@ -86,7 +88,7 @@ class Contest:
             )
             body = files.fit().body
             own_fit = body if kinds.page_of(body) else None
-            return Rival(label, self._of_model(model), own_fit=own_fit)
+            return Rival(label, self._of_model(model), own_fit=own_fit, run=folder)
         if competitor.is_file:
             return Rival(
                 label, self._of_model(read_model(self.spec_dir / str(name)).of(dataset.target))

@@ -6,12 +6,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mapmore_cli.domain import plugins
 from mapmore_cli.domain.arrays import Array, BoolArray, extremes
 from mapmore_cli.domain.errors import DataError, FitError, SpecError
 from mapmore_cli.domain.models import LeftOut, LeftOutKind, Model
@@ -21,16 +22,17 @@ from mapmore_cli.domain.scores import OWN
 from mapmore_cli.fitting.competitors import Contest, Forecasts
 from mapmore_cli.fitting.kinds import refit
 from mapmore_cli.fitting.kinds.choices import ModelChoices, model_choices
-from mapmore_cli.fitting.refitting import FEWEST, left_out_of
+from mapmore_cli.fitting.refitting import FEWEST, left_out_of, without
 from mapmore_cli.modelling import kinds
 from mapmore_cli.modelling.forecast import forecast
 from mapmore_cli.modelling.pieces.cross_validation import BLOCKS, block, in_curve
 from mapmore_cli.modelling.validation.intervals import left_out_summary, with_levels
 from mapmore_cli.storage.run_folder import RunFiles
+from mapmore_cli.storage.run_record import SEARCH_STAGE, load_records
 from mapmore_cli.study.loader import load
 
 if TYPE_CHECKING:
-    from mapmore_cli.fitting.stage import Progress
+    from mapmore_cli.fitting.stage import Progress, Workspace
 
 Said = dict[str, Forecasts]
 """What models say of every curve, by their names."""
@@ -44,11 +46,51 @@ Masks = tuple[BoolArray, ...]
 """For every curve, the samples that are left out."""
 
 
+MOST_SEARCHES = 12
+"""Searches of a structure for one cross-validation; each takes as long as that of the run."""
+
+
+def choices_by_fold(
+    run_dir: Path | None, choices: ModelChoices, dataset: Dataset, folds: Sequence[Masks]
+) -> Callable[[int], ModelChoices]:
+    """Return by what a model is made without a fold, by the number of the fold.
+
+    Where the structure of the run was searched, it is searched again without the fold. Of more than
+    `MOST_SEARCHES` folds, every twelfth one shares a search, which is without all of these: no
+    structure has seen what it is scored on.
+    """
+    again = None if run_dir is None else _searching_again(run_dir)
+    if again is None:
+        return lambda _number: choices
+
+    @cache
+    def found(first: int) -> ModelChoices:
+        outs = zip(*folds[first::MOST_SEARCHES], strict=True)
+        rest = without(dataset, [np.logical_or.reduce(every) for every in outs])
+        return replace(again(rest), name=choices.name, signals=choices.signals)
+
+    return lambda number: found(number % MOST_SEARCHES)
+
+
+def was_searched(run_dir: Path) -> bool:
+    """Tell whether the structure of a run was found by a search."""
+    return SEARCH_STAGE in load_records(run_dir, lambda _message: None)
+
+
+def _searching_again(run_dir: Path) -> Callable[[Dataset], ModelChoices] | None:
+    """Return what searches a structure as a run did; None where it did not."""
+    if not was_searched(run_dir):
+        return None
+    again: Callable[[Dataset], ModelChoices]
+    again = plugins.load("stages", SEARCH_STAGE).searching_again(run_dir)
+    return again
+
+
 def left_out(
     choices: ModelChoices,
     contest: Contest,
     compare: Compare,
-    progress: Progress,
+    workspace: Workspace,
     fitted_to: str,
     group: str | None = None,
 ) -> tuple[Dataset, Said, list[str]]:
@@ -56,22 +98,27 @@ def left_out(
     curve, and warnings.
 
     With `group`, the quantity that tells groups apart, each group is left out in place of a level.
-    Everything is fitted anew without it: cuts, terms, backbone, how much of its residual is
-    trusted, and every competitor. The run's own model is `fitted_to` a quantity, which need not be
-    the one that is scored. A model that fails without some level is left out.
+    Everything is made again without it: the structure where it was searched, cuts, terms, backbone,
+    how much of its residual is trusted, and every competitor. The run's own model is `fitted_to` a
+    quantity, which need not be the one that is scored. A model that fails without some level is
+    left out.
     """
     refuse_over_time(choices)
     dataset = contest.dataset
     folds = _level_folds(dataset) if group is None else _group_folds(dataset, group)
     parts, warnings = list[Said](), list[str]()
-    for outs in folds:
-        fold = _held_out(dataset, outs)
-        model = refit(choices, replace(fold, target=fitted_to))
+    own_data = replace(dataset, target=fitted_to)
+    made_by = choices_by_fold(workspace.run_dir, choices, own_data, folds)
+    for number, outs in enumerate(folds):
+        fold, own_choices = _held_out(dataset, outs), made_by(number)
+        refuse_over_time(own_choices)
+        model = refit(own_choices, replace(fold, target=fitted_to))
         said, told = compare(replace(contest, dataset=fold, model=model, refit=refit_run))
         own = tuple(forecast(model, curve, fold.target) for curve in fold.curves)
         parts.append({OWN: own, **said})
         warnings += told
-        progress(f"{'levels' if group is None else 'groups'} left out", len(parts), len(folds))
+        what = f"{'levels' if group is None else 'groups'} left out"
+        workspace.progress(what, len(parts), len(folds))
     everywhere = [np.ones(curve.size, dtype=np.bool_) for curve in dataset.curves]
     joined = {
         name: _by_fold([said[name] for said in parts], folds)
@@ -133,9 +180,35 @@ def refit_run(run_dir: Path, dataset: Dataset) -> Model:
     """Return the model of another run, made anew by its own spec on the training samples of a
     dataset.
     """
-    choices = model_choices(load(run_dir / "experiment.yaml").spec)
+    again = _searching_again(run_dir)
+    dataset = replace(dataset, target=RunFiles(run_dir).dataset().target)
+    choices = again(dataset) if again else model_choices(load(run_dir / "experiment.yaml").spec)
     refuse_over_time(choices)
-    return refit(choices, replace(dataset, target=RunFiles(run_dir).dataset().target))
+    return refit(choices, dataset)
+
+
+MUCH = 0.1
+"""Share of the held-out samples, from which on a model that was trained on them has seen them."""
+
+
+def trained_on(run_dir: Path, dataset: Dataset) -> bool:
+    """Tell whether the model of another run was trained on samples that a dataset holds out: on
+    rows of the same numbers, beyond those that its training samples have as well by chance.
+    """
+    other = RunFiles(run_dir).dataset()
+    names = [name for name in dataset.curves[0].columns if name in other.curves[0].columns]
+
+    def rows(curves: Sequence[Curve], held_out: bool) -> list[bytes]:
+        parts = [
+            np.column_stack([curve.columns[name][mask] for name in names])
+            for curve in curves
+            for mask in (curve.held_out if held_out else curve.training,)
+        ]
+        return [row.tobytes() for row in np.concatenate(parts)]
+
+    held = rows(dataset.curves, True)
+    seen = {*rows(other.curves, False)} - {*rows(dataset.curves, False)}
+    return sum(row in seen for row in held) > MUCH * len(held)
 
 
 def residuals(
@@ -144,18 +217,21 @@ def residuals(
     needed: Mapping[str, Path],
     progress: Progress,
     model: Model,
+    run_dir: Path | None = None,
 ) -> LeftOut:
-    """Leave each part of the training data out, fit everything anew, and return the
-    errors that stand for the `model`.
+    """Leave each part of the training data out, make everything again, and return the errors that
+    stand for the `model`.
 
-    `needed` are the folders of the runs that a sum adds up, which are fitted anew as well. Held-out
-    data are never used.
+    `needed` are the folders of the runs that a sum adds up, which are made again as well. In
+    `run_dir` the search of the structure is known, where there was one: it is made again too.
+    Held-out data are never used.
 
     Raises SpecError where runs are added up that were trained on fewer than three levels or
     recordings; DataError, FitError where a model cannot be fitted without a part, or has no
     prediction for it; the part is named.
     """
     kind, count, parts = parts_of(dataset, choices)
+    made_by = choices_by_fold(run_dir, choices, dataset, [*parts.values()])
     if kind == "blocks" and needed:
         raise SpecError(
             "validate.intervals: the runs that are added up can be fitted anew without a level or "
@@ -168,7 +244,8 @@ def residuals(
     errors: dict[str, list[Array]] = {}
     for name, outs in parts.items():
         try:
-            every = left_out_of(dataset, outs, partial(_refitted_sum, choices, needed))
+            made = partial(_refitted_sum, made_by(len(errors)), needed)
+            every = left_out_of(dataset, outs, made)
         except (DataError, FitError) as error:
             raise type(error)(
                 f"validate.intervals: without {name}, {error.message}",
@@ -287,7 +364,9 @@ def _summand_without(run_dir: Path, dataset: Dataset) -> Model:
         np.ones(curve.size, dtype=np.bool_) if _level_or_id(curve) in out else curve.held_out
         for curve in own.curves
     ]
-    return refit(choices, _held_out(own, masks))
+    rest = _held_out(own, masks)
+    again = _searching_again(run_dir)
+    return refit(again(rest) if again else choices, rest)
 
 
 def _level_or_id(curve: Curve) -> float | str:

@@ -110,22 +110,27 @@ Missed = tuple[Curve, BoolArray, Forecast]
 """A curve, its samples that were left out of a fit, (n,), and what that model says of the curve."""
 
 
+def without(dataset: Dataset, masks: Sequence[BoolArray]) -> Dataset:
+    """Return the dataset with more samples of every curve held out."""
+    curves = zip(dataset.curves, masks, strict=True)
+    kept = tuple(replace(curve, held_out=curve.held_out | out) for curve, out in curves)
+    return replace(dataset, curves=kept)
+
+
+def missed_by(model: Model, dataset: Dataset, masks: Sequence[BoolArray]) -> list[Missed]:
+    """Return every curve of which samples were left out, with what a model of the rest says."""
+    curves = zip(dataset.curves, masks, strict=True)
+    return [(curve, out, forecast(model, curve)) for curve, out in curves if out.any()]
+
+
 def left_out_of(
     dataset: Dataset, masks: Sequence[BoolArray], remade: Callable[[Dataset], Model]
 ) -> list[Missed]:
     """Return every curve of which samples are left out, with what a model says that is `remade`
     without them. Raises as the fit does.
     """
-    curves = tuple(
-        replace(curve, held_out=curve.held_out | out)
-        for curve, out in zip(dataset.curves, masks, strict=True)
-    )
-    model = remade(replace(dataset, curves=curves))
-    return [
-        (curve, out, forecast(model, curve))
-        for curve, out in zip(curves, masks, strict=True)
-        if out.any()
-    ]
+    rest = without(dataset, masks)
+    return missed_by(remade(rest), rest, masks)
 
 
 def errors_of(folds: Folds, remade: Callable[[Dataset], Model]) -> list[float]:

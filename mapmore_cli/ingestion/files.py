@@ -46,7 +46,7 @@ class IngestSlice:
 def slice_of(spec: ExperimentSpec) -> IngestSlice:
     """Return the part of the spec that ingest reads; cross-validation is no business of its."""
     split = spec.data.split.model_copy(
-        update={"leave_one_level_out": False, "leave_one_group_out": False}
+        update={"leave_one_level_out": False, "leave_one_group_out": False, "structure_seen": False}
     )
     by_group = any(isinstance(rule, dict) for rule in spec.data.uncertainty.values())
     groups = spec.data.groups

@@ -22,7 +22,6 @@ from mapmore_cli.modelling.selection import Fit
 from mapmore_cli.modelling.validation.comparison import Comparison, compare
 from mapmore_cli.pipeline.staleness import (
     MODEL_STAGE,
-    SEARCH_STAGE,
     known_records,
     plain,
     slice_differences,
@@ -40,6 +39,7 @@ from mapmore_cli.storage.run_folder import MODEL
 from mapmore_cli.storage.run_record import (
     CAMPAIGN_RECORD,
     RUN_RECORD,
+    SEARCH_STAGE,
     Origin,
     StageRecord,
     load_origin,

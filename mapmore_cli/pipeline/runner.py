@@ -20,7 +20,6 @@ from mapmore_cli.domain.processors import one_blas_thread
 from mapmore_cli.fitting.stage import Progress, Stage, Warn, Workspace
 from mapmore_cli.modelling.selection import AUTO
 from mapmore_cli.pipeline.staleness import (
-    SEARCH_STAGE,
     Needed,
     StagePlan,
     as_found,
@@ -43,6 +42,7 @@ from mapmore_cli.storage.run_folder import (
     swap_in,
 )
 from mapmore_cli.storage.run_record import (
+    SEARCH_STAGE,
     Origin,
     StageRecord,
     Stamp,

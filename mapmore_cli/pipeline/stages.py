@@ -190,7 +190,9 @@ def fuse(part: ModelChoices, workspace: Workspace) -> None:
         from mapmore_cli.fitting.left_out import residuals
         from mapmore_cli.modelling.validation.intervals import interval_limits
 
-        left_out = residuals(part, dataset, workspace.needed, workspace.progress, model)
+        left_out = residuals(
+            part, dataset, workspace.needed, workspace.progress, model, workspace.run_dir
+        )
         if (why := interval_limits(left_out)) is not None:
             workspace.warn(f"validate.intervals: {why}")
         model = replace(model, left_out=left_out)

@@ -18,7 +18,7 @@ from mapmore_cli.domain import plugins
 from mapmore_cli.domain.errors import DataError, SpecError
 from mapmore_cli.fitting.stage import Need, Stage
 from mapmore_cli.modelling.selection import AUTO
-from mapmore_cli.storage.run_record import StageRecord, Stamp, load_records
+from mapmore_cli.storage.run_record import SEARCH_STAGE, StageRecord, Stamp, load_records
 from mapmore_cli.storage.stamps import take_stamp
 from mapmore_cli.study.experiment import Competitor, ExperimentSpec
 from mapmore_cli.study.loader import LoadedSpec, load
@@ -26,9 +26,6 @@ from mapmore_cli.study.yaml_loader import as_overrides
 
 MODEL_STAGE = "fuse"
 """The stage after which a run has the model that others read."""
-
-SEARCH_STAGE = "search"
-"""The stage that finds the structure of a model; a spec that asks for none has no such stage."""
 
 
 def pipeline(searched: bool = False) -> tuple[Stage, ...]:

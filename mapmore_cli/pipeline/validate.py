@@ -11,7 +11,7 @@ import numpy as np
 
 from mapmore_cli.domain.arrays import Array, BoolArray, Columns, by_blocks, row_by_row
 from mapmore_cli.domain.errors import SpecError
-from mapmore_cli.domain.scores import OWN, Limit, deciding
+from mapmore_cli.domain.scores import OWN, STRUCTURE_SEEN, Limit, deciding
 from mapmore_cli.fitting.kinds.choices import ModelChoices, model_choices, with_definitions
 from mapmore_cli.fitting.stage import Need, Progress, Stage, Warn, Workspace
 from mapmore_cli.modelling.selection import Fit
@@ -36,7 +36,7 @@ class ScoresSlice:
     this is inverted. `static` is the spec of the needed static run, `lengths` are the muscle's in
     m, `cycles_of` is the quantity whose cycles are held out, `robust` the section `fit` with a
     robust loss, and `folds` has the choices that models are made by where every level is left out
-    in turn.
+    in turn. `structure_seen` says with what the structure was chosen, where that is held out.
     """
 
     target: str
@@ -50,6 +50,7 @@ class ScoresSlice:
     folds: ModelChoices | None
     groups: str | None
     without_groups: bool
+    structure_seen: str
     robust: Fit | None
 
 
@@ -60,7 +61,7 @@ def scores_slice(spec: ExperimentSpec) -> ScoresSlice:
     spec = with_definitions(spec)
     target = spec.target if isinstance(spec.target, str) else spec.target.column
     moving, split, groups = target in ("damping", "dynamic"), spec.data.split, spec.data.groups
-    folds = split.leave_one_level_out or split.leave_one_group_out
+    every = "groups" if split.leave_one_group_out else "levels" if split.leaves_out else "data"
     return ScoresSlice(
         target=spec.validation.as_ or target,
         seen_as=spec.validation.as_,
@@ -70,9 +71,10 @@ def scores_slice(spec: ExperimentSpec) -> ScoresSlice:
         lengths=spec.muscle.lengths,
         normaliser=spec.validation.normaliser,
         cycles_of=split.hold_out.of if split.hold_out is not None else None,
-        folds=model_choices(spec) if folds else None,
+        folds=model_choices(spec) if split.leaves_out else None,
         groups=groups.of if groups is not None else None,
         without_groups=split.leave_one_group_out,
+        structure_seen=every if split.structure_seen else "",
         robust=None if spec.fit.loss == "squares" else spec.fit,
     )
 
@@ -97,6 +99,7 @@ def score(part: ScoresSlice, workspace: Workspace) -> None:
 def _scored(part: ScoresSlice, workspace: Workspace, measured: Dataset, model: Model) -> Validation:
     from mapmore_cli.domain.results import Validation
     from mapmore_cli.fitting.competitors import Contest
+    from mapmore_cli.fitting.left_out import trained_on, was_searched
     from mapmore_cli.modelling.forecast import forecast_each
     from mapmore_cli.modelling.kinds import parameters
     from mapmore_cli.modelling.validation.metrics import divisor, on_common_rows, score_rows
@@ -145,11 +148,20 @@ def _scored(part: ScoresSlice, workspace: Workspace, measured: Dataset, model: M
             free=parameters(model) if name == OWN else 0,
         )
     ]
+    if part.folds is None:
+        saw = {one.name for one in rivals if one.run is not None and trained_on(one.run, dataset)}
+        scores = [
+            replace(row, split="seen") if row.model in saw and row.split == "validate" else row
+            for row in scores
+        ]
     scores += _repeatability_scores(part, model, dataset, scale)
     fits = {one.name: one.own_fit for one in rivals if one.own_fit is not None}
     predictions = {name: tuple(one.values for one in every) for name, every in forecasts.items()}
     units = {part.target: dataset.unit(dataset.target)}
     loud = alarms(model, dataset, predictions[OWN], scores)
+    if part.structure_seen and not (part.folds and was_searched(workspace.run_dir)):
+        chosen = f"{STRUCTURE_SEEN}{part.structure_seen}: errors on new ones are likely larger"
+        loud = (chosen, *loud)
     far = outliers(dataset, own, part.robust) if part.robust is not None else ()
     if far:
         worst = f"the farthest is {far[0].file}:{far[0].place}"
@@ -230,9 +242,7 @@ def _left_out(
         return {one.name: one.forecasts for one in rivals if not one.failed}, warnings
 
     group = part.groups if part.without_groups else None
-    whole, said, warnings = left_out(
-        choices, contest, compare, workspace.progress, fitted_to, group
-    )
+    whole, said, warnings = left_out(choices, contest, compare, workspace, fitted_to, group)
     for warning in warnings:
         workspace.warn(warning)
     return whole, said

@@ -62,10 +62,10 @@ def render_page(
 def _words_of(inputs: ReportInputs, figures: Figures) -> dict[str, object]:
     """Return what the template knows of an output."""
     scores, table = inputs.validation.scores, inputs.validation.each[0].table
-    target = scored(table, inputs.dataset)
+    known = (inputs.own, scored(table, inputs.dataset), inputs.failed, table.alert)
     return {
         "inputs": inputs,
-        "verdict": verdict_sentence(scores, inputs.own, target, inputs.failed, table.alert),
+        "verdict": verdict_sentence(scores, *known, inputs.validation.warnings),
         "alert": bool(table.alert),
         "sections": sections_of(inputs),
         "figures": figures,

@@ -7,7 +7,14 @@ from collections.abc import Mapping, Sequence
 
 from mapmore_cli.domain.recording import Dataset, Quantity
 from mapmore_cli.domain.results import Search
-from mapmore_cli.domain.scores import REPEATABILITY, Published, Score, ScoreTable, deciding
+from mapmore_cli.domain.scores import (
+    REPEATABILITY,
+    STRUCTURE_SEEN,
+    Published,
+    Score,
+    ScoreTable,
+    deciding,
+)
 from mapmore_cli.modelling.validation.comparison import Comparison
 from mapmore_cli.reporting.table import MODEL, Cell, Column, Table, cells_of, title_of
 
@@ -147,12 +154,15 @@ def verdict_sentence(
     target: Quantity,
     failed: Sequence[str] = (),
     alert: str = "",
+    warnings: Sequence[str] = (),
 ) -> str:
     """Compare the pooled error of the model `own` with the best of the others, on held-out data
     where there are any.
 
     `target` is what was scored; `failed` names the competitors that have no scores, because their
-    fit failed; an `alert` comes first.
+    fit failed. An `alert` comes first, then that one of the `warnings` which says that held-out
+    data chose the structure. Competitors that were trained on held-out data are named, and not
+    compared.
     """
     head = f"Alert: {alert}. " if alert else ""
     compared = deciding(scores)
@@ -178,8 +188,16 @@ def verdict_sentence(
         if s.model == REPEATABILITY
     ]
     comparison = _comparison(ours, others, failed)
-    said = f"{own} predicts {target.name} with {errors} {where}"
-    return f"{head}{said}; {comparison}{''.join(floors)}."
+    seen = [title_of(s.model) for s in scores if (s.split, s.curve) == ("seen", "all")]
+    if seen:
+        trained = "were trained on held-out samples, and are" if seen[1:] else TRAINED
+        comparison += f"; {', '.join(seen)} {trained} not compared"
+    chosen = [f"{said.split(':')[0]}; " for said in warnings if said.startswith(STRUCTURE_SEEN)]
+    predicts = f"{own} predicts {target.name} with {errors} {where}; {comparison}"
+    return f"{head}{''.join(chosen[:1])}{predicts}{''.join(floors)}."
+
+
+TRAINED = "was trained on held-out samples, and is"
 
 
 def short_verdict(table: ScoreTable, own: str) -> str:

@@ -80,6 +80,8 @@ CAMPAIGN_RECORD = "campaign.json"
 """What tells the folder of a campaign's page from one of the user."""
 STAGES = ("ingest", "search", "segment", "fit", "fuse", "validate", "report")
 """The stages in their order."""
+SEARCH_STAGE = "search"
+"""The one that finds the structure of a model; a spec that asks for none has no such stage."""
 FORMAT_VERSION = "1.2"
 
 

@@ -1,11 +1,15 @@
 """`model: {type: auto}`: the structure is searched on training data alone, kept, and told."""
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
 from cli_samples import OWN, by_place, page_of, write_lines
+from common import dataset_of
 
+from mapmore_cli.cli.views import verdict_lines
+from mapmore_cli.fitting.kinds.choices import model_choices
 from mapmore_cli.modelling.validation.significance import Ranked
 from mapmore_cli.study.loader import load
 
@@ -136,3 +140,68 @@ def test_a_budget_that_cut_the_list_is_told(tmp_path, mapmore, monkeypatch):
     result = mapmore("tune", write_bare(tmp_path), "--budget", "5 s")
     assert "the budget of 5 s ended before" in result.stderr
     mapmore("run", tmp_path / "runs/bare/found.yaml", "--runs", tmp_path / "other", "-q", code=0)
+
+
+def plain_models_only(monkeypatch):
+    from mapmore_cli.annexes.search import searching
+
+    every = searching.offered_structures
+    monkeypatch.setattr(
+        searching,
+        "offered_structures",
+        lambda *of: [one for one in every(*of) if one.kind == "simple"],
+    )
+
+
+def test_every_level_is_left_out_of_the_search_as_well(tmp_path, mapmore, monkeypatch):
+    """Of scores and of intervals: no structure and no coefficient has seen the forces at 300 kPa,
+    which may stand in another order; run without its search, the spec says that it has.
+    """
+    from mapmore_cli.fitting import left_out
+
+    split = ("split: {validate: {pressure: [300]}}", "split: {leave_one_level_out: true}")
+    made, whole = list[str](), left_out.refit
+    plain_models_only(monkeypatch)
+
+    def watched(choices, dataset, *more):
+        if all(curve.held_out.all() for curve in dataset.curves if curve.level == 300):
+            model = whole(choices, dataset, *more)
+            made.append(repr((choices, model.body)))
+            return model
+        return whole(choices, dataset, *more)
+
+    monkeypatch.setattr(left_out, "refit", watched)
+    found = []
+    for name, permuted in (("one", False), ("two", True)):
+        spec = write_bare(tmp_path / name, permuted)
+        spec.write_text(
+            spec.read_text().replace(*split) + "validate: {intervals: true, against: [plane]}\n"
+        )
+        made.clear()
+        runs = tmp_path / name / "runs"
+        mapmore("validate", spec, "--runs", runs, "-q", code=0)
+        assert verdict_lines(runs / "bare")[0].startswith("mapmore predicts")
+        found.append(sorted(made))
+    assert len(found[0]) == 2
+    assert found[0] == found[1]
+    mapmore("validate", runs / "bare/found.yaml", "--runs", "other", "-q", code=0)
+    (verdict,) = verdict_lines(Path("other/bare"))
+    assert verdict.startswith("the structure was chosen with all levels; mapmore predicts")
+
+
+def test_of_many_levels_several_share_a_search_without_all_of_them(monkeypatch, tmp_path):
+    from mapmore_cli.fitting import left_out
+
+    out, chosen = list[int](), model_choices(load(write_bare(tmp_path)).spec)
+
+    def searched(dataset):
+        out.append(sum(curve.held_out.all() for curve in dataset.curves))
+        return chosen
+
+    monkeypatch.setattr(left_out, "_searching_again", lambda _run: searched)
+    numbers = range(left_out.MOST_SEARCHES + 2)
+    data = dataset_of(*({"y": np.arange(5.0)} for _ in numbers))
+    folds = [tuple(np.full(5, one == two) for one in numbers) for two in numbers]
+    made_by = left_out.choices_by_fold(tmp_path, chosen, data, folds)
+    assert {made_by(number).name for number in numbers} == {"bare"}
+    assert out == [2, 2, *[1] * (left_out.MOST_SEARCHES - 2)]

@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 from cli_samples import OWN, by_place, edit, options, page_of
 
+from mapmore_cli.cli.views import verdict_lines
 from mapmore_cli.storage.artefacts import read_model
 
 HELD = "{validate: {pressure: [200]}}"
@@ -87,3 +88,17 @@ def test_the_run_tells_what_it_chose(study, tmp_path, mapmore, document):
 )
 def test_a_choice_that_cannot_be_made_is_refused(settings, words, study, mapmore):
     mapmore("fit", study, *options("model.backbone=auto", *settings), code=3, says=words)
+
+
+def test_a_competitor_that_was_trained_on_what_is_held_out_is_named_and_not_compared(
+    study, mapmore
+):
+    text = study.read_text()
+    other = study.with_name("other.yaml")
+    other.write_text(text.replace("name: bench", "name: other").replace(f"split: {HELD}", ""))
+    rivals = "against: [{run: other.yaml, as: whole}, {set: {fit.max_terms: 2}, as: two_terms}]"
+    edit(study, "against: [polynomial_2]", rivals)
+    mapmore("validate", study, "-q", code=0)
+    (verdict,) = verdict_lines(Path("runs/bench"))
+    assert "whole was trained on held-out samples, and is not compared" in verdict
+    assert "two_terms was" not in verdict

@@ -191,9 +191,9 @@ def leveled(*levels, held=()):
         (3, [], [[2]], 1 / 2),  # the only inner one
         (5, [], [[2], [3], [4]], 1 / 4),
         (7, [3, 4], [[2, 5], [5, 6]], 2 / 3),
-        (7, [6, 7], [[4, 5]], 1 / 2),
-        (6, [1, 2, 3], [[4]], 1 / 2),  # two stay
-        (7, [1, 4], [[2], [3], [5], [6]], 2 / 3),
+        (7, [6, 7], [[4, 5]], 1),  # beyond an end: what lies there decides
+        (6, [1, 2, 3], [[4]], 1),  # two stay
+        (7, [1, 4], [[2]], 1),
     ],
 )
 def test_levels_are_left_out_as_the_study_holds_them_out(levels, held, out, weight):
@@ -253,3 +253,25 @@ def test_a_long_record_is_shortened_to_pieces_as_long_as_the_run_that_is_held_ou
     assert pieces(100) == [2400] * 5
     assert pieces(5000) == [6000] * 2
     assert pieces(30_000) == [12_000]
+
+
+@pytest.mark.parametrize(
+    ("held", "ends"),
+    [
+        ([[0.8, 1]], [(0.6, 0.8)]),
+        ([[0, 0.3]], [(0.3, 0.53)]),  # a third of what trains at most
+        ([[0.4, 0.6]], []),
+        ([[0.4, 0.45], [0.9, 1]], [(0.8, 0.9)]),
+    ],
+)
+def test_an_end_of_an_input_is_left_out_where_the_study_holds_one_out(held, ends):
+    x, z = np.random.default_rng(1).random((2, 400))
+    held_out = np.any([(x >= low) & (x <= high) for low, high in held], axis=0)
+    part = replace(WHOLE, held_out=Holdout.model_validate({"x": {"between": held}}))
+    bench = bench_of(dataset_of({"x": x, "z": z, "y": x * z}, held_out=held_out), part)
+    values = bench.dataset.curves[0].columns["x"]
+    deciding = [fold for fold, w in zip(bench.folds, bench.weights, strict=True) if w > 0]
+    assert bench.ends == bool(ends)
+    if ends:
+        found = [(values[fold].min(), values[fold].max()) for fold in deciding]
+        assert np.array(found) == pytest.approx(np.array(ends), abs=0.03)

@@ -43,9 +43,10 @@ from mapmore_cli.pipeline.runner import (
     Listeners,
     bring_up_to_date,
 )
-from mapmore_cli.pipeline.staleness import SEARCH_STAGE, as_found
+from mapmore_cli.pipeline.staleness import as_found
 from mapmore_cli.storage.atomic import write_text
 from mapmore_cli.storage.run_folder import RunFiles
+from mapmore_cli.storage.run_record import SEARCH_STAGE
 from mapmore_cli.study.loader import LoadedSpec, load
 from mapmore_cli.study.yaml_loader import as_overrides
 

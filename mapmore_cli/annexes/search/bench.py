@@ -66,8 +66,9 @@ class Bench:
 
     Each of the folds (n,) has all samples, curve after curve. The first `blocks` of them are
     stretches of curves, the others whole levels, recordings or ends of them. `weights` (f,) add up
-    to 1. Of the `study`, an even share of all that there is, what is held out included, the inputs
-    alone are looked at.
+    to 1: where the study holds an end out (`ends`), folds that leave an end out have all of it. Of
+    the `study`, an even share of all that there is, what is held out included, the inputs alone are
+    looked at.
     """
 
     dataset: Dataset
@@ -80,6 +81,7 @@ class Bench:
     parts_left_out: str
     part: Slice
     asks_parts: bool
+    ends: bool
 
     @classmethod
     def of(cls, training: Dataset, situation: Situation, part: Slice, study: Dataset) -> Bench:
@@ -87,13 +89,17 @@ class Bench:
         DataError where no sample can be left out.
         """
         left_out, blocks = _stretches(training, situation, part.held_out, held_run(study))
-        name, parts, asked = _parts(training, situation, study)
-        asked = bool(parts) and (asked or part.by_level)
+        name, parts, asked, ends = _parts(training, situation, study)
+        if beyond := [] if ends else _beyond(training, situation, study):
+            name, parts, ends = "ends of an input, as the study holds one out", beyond, True
+        asked = bool(parts) and (asked or part.by_level or ends)
         if not blocks and not parts:
             raise DataError("too few samples train: none can be left out", "keep more samples")
         weight = 2 / 3 if asked else 1 / 2 if situation.timed else 1 / 4
         if len(parts) == 1:  # the only inner level
             weight = 1 / 2
+        if ends:  # what is told of the way between others says nothing of what lies beyond
+            weight = 1.0
         counts = [len(blocks), len(parts)]
         weights = np.repeat(np.array([1 - weight, weight]) / np.maximum(counts, 1), counts)
         most = max(MOST_SAMPLES // len(study.curves), 1)
@@ -109,6 +115,7 @@ class Bench:
             f"each of {len(parts)} {name}" if parts else "",
             part,
             asked,
+            ends,
         )
 
     @property
@@ -254,7 +261,7 @@ def held_run(study: Dataset) -> int:
 
 def _bands(samples: Curve, held_out: Holdout | None, inputs: Sequence[str]) -> list[BoolArray]:
     """Bands of an input that are as wide as those that the study holds out of it, about even
-    quantiles of what trains; at an end, where those lie beyond that end.
+    quantiles of what trains.
 
     Blocks in the order of time hold every value of an input that was swept more than once: left
     out, they ask for nothing between.
@@ -268,20 +275,19 @@ def _bands(samples: Curve, held_out: Holdout | None, inputs: Sequence[str]) -> l
         values = samples.columns[name]
         trained = values[samples.training]
         least, largest = extremes(trained)
-        middles = [least + half] * bool(low.min() <= least)
-        middles += [largest - half] * bool(high.max() >= largest)
-        if ((low > least) & (high < largest)).any():
-            middles.extend(np.quantile(trained, np.linspace(0, 1, BLOCKS + 2)[1:-1]))
+        inner = ((low > least) & (high < largest)).any()
+        middles = np.quantile(trained, np.linspace(0, 1, BLOCKS + 2)[1:-1]) if inner else ()
         folds += [samples.training & (np.abs(values - middle) <= half) for middle in middles]
     return folds if len(folds) > 1 else []
 
 
 def _parts(
     dataset: Dataset, situation: Situation, study: Dataset
-) -> tuple[str, list[BoolArray], bool]:
+) -> tuple[str, list[BoolArray], bool, bool]:
     """Return what is left out beside stretches, in words and masks: ends of recordings where most
     of what the study holds out lies behind training samples of the same one, else values that whole
-    curves stand at, else recordings; and whether the study holds such out.
+    curves stand at, else recordings; whether the study holds such out; and whether these are the
+    outermost values, as the study holds one out.
 
     In the rest of a fold every input varies: of one that stands still nothing is learnt.
     """
@@ -290,10 +296,10 @@ def _parts(
     trains = [every.training[log].any() for log in every.logs]
     held = every.held_out.sum()
     if "time" in every.columns and 2 * np.dot(behind, trains) > held:
-        return "ends of recordings", _ends(samples), True
+        return "ends of recordings", _ends(samples), True, False
     whole = np.array([curve.held_out.all() for curve in study.curves])
     of = _standing(situation.inputs, study, whole)
-    out = _fair(dataset) if of is None else _neighbours(dataset, study, whole, of)
+    out, ends = (_fair(dataset), False) if of is None else _neighbours(dataset, study, whole, of)
     columns = [samples.columns[name].astype(np.float32) for name in situation.inputs]
     sizes = [curve.size for curve in dataset.curves]
     folds = [samples.training & np.repeat(curves, sizes) for curves in out]
@@ -302,7 +308,8 @@ def _parts(
     ]
     some = [taught[place] for place in even_share(np.arange(len(taught)), MOST_PARTS)]
     asked = 2 * sum(curve.size for curve in study.curves if curve.held_out.all()) > held
-    return "recordings" if of is None else "levels", some, bool(asked)
+    name = "recordings" if of is None else f"{'outermost ' * ends}levels"
+    return name, some, bool(asked), ends and bool(some)
 
 
 def _ends(samples: Curve) -> list[BoolArray]:
@@ -335,25 +342,52 @@ def _values(dataset: Dataset, of: str) -> Array:
     )
 
 
-def _neighbours(dataset: Dataset, study: Dataset, whole: BoolArray, of: str) -> list[BoolArray]:
-    """Curves at neighbouring values, (c,), as the study holds them out: inner ones, as many as its
-    longest row of them, or as many at an end where they lie beyond that end; inner ones one by one
-    where it holds none out. Two values stay at least.
+def _neighbours(
+    dataset: Dataset, study: Dataset, whole: BoolArray, of: str
+) -> tuple[list[BoolArray], bool]:
+    """Return curves at neighbouring values, (c,), as the study holds them out, and whether they lie
+    at an end: as many at an end as it holds out beyond that end, where it does; else inner ones, as
+    many as its longest row of them, or one by one. Two values stay at least.
     """
     own, every = _values(dataset, of), _values(study, of)
     values, trained = np.unique(every), np.unique(own)
     most = len(trained) - 2
     if most < 1:
-        return []
+        return [], False
     kept = np.isin(values, every[~whole])
     rows = np.split(values, np.flatnonzero(np.diff(kept)) + 1)
     gaps = [row for row in rows if row[0] not in every[~whole]]
-    inner = [len(gap) for gap in gaps if values[0] < gap[0] and gap[-1] < values[-1]]
     out = [trained[:most][: len(gap)] for gap in gaps if gap[0] == values[0]]
     out += [trained[2:][-len(gap) :] for gap in gaps if gap[-1] == values[-1]]
-    if inner or not out:
-        out += [*sliding_window_view(trained[1:-1], min(max(inner, default=1), most))]
-    return [np.isin(own, some) for some in out]
+    ends = bool(out)
+    if not ends:
+        row = min(max(map(len, gaps), default=1), most)
+        out += [*sliding_window_view(trained[1:-1], row)]
+    return [np.isin(own, some) for some in out], ends
+
+
+BEYOND, WIDEST = 1 / 4, 1 / 3
+"""Share of the held-out samples that lie beyond the training range of an input, from which on an
+end counts as held out; and of that range what a fold leaves out at its end at most.
+"""
+
+
+def _beyond(dataset: Dataset, situation: Situation, study: Dataset) -> list[BoolArray]:
+    """Return folds (n,) that leave an end of an input out, as wide as what the study holds out
+    beyond it; none where few of the held-out samples lie beyond, or samples have a past.
+    """
+    samples, every, folds = _pooled(dataset), _pooled(study), list[BoolArray]()
+    for name in () if situation.timed else situation.inputs:
+        held, values = every.columns[name][every.held_out], samples.columns[name]
+        least, largest = extremes(values[samples.training])
+        for low, above in ((least - held, least - values), (held - largest, values - largest)):
+            width = min(np.max(low, initial=0.0), WIDEST * (largest - least))
+            if width > 0 and np.count_nonzero(low > 0) >= BEYOND * len(held):
+                fold = samples.training & (above >= -width)
+                # of two values one must not be left alone
+                if 2 * np.ptp(values[samples.training & ~fold]) >= largest - least:
+                    folds.append(fold)
+    return folds
 
 
 def _fair(dataset: Dataset) -> list[BoolArray]:

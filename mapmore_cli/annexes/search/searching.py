@@ -30,17 +30,18 @@ from mapmore_cli.annexes.search.situation import situation_of
 from mapmore_cli.domain import plugins
 from mapmore_cli.domain.arrays import Array, BoolArray
 from mapmore_cli.domain.errors import DataError, FitError, MapmoreError
-from mapmore_cli.domain.models import Model
+from mapmore_cli.domain.models import Model, Pieces
 from mapmore_cli.domain.processors import shared_out
 from mapmore_cli.domain.recording import Dataset
 from mapmore_cli.domain.results import Search, Tried
 from mapmore_cli.fitting.kinds import refit
 from mapmore_cli.fitting.kinds.choices import ModelChoices, lengths_of
-from mapmore_cli.fitting.refitting import left_out_of
+from mapmore_cli.fitting.refitting import missed_by, without
 from mapmore_cli.modelling.forecast import forecast
 from mapmore_cli.modelling.kinds import fed_back, parameters, runs_over_time
 from mapmore_cli.modelling.memory.records import records_of, time_step
-from mapmore_cli.modelling.validation.significance import WITHIN, simplest_of
+from mapmore_cli.modelling.pieces.remarks import exploding_curves
+from mapmore_cli.modelling.validation.significance import WITHIN, simplest_of, undominated
 
 if TYPE_CHECKING:
     from mapmore_cli.fitting.stage import Progress
@@ -58,6 +59,9 @@ more is only shown.
 LESS = 0.9
 """Times the error of the structure that was found, below which a black box errs clearly less."""
 
+BEYOND = "fuse.extrapolation"
+"""The setting that says how pieces go on beyond each curve's ends."""
+
 WHOLE = 0.5
 """Share of the left-out samples that a structure predicts at least: long lags say nothing of short
 recordings.
@@ -71,6 +75,8 @@ BY_MEDIAN = (
     "the least median error, 5 % of the logarithm of the number of parameters added, or a "
     "plain model within 2 % of it"
 )
+
+BY_ENDS = "; an end is held out, so that the folds that leave an end out decide alone"
 
 PLAIN, BLACK_BOX = ("simple", "formula"), "black box"
 """Kinds that are found where they are as good as anything, and one of those that are never found.
@@ -123,8 +129,8 @@ def search(
     jobs: list[Callable[[], Any]] = [partial(_try_structure, one, bench, budget) for one in listed]
     jobs.append(partial(black_boxes, training, bench.folds, situation) if beside else dict)
     *done, boxes = shared_out(call, jobs, partial(progress, "structures"))
-    outcomes: list[Outcome] = [one for one in done if one is not None]
-    cut = len(listed) - len(outcomes)
+    outcomes: list[Outcome] = [one for ways in done for one in ways]
+    cut = done.count([])
     ended = (
         f"the budget of {part.model.budget:g} s ended before {cut} of {len(listed)} structures "
         "were tried"
@@ -187,8 +193,11 @@ def _choose_structure(outcomes: Sequence[Outcome], bench: Bench, most: int | Non
     measured = [curve.columns[target][curve.training] for curve in bench.dataset.curves]
     scale = float(np.ptp(np.concatenate(measured))) or 1.0
     errors = _on_common_rows([outcomes[number][1] for number in usable]) / scale
-    rank = simplest_of(sizes.tolist(), errors, bench.weights, eligible, median=most is None)
-    as_good = eligible & (rank.excess <= WITHIN[0]) & (sizes <= sizes[rank.chosen])
+    decide = bench.weights > 0
+    weights = bench.weights[decide]
+    rank = simplest_of(sizes.tolist(), errors[:, decide], weights, eligible, median=most is None)
+    front = undominated(sizes, np.where(eligible, rank.excess, np.inf))
+    as_good = front & (rank.excess <= WITHIN[0]) & (sizes <= sizes[rank.chosen])
     plain = np.flatnonzero(as_good & np.isin(kinds, PLAIN)).tolist()
     chosen = min(plain, key=lambda i: (sizes[i], rank.excess[i]), default=rank.chosen)
     for place, number in enumerate(usable):
@@ -213,7 +222,7 @@ def _choose_structure(outcomes: Sequence[Outcome], bench: Bench, most: int | Non
         tuple(tried),
         usable[rank.best],
         usable[chosen],
-        BY_MEDIAN if most is None else BY_MEAN,
+        f"{BY_MEDIAN if most is None else BY_MEAN}{BY_ENDS * bench.ends}",
     )
 
 
@@ -251,36 +260,86 @@ def _on_common_rows(predicted: Sequence[Sequence[Left]]) -> Array:
     return np.asarray(np.nan_to_num(np.column_stack(rmse), nan=np.inf, posinf=np.inf))
 
 
-def _try_structure(candidate: Structure, bench: Bench, budget: Budget) -> Outcome | None:
-    """Fit a structure to all samples, and where that will do without each fold; None where the time
-    is over.
+WAYS = {"saturate": "", "continue": ", continued", "continue_linear": ", going on straight"}
+"""How pieces go on beyond each curve's ends, and what is added to the words of such a structure."""
+
+
+def _try_structure(candidate: Structure, bench: Bench, budget: Budget) -> list[Outcome]:
+    """Fit a structure to all samples, and where that will do without each fold; nothing where the
+    time is over.
     """
     if budget.over:
-        return None
-    started, left = time.process_time(), list[Left]()
+        return []
+    started = time.process_time()
     try:
-        choices = choices_of(candidate.sections, bench.part)
-        model = refit(choices, bench.dataset)
-        failure = _refusal(model, bench)
-        if not failure:
-            left = [_errors(choices, bench, masks) for masks in bench.masks]
-            asked = left[: bench.blocks] or left
-            if np.concatenate([ready for _, ready in asked]).mean() < WHOLE:
-                failure = "needs a longer past than most left-out samples have"
-        size = 0 if failure else parameters(model)
+        found = _tried_ways(candidate, bench)
     except MapmoreError as fault:
-        size, failure = 0, fault.message
+        found = [_outcome(candidate, None, failure=fault.message)]
     seconds = time.process_time() - started
     budget.worked += seconds
-    made = (candidate.kind, candidate.words, candidate.sections, size)
-    return Tried(*made, seconds=round(seconds, 2), failure=failure), left
+    each = round(seconds / len(found), 2)
+    return [(replace(one, seconds=each), left) for one, left in found]
 
 
-def _errors(choices: ModelChoices, bench: Bench, masks: Sequence[BoolArray]) -> Left:
+def _tried_ways(candidate: Structure, bench: Bench) -> list[Outcome]:
+    """Return a structure with each of the `WAYS` to go on beyond a curve's ends, unless the study
+    or the structure names one. A way that errs as one before it on every sample is left out.
+    """
+    choices = choices_of(candidate.sections, bench.part)
+    model = refit(choices, bench.dataset)
+    open_ = isinstance(model.body, Pieces) and model.body.backbone is None
+    ways = tuple(WAYS) if open_ and choices.fuse.extrapolation is None else (None,)
+    refused = {way: _refusal(_going_on(model, way), bench) for way in ways}
+    left: dict[str | None, list[Left]] = {way: [] for way in ways if not refused[way]}
+    if not left:
+        return [_outcome(candidate, ways[0], failure=refused[ways[0]])]
+    for masks in bench.masks:
+        rest = without(bench.dataset, masks)
+        remade = refit(choices, rest)
+        for way, missed in left.items():
+            missed.append(_errors(_going_on(remade, way), rest, masks))
+    outcomes = list[Outcome]()
+    for way, missed in left.items():
+        if any(_are_equal(missed, other) for _, other in outcomes):
+            continue
+        asked = missed[: bench.blocks] or missed
+        if np.concatenate([ready for _, ready in asked]).mean() < WHOLE:
+            failure = "needs a longer past than most left-out samples have"
+            return [_outcome(candidate, way, failure=failure)]
+        outcomes.append(_outcome(candidate, way, parameters(model), missed))
+    return outcomes
+
+
+def _are_equal(some: Sequence[Left], others: Sequence[Left]) -> bool:
+    pairs = zip(some, others, strict=True)
+    return all(np.array_equal(a, b, equal_nan=True) for (a, _), (b, _) in pairs)
+
+
+def _outcome(
+    candidate: Structure,
+    way: str | None,
+    size: int = 0,
+    left: Sequence[Left] = (),
+    failure: str = "",
+) -> Outcome:
+    sections = {**candidate.sections, **({} if way is None else {BEYOND: way})}
+    words = candidate.words + WAYS.get(way or "", "")
+    return Tried(candidate.kind, words, sections, size, failure=failure), left
+
+
+def _going_on(model: Model, way: str | None) -> Model:
+    """Return a model that goes on beyond the ends of its curves in another way."""
+    body = model.body
+    if way is None or not isinstance(body, Pieces):
+        return model
+    sides: Any = dict.fromkeys(body.fusion.extrapolation, (way, way))
+    return replace(model, body=replace(body, fusion=replace(body.fusion, extrapolation=sides)))
+
+
+def _errors(model: Model, rest: Dataset, masks: Sequence[BoolArray]) -> Left:
     """Return the errors on what a fold leaves out of every curve, (n,), and which are known."""
-    every = left_out_of(bench.dataset, masks, partial(refit, choices))
-    y = bench.dataset.target
-    missed = [said.values[out] - curve.columns[y][out] for curve, out, said in every]
+    every = missed_by(model, rest, masks)
+    missed = [said.values[out] - curve.columns[rest.target][out] for curve, out, said in every]
     return np.concatenate(missed), np.concatenate([said.ready[out] for _, out, said in every])
 
 
@@ -296,6 +355,8 @@ def _refusal(model: Model, bench: Bench) -> str:
         return "goes on by itself: its start still rings late in a recording"
     if not runs_over_time(model) and astray(model, bench):
         return "goes astray: far beyond all that was measured, at inputs of the study"
+    if exploding_curves(model, bench.dataset.curves, bench.dataset.target):
+        return "goes astray: it explodes beyond the ends of its curves"
     return ""
 
 
@@ -353,10 +414,12 @@ def settings_of(result: Search) -> dict[str, Any]:
     return {**empty, **result.found.sections}
 
 
-def formula_beside(result: Search) -> str | None:
-    """Return the formula of the literature that erred least of those tried; None where none was, or
-    where it is what was found.
+def formulas_beside(result: Search, every: bool = False) -> list[str]:
+    """Return the formula of the literature that erred least of those tried; none where it is what
+    was found. With `every`, return all of them, which no error has chosen.
     """
     formulas = [one for one in result.tried if one.family == "formula" and not one.failure]
-    best = min(formulas, key=lambda one: one.excess, default=None)
-    return None if best is None or best is result.found else str(best.sections["model"]["name"])
+    if not every:
+        formulas = sorted(formulas, key=lambda one: one.excess)[:1]
+        formulas = [one for one in formulas if one is not result.found]
+    return [str(one.sections["model"]["name"]) for one in formulas]

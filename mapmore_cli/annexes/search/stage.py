@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from pydantic import TypeAdapter
 from pydantic_core import to_json
 
 from mapmore_cli.annexes.search.bench import Slice
-from mapmore_cli.annexes.search.searching import formula_beside, search, settings_of
+from mapmore_cli.annexes.search.searching import choices_of, formulas_beside, search, settings_of
+from mapmore_cli.domain.recording import Dataset
+from mapmore_cli.fitting.kinds.choices import ModelChoices
 from mapmore_cli.fitting.stage import Stage, Workspace
 from mapmore_cli.modelling.expressions import parse
 from mapmore_cli.storage.atomic import write_text
 from mapmore_cli.storage.run_folder import SEARCH, RunFiles
+from mapmore_cli.storage.run_record import load_records
 from mapmore_cli.study.experiment import ExperimentSpec
 from mapmore_cli.study.sections.data import Direction, Rate
 
@@ -39,7 +44,7 @@ def search_slice(spec: ExperimentSpec) -> Slice:
         spec.muscle.lengths,
         split.hold_out,
         ignored,
-        split.leave_one_level_out,
+        split.leaves_out,
     )
 
 
@@ -77,7 +82,7 @@ def run_search(part: Slice, workspace: Workspace) -> None:
     )
 
 
-STAGE = Stage(name="search", revision=12, outputs=(SEARCH,), reads=search_slice, run=run_search)
+STAGE = Stage(name="search", revision=13, outputs=(SEARCH,), reads=search_slice, run=run_search)
 
 
 def with_found(loaded: LoadedSpec, run_dir: Path) -> LoadedSpec:
@@ -85,7 +90,9 @@ def with_found(loaded: LoadedSpec, run_dir: Path) -> LoadedSpec:
     found yet.
 
     Where it names no competitors, the formula that erred least in the search is one: the page says
-    what it reaches on the held-out data.
+    what it reaches on the held-out data. Where every level or group is left out in turn, the search
+    has seen them all: then all formulas are competitors, and the spec says that the structure was
+    chosen so, in case it is run without the search.
     """
     from mapmore_cli.study.loader import load
     from mapmore_cli.study.yaml_loader import as_overrides
@@ -93,6 +100,23 @@ def with_found(loaded: LoadedSpec, run_dir: Path) -> LoadedSpec:
     result = RunFiles(run_dir).search()
     if result is None:
         return loaded
-    rival = formula_beside(result)
-    beside = {"validate.against": [rival]} if rival and not loaded.spec.validation.against else {}
-    return load(loaded.path, (*loaded.overrides, *as_overrides({**settings_of(result), **beside})))
+    seen = loaded.spec.data.split.leaves_out
+    rivals = [] if loaded.spec.validation.against else formulas_beside(result, seen)
+    found = {
+        **settings_of(result),
+        **({"validate.against": rivals} if rivals else {}),
+        **({"data.split.structure_seen": True} if seen else {}),
+    }
+    return load(loaded.path, (*loaded.overrides, *as_overrides(found)))
+
+
+_SLICE = TypeAdapter(Slice)
+
+
+def searching_again(run_dir: Path) -> Callable[[Dataset], ModelChoices]:
+    """Return what finds a structure in the training samples of a dataset, as the search of a run
+    did in those of its own.
+    """
+    recorded = load_records(run_dir, lambda _message: None)[STAGE.name].slice
+    part = _SLICE.validate_json(to_json(recorded))
+    return lambda dataset: choices_of(search(dataset, part, beside=False).found.sections, part)

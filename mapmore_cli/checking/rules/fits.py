@@ -4,22 +4,16 @@ a shape that the data show.
 
 from __future__ import annotations
 
-from typing import cast
-
 import numpy as np
 
 from mapmore_cli.checking.rules import Issue, Issues, Subject
 from mapmore_cli.checking.rules.curves import inputs_of_model
-from mapmore_cli.domain.arrays import extremes, picked
 from mapmore_cli.domain.errors import DataError, FitError
-from mapmore_cli.domain.fits import FormulaFit
-from mapmore_cli.domain.models import CurveRange, Formula, Model
-from mapmore_cli.domain.recording import Curve
 from mapmore_cli.fitting.kinds.choices import level_of
 from mapmore_cli.fitting.kinds.pieces import cuts_of
 from mapmore_cli.modelling.pieces.recipe import Cuts
 from mapmore_cli.modelling.pieces.segmentation import cut_by_course
-from mapmore_cli.modelling.shape.region import refuse_unsupported
+from mapmore_cli.modelling.shape.support import refuse_unsupported
 from mapmore_cli.study.check_study import formula_called, rivals_of
 
 FEWER = "use fewer segments, lower `fit.max_terms`, or keep more samples of this curve"
@@ -103,25 +97,10 @@ def contradicted_shape(subject: Subject) -> Issues:
     spec, dataset = subject.spec, subject.dataset
     if spec.fit.shape is None or spec.runs_over_time or spec.model.type != "mapmore":
         return
-    level, quantities = level_of(spec.data.levels, spec.segment), dataset.quantities
-    inputs = dict.fromkeys((*([level] if level else ()), *inputs_of_model(subject)))
-    ranges = tuple(
-        CurveRange(curve.id, curve.level, {name: _training_ends(curve, name) for name in inputs})
-        for curve in dataset.curves
-        if curve.training.any()
-    )
-    # nothing is fitted yet: the shape is held against the data alone
-    body = Formula(cast(FormulaFit, None), level, ranges)
-    about = Model(
-        spec.name, quantities[dataset.target], tuple(map(quantities.__getitem__, inputs)), body
-    )
+    level = level_of(spec.data.levels, spec.segment)
+    inputs = tuple(dict.fromkeys((*([level] if level else ()), *inputs_of_model(subject))))
     try:
-        refuse_unsupported(about, dataset.curves, spec.fit)
+        refuse_unsupported(dataset.curves, dataset.target, inputs, level, spec.fit)
     except FitError as fault:
         where = subject.where("fit", "shape")
         yield Issue("error", "shape", where, fault.message, fault.remedy or "", "data")
-
-
-def _training_ends(curve: Curve, name: str) -> tuple[float, float]:
-    low, high = extremes(picked(curve.columns[name], curve.training))
-    return float(low), float(high)

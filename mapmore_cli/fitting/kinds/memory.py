@@ -5,15 +5,19 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
+import numpy as np
+
 from mapmore_cli.domain.declared import taken
 from mapmore_cli.domain.fits import FormulaFit
 from mapmore_cli.domain.models import Model
-from mapmore_cli.domain.recording import Dataset
+from mapmore_cli.domain.recording import Curve, Dataset
 from mapmore_cli.domain.results import FitResult
 from mapmore_cli.fitting.kinds import Given
 from mapmore_cli.fitting.kinds.choices import ModelChoices
 from mapmore_cli.fitting.kinds.dictionary import Clock, terms_of
 from mapmore_cli.fitting.kinds.formula import fitted
+from mapmore_cli.modelling.expressions.parsing import candidate
+from mapmore_cli.modelling.expressions.states import state
 from mapmore_cli.modelling.literature.backbone import residual_of
 from mapmore_cli.modelling.memory import model as memory
 from mapmore_cli.modelling.memory.fitting import fit_outputs, fit_with_memory
@@ -48,19 +52,49 @@ def fit_together(part: ModelChoices, given: Given) -> tuple[FitResult, ...]:
     return tuple(FitResult(one) for one in fit_outputs(records, recipes))
 
 
+def _unseen(curve: Curve, outputs: Sequence[str], lag: int) -> Curve:
+    """Return a curve without the outputs that it holds out. Where outputs are fed back, its
+    recordings begin with `lag` samples in a row that are not held out, from which a free run
+    starts.
+    """
+    if not curve.held_out.any():
+        return curve
+    blank = {name: np.where(curve.held_out, np.nan, curve.columns[name]) for name in outputs}
+    curve = replace(curve, columns={**curve.columns, **blank})
+    if lag == 0 or curve.held_out.all():
+        return curve
+    begun = []
+    for log in curve.logs:
+        known = np.convolve(~curve.held_out[log], np.ones(lag), "valid") == lag
+        begun.append(log[np.argmax(known) :] if known.any() else log)
+    return curve.at(np.sort(np.concatenate(begun)))
+
+
 def _asked(
     part: ModelChoices, dataset: Dataset, backbone: FormulaFit | None
 ) -> tuple[Sequence[Record], MemoryRecipe]:
-    """Return the recordings, with what the backbone leaves, and the whole recipe."""
-    curves = [residual_of(curve, dataset.target, backbone) for curve in dataset.curves]
-    step = time_step(curves)
-    records = records_of(curves, step)
-    clock = Clock(step, step * max(int(record.training.sum()) for record in records))
+    """Return the recordings, with what the backbone leaves, and the whole recipe.
+
+    Held-out outputs are unknown: fed back, they would be the past of training samples.
+    """
+    step = time_step(dataset.curves)
+    longest = max(int(record.training.sum()) for record in records_of(dataset.curves, step))
+    terms = terms_of(part.dictionary, Clock(step, step * longest))
+    outputs = [one.target for one in dataset.each]
+    names = {name for text in terms for name in candidate(text).names}
+    lag = max((state(name).lag for name in names if state(name).quantity in outputs), default=0)
+    records = records_of(
+        [
+            residual_of(_unseen(curve, outputs, lag), dataset.target, backbone)
+            for curve in dataset.curves
+        ],
+        step,
+    )
     asked = taken(
         MemoryRecipe,
         part.fit,
         target=dataset.target,
-        dictionary=terms_of(part.dictionary, clock),
+        dictionary=terms,
         step=step,
     )
     return records, replace(asked, dictionary=with_ranges(records, asked))

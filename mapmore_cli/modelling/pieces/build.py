@@ -60,6 +60,7 @@ from mapmore_cli.modelling.frols.weighing import weights_of
 from mapmore_cli.modelling.literature.backbone import residual_of
 from mapmore_cli.modelling.pieces.placement import placements, span
 from mapmore_cli.modelling.pieces.recipe import Recipe
+from mapmore_cli.modelling.pieces.remarks import beyond_remarks
 from mapmore_cli.modelling.pieces.segmentation import (
     samples_at,
     scaled_inputs,
@@ -376,16 +377,17 @@ def fuse(
                 segments=segments,
             )
         )
-    several = list(dict.fromkeys(one.curve for one in result.segments if len(one.terms) > 1))
+    several = any(len(one.terms) > 1 for one in result.segments)
     sides = _extrapolation(recipe, inputs, "saturate" if several else "continue")
     fusion = taken(Fusion, recipe.fuse, extrapolation=sides)
-    return Model(
+    model = Model(
         name=name,
         output=quantities[recipe.target],
         inputs=tuple(quantities[one] for one in inputs),
         body=Pieces(level, tuple(recipe.cuts), tuple(functions), fusion, backbone),
-        notes=(*result.notes, *_remarks(recipe, several, sides)),
+        notes=result.notes,
     )
+    return replace(model, notes=(*result.notes, *beyond_remarks(model, curves, recipe)))
 
 
 def build(
@@ -429,25 +431,3 @@ def _extrapolation(
         name: (default if below is None else below, default if above is None else above)
         for name, (below, above) in asked.items()
     }
-
-
-def _remarks(
-    recipe: Recipe, several: Sequence[str], sides: Mapping[str, tuple[Side, Side]]
-) -> tuple[str, ...]:
-    """Return what the user should know about extrapolation, of curves that have segments of several
-    terms.
-    """
-    if not several:
-        return ()
-    if explosive := sorted(
-        name for name, side in sides.items() if "continue" in side and name != recipe.level
-    ):
-        where = f"{', '.join(explosive)} on {', '.join(several)}"
-        return (
-            f"segments of several terms continue beyond their data along {where}, where "
-            "polynomials explode: remove `continue`, or write `saturate` (fuse.extrapolation)",
-        )
-    return (
-        "segments have several terms, so each curve is held at the ends of its own range; "
-        "`fuse: {extrapolation: continue}` goes on beyond them",
-    )

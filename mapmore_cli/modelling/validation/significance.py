@@ -111,10 +111,11 @@ def simplest_of(
 
     With `d_if = ln e_if - ln e_bf`, b the model of the least mean logarithm, and fold weights w
     that add up to 1, model i is within one standard error where `m_i = sum_f w_f d_if <= s_i`, with
-    `s_i^2 = f/(f - 1) sum_f w_f^2 (d_if - m_i)^2`, and s_i at least and at most `WITHIN`. The
-    smallest of these is taken. The folds are compared one by one because some are harder for every
-    model: the spread of the errors themselves (the rule of Breiman et al. 1984, section 3.4.3)
-    would mostly be that of the folds.
+    `s_i^2 = f/(f - 1) sum_f w_f^2 (d_if - m_i)^2`, and s_i at least and at most `WITHIN`; a single
+    fold says nothing of s_i, which is then the most. The smallest of these that no other dominates
+    is taken. The folds are compared one by one because some are harder for every model: the spread
+    of the errors themselves (the rule of Breiman et al. 1984, section 3.4.3) would mostly be that
+    of the folds.
 
     - `eligible`: which models may be taken, (s,).
     - `median`: the median over the folds plus `PRICE` ln(size) decides instead, and its least is
@@ -138,12 +139,23 @@ def simplest_of(
     best = int(order[np.argmin(score[order])])  # of equals the simplest
     differences = logs - logs[best]
     mean = _total(differences * share)
-    spread = np.sqrt(
-        folds / max(folds - 1, 1) * _total((share * (differences - mean[:, None])) ** 2)
-    )
-    within = (score - score[best] <= np.clip(spread, *WITHIN) * (1 + ROUNDING)) & np.isfinite(score)
+    squares = _total((share * (differences - mean[:, None])) ** 2)
+    spread = np.sqrt(folds / (folds - 1) * squares) if folds > 1 else np.full(len(logs), WITHIN[1])
+    within = score - score[best] <= np.clip(spread, *WITHIN) * (1 + ROUNDING)
+    within &= undominated(sized, score)
     chosen = best if median else int(next(i for i in order if within[i]))
     return Ranked(best, chosen, middle - middle[best], spread)
+
+
+def undominated(sizes: Array, scores: Array) -> BoolArray:
+    """Tell which models have no rival with at most as many parameters and a lower score, (s,); of
+    an infinite score none.
+
+    >>> undominated(np.array([3, 6, 6, 9]), np.array([2.0, 0.9, 1.0, 0.5])).tolist()
+    [True, True, False, True]
+    """
+    beaten = (sizes <= sizes[:, None]) & (scores < scores[:, None])
+    return np.asarray(~beaten.any(axis=1) & np.isfinite(scores))
 
 
 def geometric_mean(errors: Sequence[float]) -> float:

@@ -178,11 +178,19 @@ class Split(Section):
     - `validate`: which samples are held out, as `{pressure: [250]}`
     - `leave_one_level_out`: cross-validation over levels, as `true`
     - `leave_one_group_out`: cross-validation over `data.groups`, as `true`
+    - `structure_seen`: whether the model's structure was chosen with the data that are held out;
+      the verdict then begins with that, as `true`
     """
 
     hold_out: Holdout | None = Field(default=None, alias="validate")
     leave_one_level_out: bool = False
     leave_one_group_out: bool = False
+    structure_seen: bool = False
+
+    @property
+    def leaves_out(self) -> bool:
+        """Whether every level or group is left out in turn."""
+        return self.leave_one_level_out or self.leave_one_group_out
 
     def _contradictions(self) -> Iterator[ValueError]:
         given = [

@@ -1,0 +1,83 @@
+"""What the user should know of how pieces go on beyond the ends of their curves."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from mapmore_cli.domain.arrays import extremes
+from mapmore_cli.domain.models import Model, Pieces
+from mapmore_cli.domain.recording import Curve
+from mapmore_cli.modelling.pieces.model import simulate
+from mapmore_cli.modelling.pieces.recipe import Recipe
+
+REACH, ASTRAY = 0.1, 1.5
+"""Of the range of every input, how far beyond all samples a piece is looked at; and of the range of
+the output, how far from its middle a value has exploded.
+"""
+
+LOOKED_AT = 400
+"""Samples at most, moved outwards, at which pieces are looked at."""
+
+
+def beyond_remarks(model: Model, curves: Sequence[Curve], recipe: Recipe) -> tuple[str, ...]:
+    """Return a warning of curves that explode beyond their data, or where nothing was said of that,
+    how curves of segments with several terms are held.
+    """
+    body = model.body
+    assert isinstance(body, Pieces)
+    if not any(len(one.terms) > 1 for one in body.segments):
+        return ()
+    if exploding := exploding_curves(model, curves, recipe.target):
+        going = sorted(
+            name for name, side in body.fusion.extrapolation.items() if "continue" in side
+        )
+        along = ", ".join(name for name in going if name != body.level)
+        return (
+            f"the polynomials continue beyond their data along {along} and explode on "
+            f"{', '.join(exploding)}: write `saturate`, which holds them there "
+            "(fuse.extrapolation)",
+        )
+    said = (side for quantity in model.inputs for side in recipe.fuse.beyond(quantity.name))
+    if None not in said:
+        return ()
+    return (
+        "segments have several terms, so that each curve is held at the ends of its own range, "
+        "as `fuse.extrapolation` does not say otherwise",
+    )
+
+
+def exploding_curves(model: Model, curves: Sequence[Curve], target: str) -> list[str]:
+    """Return the curves with several terms in a segment that continue beyond their data, and there
+    leave the middle of all that was measured by more than `ASTRAY` times its range.
+
+    Between two levels a curve is evaluated where the other has samples, past its own end. So each
+    is looked at where any curve has samples, a little further out.
+    """
+    body = model.body
+    if not isinstance(body, Pieces):
+        return []
+    sides = body.fusion.extrapolation
+    if not any("continue" in side for name, side in sides.items() if name != body.level):
+        return []
+    names = (*(quantity.name for quantity in model.inputs), target)
+    known = {
+        name: np.concatenate([curve.columns[name][curve.training] for curve in curves])
+        for name in names
+    }
+    low, high = extremes(known[target])
+    rows = np.unique(np.linspace(0, len(known[target]) - 1, LOOKED_AT).astype(int))
+    places = {}
+    for name in names[:-1]:
+        middle = sum(extremes(known[name])) / 2
+        places[name] = middle + (1 + 2 * REACH) * (known[name][rows] - middle)
+    found = []
+    for one in body.curves:
+        if all(len(segment.terms) < 2 for segment in one.segments):
+            continue
+        at = {} if body.level is None else {body.level: np.full(len(rows), one.level)}
+        values = simulate(model, {**places, **at}).values
+        if (np.abs(values - (low + high) / 2) > ASTRAY * (high - low)).any():
+            found.append(one.curve)
+    return found
