@@ -25,8 +25,9 @@ def opened_npz(path: Path, label: str, _request: TableRequest | None) -> Iterato
     Raises DataError for no archive, a damaged one, and one that unpacks to far more than its size.
     """
     with reading(label, "NumPy archive (.npz)"), zipfile.ZipFile(path) as archive:
-        parts = {one.filename.removesuffix(".npy"): one for one in archive.infolist()}
-        yield group_of("the file", list(parts), lambda name: _npz_array(archive, parts[name], name))
+        names = [one.filename.removesuffix(".npy") for one in archive.infolist()]
+        parts = dict(zip(names, archive.infolist(), strict=True))
+        yield group_of("the file", names, lambda name: _npz_array(archive, parts[name], name))
 
 
 def _npz_array(archive: zipfile.ZipFile, part: zipfile.ZipInfo, name: str) -> Member:

@@ -31,8 +31,9 @@ def opened_parquet(path: Path, label: str, _request: TableRequest | None) -> Ite
         file = parquet.ParquetFile(stream)
         refuse_bombs(f"{label}: each column", 8 * file.metadata.num_rows, path.stat().st_size)
         fields = {field.name: field for field in file.schema_arrow}
-        kind = f"a table of {len(fields)} columns"
-        yield Member(kind, list(fields), lambda name: _parquet_column(file, fields[name]))
+        names = file.schema_arrow.names
+        kind = f"a table of {len(names)} columns"
+        yield Member(kind, names, lambda name: _parquet_column(file, fields[name]))
 
 
 def _parquet_column(file: Any, field: Any) -> Member:
