@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 import zipfile
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -31,7 +32,8 @@ def opened_npz(path: Path, label: str, _request: TableRequest | None) -> Iterato
 
 
 def _npz_array(archive: zipfile.ZipFile, part: zipfile.ZipInfo, name: str) -> Member:
-    refuse_bombs(f"'{name}'", part.file_size, part.compress_size)
+    size = os.fstat(archive.fp.fileno()).st_size  # what the archive says of itself may be wrong
+    refuse_bombs(f"'{name}'", part.file_size, min(part.compress_size, size))
     with archive.open(part) as stream:
         header = (
             npy.read_array_header_1_0
@@ -44,8 +46,9 @@ def _npz_array(archive: zipfile.ZipFile, part: zipfile.ZipInfo, name: str) -> Me
             f"'{name}' is an array of Python objects, which are not read",
             "save it as an array of numbers: `values.astype(float)`",
         )
-    if math.prod(shape) * kind.itemsize > part.file_size:
-        raise ValueError(f"'{name}' is cut off")
+    count = math.prod(shape)
+    if count * kind.itemsize > part.file_size or (count and not kind.itemsize):
+        raise ValueError(f"'{name}' declares more values than it holds")
 
     def values() -> Any:
         with archive.open(part) as stream:

@@ -28,16 +28,17 @@ def opened_parquet(path: Path, label: str, _request: TableRequest | None) -> Ite
     from pyarrow import parquet
 
     with reading(label, "Parquet file"), path.open("rb") as stream:
-        file = parquet.ParquetFile(stream)
-        refuse_bombs(f"{label}: each column", 8 * file.metadata.num_rows, path.stat().st_size)
+        file = parquet.ParquetFile(stream, page_checksum_verification=True)
+        size = path.stat().st_size
+        refuse_bombs(f"{label}: each column", 8 * file.metadata.num_rows, size)
         fields = {field.name: field for field in file.schema_arrow}
         names = file.schema_arrow.names
         kind = f"a table of {len(names)} columns"
-        yield Member(kind, names, lambda name: _parquet_column(file, fields[name]))
+        yield Member(kind, names, lambda name: _parquet_column(file, fields[name], size))
 
 
-def _parquet_column(file: Any, field: Any) -> Member:
-    """Return a column; DataError for one of texts, lists or structs."""
+def _parquet_column(file: Any, field: Any, size: int) -> Member:
+    """Return a column of a file of so many bytes; DataError for one of texts, lists or structs."""
     from pyarrow import types
 
     kind = field.type.value_type if types.is_dictionary(field.type) else field.type
@@ -46,6 +47,9 @@ def _parquet_column(file: Any, field: Any) -> Member:
             f"column '{field.name}' holds values of type {kind}, not numbers",
             "write a column of numbers, as by `frame.astype(float)` or `frame.explode`",
         )
+
+    if types.is_decimal(kind):  # which are read as objects, of a hundred bytes each
+        refuse_bombs(f"'{field.name}'", 100 * file.metadata.num_rows, size)
 
     def values(selection: Selection) -> Any:
         return file.read(columns=[field.name]).column(0).to_numpy()[selection]

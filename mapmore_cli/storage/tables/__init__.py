@@ -123,8 +123,8 @@ class RawTable:
     its reader. `rows` is `(n,)`, where each sample stands: its `place` is a `row` (line of a text
     file, row of a sheet, both from 1) or an `index` (of an array, from 0). `element` tells the
     recordings of one file apart, by number or by the title of their sheet; None where it holds a
-    single one. `noted` is what the file says of its columns. `breaks_off` and `open_end` are what its
-    reader found at the end of the file, which the gate judges (`tables/gate.py`).
+    single one. `noted` is what the file says of its columns. `breaks_off` and `open_end` are what
+    its reader found at the end of the file, which the gate judges (`tables/gate.py`).
     """
 
     columns: Mapping[Any, Array]

@@ -305,15 +305,17 @@ def as_numbers(values: Any, what: str, read: CellReader | None = None) -> Array:
     array = np.asarray(values)
     kind = array.dtype.kind
     if kind in "USO":
-        numbers = np.empty(array.shape)
-        for place, cell in np.ndenumerate(array):
-            try:
-                numbers[place] = read(cell)
-            except NotANumber as odd:
-                raise odd.at(
-                    f"{what} holds text, not real numbers: index {place[0] if place else 0}"
-                ) from None
-        return numbers
+        numbers = np.empty(array.size)
+        known = dict[Any, float]()  # what small files hold millions of is the same again and again
+        for index, cell in enumerate(array.flat):
+            if cell not in known:
+                try:
+                    known[cell] = read(cell)
+                except NotANumber as odd:
+                    where = f"{what} holds text, not real numbers: index {index}"
+                    raise odd.at(where) from None
+            numbers[index] = known[cell]
+        return numbers.reshape(array.shape)
     if kind == "M" and not read.clock:
         raise DataError(f"{what}: a date stands here, not a number", DATES)
     if kind == "M":
