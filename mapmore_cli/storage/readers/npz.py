@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import os
 import zipfile
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -27,12 +26,14 @@ def opened_npz(path: Path, label: str, _request: TableRequest | None) -> Iterato
     """
     with reading(label, "NumPy archive (.npz)"), zipfile.ZipFile(path) as archive:
         names = [one.filename.removesuffix(".npy") for one in archive.infolist()]
+        size = path.stat().st_size
         parts = dict(zip(names, archive.infolist(), strict=True))
-        yield group_of("the file", names, lambda name: _npz_array(archive, parts[name], name))
+        yield group_of("the file", names, lambda name: _npz_array(archive, parts[name], size))
 
 
-def _npz_array(archive: zipfile.ZipFile, part: zipfile.ZipInfo, name: str) -> Member:
-    size = os.fstat(archive.fp.fileno()).st_size  # what the archive says of itself may be wrong
+def _npz_array(archive: zipfile.ZipFile, part: zipfile.ZipInfo, size: int) -> Member:
+    """Return an array in an archive of so many bytes, which may lie about the size of its parts."""
+    name = part.filename.removesuffix(".npy")
     refuse_bombs(f"'{name}'", part.file_size, min(part.compress_size, size))
     with archive.open(part) as stream:
         header = (
