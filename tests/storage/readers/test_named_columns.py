@@ -76,7 +76,9 @@ def test_what_unpacks_to_far_more_than_it_has_is_not_unpacked(tmp_path, monkeypa
     header = (tmp_path / "x.npy").read_bytes().replace(b"(5,), }        ", b"(500000000,), }")
     with zipfile.ZipFile(tmp_path / "a.npz", "w") as archive:
         archive.writestr("x.npy", header)
-    refusal(["a.npz: the file is damaged", "'x' declares more values"], "npz", tmp_path / "a.npz", "x")
+    refusal(
+        ["a.npz: the file is damaged", "'x' declares more values"], "npz", tmp_path / "a.npz", "x"
+    )
 
 
 @pytest.mark.parametrize("kind", ["npz", "parquet"])
