@@ -24,6 +24,9 @@ from mapmore_cli.storage.tables.cells import shortened
 
 FEWEST_ROWS = 10  # with equally many digits, from which one with fewer is conspicuous
 
+DAMAGE = (OSError, EOFError, ValueError)
+"""What reading a damaged file raises; anything else is a fault of the reader, and passes."""
+
 
 def gated(reader: Reader) -> Reader:
     """Return the reader with the gate behind it, and with a way to look at the first rows."""
@@ -37,7 +40,7 @@ def _judged_tables(
     path: Path,
     request: TableRequest,
 ) -> list[RawTable]:
-    with reading(request.label, kind):
+    with reading(request.label, kind, DAMAGE):
         return [_without_cut_rows(table, request) for table in read(path, request)]
 
 
