@@ -337,6 +337,7 @@ def of_arrays(chance, folder):
     raise Fault(f"{kind}: other values than were written")
 
 
+KINDS = ("csv", "predict", "xlsx", "xls", "ods", "lvm", "npz", "parquet")
 WAYS = {0: of_book, 1: of_other_book, 2: of_lvm, 3: of_arrays}
 
 
@@ -348,7 +349,5 @@ def attempt(chance, number, folder):
 TARGET = Target(
     "tables",
     attempt,
-    past=tuple(
-        f"{kind} read" for kind in ["csv", "predict", "xlsx", "xls", "ods", "lvm", "npz", "parquet"]
-    ),
+    past=tuple(f"{kind} read" for kind in KINDS),
 )

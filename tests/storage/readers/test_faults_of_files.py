@@ -27,7 +27,7 @@ PLUGIN = Path(__file__).resolve().parents[3] / "docs/examples/plugin"
 
 N = 14
 T, F = [f"{i / 10:.1f}" for i in range(N)], [f"{1.25 * i:.3f}" for i in range(N)]
-BACK = [*T[:-1], "0.1"]
+BACK = [*T[:-1], "-0.5"]
 TEXTS, BOOKS = ("csv", "lvm", "json_lines"), ("xlsx", "xls", "ods")
 
 TWICE, BACKWARDS = "stands 2 times", "time runs backwards"
