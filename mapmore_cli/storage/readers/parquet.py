@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,9 @@ from mapmore_cli.storage.tables import (
 )
 from mapmore_cli.storage.tables.members import Member, Selection, array_of
 from mapmore_cli.storage.tables.overview import tree_reader
+
+UNIT = ("unit", "units")
+"""Keys under which programs note the unit of a column, in any case of letters."""
 
 
 @contextmanager
@@ -54,8 +58,21 @@ def _parquet_column(file: Any, field: Any, size: int) -> Member:
     def values(selection: Selection) -> Any:
         return file.read(columns=[field.name]).column(0).to_numpy()[selection]
 
-    unit = (field.metadata or {}).get(b"unit", b"").decode(errors="replace")
-    return array_of(values, (file.metadata.num_rows,), Noted(unit))
+    return array_of(values, (file.metadata.num_rows,), Noted(_unit_noted(file, field)))
+
+
+def _unit_noted(file: Any, field: Any) -> str:
+    """Return the unit that the metadata of a column name, or the `attrs` of a frame of pandas."""
+    said = {key.decode().casefold(): value for key, value in (field.metadata or {}).items()}
+    for key in UNIT:
+        if key in said:
+            return str(said[key].decode(errors="replace"))
+    with suppress(ValueError, KeyError, AttributeError):
+        attributes = json.loads((file.schema_arrow.metadata or {})[b"pandas"])["attributes"]
+        for key in UNIT:
+            if text := attributes.get(key, {}).get(field.name):
+                return str(text)
+    return ""
 
 
 READER = tree_reader("parquet", opened_parquet, (".parquet",), "force", by_index=False)

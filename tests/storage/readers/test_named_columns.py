@@ -81,6 +81,16 @@ def test_what_unpacks_to_far_more_than_it_has_is_not_unpacked(tmp_path, monkeypa
     )
 
 
+@pytest.mark.parametrize("key", ["unit", "units", "Unit", "UNITS", "attrs"])
+def test_units_that_a_table_in_parquet_notes(tmp_path, key):
+    schema = pa.schema([pa.field("P", pa.float64(), metadata={key: "psi"})])
+    if key == "attrs":
+        pandas = b'{"columns": [], "attributes": {"units": {"P": "psi"}}}'
+        schema = pa.schema([pa.field("P", pa.float64())], metadata={b"pandas": pandas})
+    parquet.write_table(pa.table({"P": T}, schema=schema), tmp_path / "a.parquet")
+    assert table_of("parquet", tmp_path / "a.parquet", "P").noted["P"].unit == "psi"
+
+
 @pytest.mark.parametrize("kind", ["npz", "parquet"])
 def test_every_cut_is_noticed(folder, kind):
     whole = (folder / f"a.{kind}").read_bytes()
