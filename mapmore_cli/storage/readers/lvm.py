@@ -106,7 +106,9 @@ def read_lvm(path: Path, request: TableRequest) -> list[RawTable]:
         for segment in segments:
             rows = segment.timed_rows(segments[0].began)
             if recordings and _goes_on(*recordings[-1], segment, rows):
-                rows = [*recordings.pop()[1], *rows]
+                whole = recordings.pop()[1]
+                whole.extend(rows)  # a copy for each segment would take long
+                rows = whole
             recordings.append((segment, rows))
         tables = [_one_recording(segment, rows, request) for segment, rows in recordings]
     if len(tables) > 1:
