@@ -5,11 +5,15 @@ reading has come.
 from __future__ import annotations
 
 import difflib
+import fnmatch
 import glob
 import os
+import re
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
+from itertools import count, takewhile
 from pathlib import Path, PurePath, PurePosixPath
 from typing import Literal
 
@@ -93,6 +97,9 @@ class Source(Log):
     joined: tuple[Log, ...] = ()
 
 
+MOST_FOLDERS = 20_000
+"""Folders that a glob may look into: `/*/*/*/*/*` looks into all that a computer has."""
+
 Entries = Sequence[str | FileEntry]
 
 
@@ -108,10 +115,10 @@ def find_sources(entries: Entries, folder: Path, joins: Sequence[Join] = ()) -> 
         entry.id or automatic
         for (_, entry), automatic in zip(found, _automatic([log for log, _ in found]), strict=True)
     ]
-    for name, count in Counter(ids).items():
-        if count > 1:
+    for name, times in Counter(ids).items():
+        if times > 1:
             raise SpecError(
-                f"files: {count} recordings have the id '{name}'", "Give each an `id` of its own."
+                f"files: {times} recordings have the id '{name}'", "Give each an `id` of its own."
             )
     logs = [_logs_to_join(join, len(found), folder) for join in joins]
     return tuple(
@@ -219,17 +226,47 @@ def expand(pattern: str, folder: Path) -> list[Path]:
 def _matches(pattern: str, folder: Path) -> Iterator[Path]:
     """Everything that a glob names. `**` enters each folder once, by whatever links it is reached:
     links may lead back up.
+
+    Raises DataError where it leads through more folders than a study has.
     """
-    parts = PurePath(pattern).parts
-    if "**" not in parts:
-        names = glob.glob(pattern, root_dir=folder)  # noqa: PTH207 - Path.glob refuses ".."
-        yield from (folder / name for name in names)
+    entered = count(1)
+    yield from _below(PurePath(pattern).parts, folder, pattern, entered)
+
+
+def _below(parts: Sequence[str], top: Path, pattern: str, entered: Iterator[int]) -> Iterator[Path]:
+    """Yield what the parts of a glob name below a folder; the folders `entered` are counted."""
+    plain = list(takewhile(lambda part: not glob.has_magic(part), parts))
+    here, rest = top.joinpath(*plain), parts[len(plain) :]
+    if not rest:
+        yield from [here] if os.path.lexists(here) else ()
         return
-    head, rest = parts[: parts.index("**")], parts[parts.index("**") + 1 :]
-    seen: set[tuple[int, int]] = set()
-    for top in sorted(_matches(str(PurePath(*head)), folder)) if head else [folder]:
-        for inner in _folders(top, seen) if top.is_dir() else ():
-            yield from _matches(str(PurePath(*rest or "*")), inner)
+    if rest[0] == "**":
+        inner: Iterable[Path] = _folders(here, set()) if here.is_dir() else ()
+    else:
+        found = _entries(here, rest[0])
+        if len(rest) == 1:
+            yield from map(Path, found)
+            return
+        inner = (Path(entry) for entry in found if entry.is_dir())
+    for path in inner:
+        if next(entered) > MOST_FOLDERS:
+            raise DataError(
+                f"{pattern}: leads through more than {MOST_FOLDERS} folders",
+                "name the folders themselves, as `measured/*/*.csv`",
+            )
+        yield from _below(rest[1:] or ["*"], path, pattern, entered)
+
+
+def _entries(folder: Path, part: str) -> list[os.DirEntry[str]]:
+    """Return what is named by one part of a glob in a folder; none of one that cannot be read."""
+    matches = re.compile(fnmatch.translate(part)).match
+    with suppress(OSError), os.scandir(folder) as entries:
+        return [
+            entry
+            for entry in entries
+            if matches(entry.name) and (part.startswith(".") or not entry.name.startswith("."))
+        ]
+    return []
 
 
 def _folders(top: Path, seen: set[tuple[int, int]]) -> Iterator[Path]:

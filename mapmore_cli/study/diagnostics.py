@@ -272,7 +272,12 @@ def _of_value(details: ErrorDetails, value: object, name: str) -> Explained:
         return str(known["error"]), None
     if kind not in _SAID:
         return f"{name}: {details['msg']}", None
-    known = {**known, "shown": shown, "value": value, "size": len(str(value))}
+    known = {
+        **known,
+        "shown": shown,
+        "value": value,
+        "size": len(value) if isinstance(value, str) else 0,
+    }
     what, remedy = (text and text.format(**known) for text in _SAID[kind])
     return f"{name} {what}", remedy
 

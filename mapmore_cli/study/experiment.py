@@ -252,7 +252,7 @@ class Validate(Section):
     """
 
     as_: Quantity | None = Field(default=None, alias="as")
-    against: list[Annotated[str | Competitor, Either()]] = []
+    against: Annotated[list[Annotated[str | Competitor, Either()]], Field(max_length=100)] = []
     simple: bool = True
     normaliser: Literal["max", "range"] = "max"
     intervals: bool = False

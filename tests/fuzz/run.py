@@ -13,6 +13,7 @@ import warnings
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+sys.path.insert(0, str(Path(__file__).parents[1]))
 sys.path.insert(0, str(Path(__file__).parent))
 
 import documents
@@ -21,6 +22,7 @@ import exports
 import expressions
 import forged
 import readers
+import small
 import specs
 import structures
 import tables
@@ -30,6 +32,7 @@ TARGETS = (
     (expressions.TARGET, 1),
     (readers.TARGET, 10),
     *((target, 20) for target in readers.BINARY),
+    (small.TARGET, 20),
     (tables.TARGET, 2),
     (documents.TARGET, 10),
     (specs.TARGET, 20),

@@ -8,11 +8,22 @@ in ASCII digits.
 import io
 import math
 import re
+import sys
 from datetime import datetime, time, timedelta
+from pathlib import Path
+from xml.sax.saxutils import escape
 
-from driver import Fault, Target, changed_text, refused
+import numpy as np
+import pyarrow as pa
+from driver import Fault, Target, changed_bytes, changed_text, refused
 from openpyxl import Workbook
 from openpyxl.cell.cell import ILLEGAL_CHARACTERS_RE
+from pyarrow import parquet
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "storage" / "readers"))
+
+from reading import other_workbook
+from test_lvm_reader import HEAD
 
 from mapmore_cli.domain.errors import MapmoreError
 from mapmore_cli.pipeline.records import Sheet
@@ -254,13 +265,89 @@ def of_book(chance, folder):
     return f"xlsx {compare('xlsx', expected, columns)}"
 
 
+def of_other_book(chance, folder):
+    """Cells of an .xls or .ods file are texts or numbers."""
+    rows = changed(chance)
+    if any(ILLEGAL_CHARACTERS_RE.search(cell) for row in rows for cell in row):
+        rows = [["0", "1.5", "2.5"]]
+    cells = [
+        [float(one) if re.fullmatch(r"-?[0-9]+\.[0-9]+", one) else one for one in row]
+        for row in rows
+    ]
+    path = folder / chance.choice(["log.xls", "log.ods"])
+    escaped = path.suffix == ".ods"
+    other_workbook(
+        path,
+        [
+            NAMES,
+            *(
+                [escape(one) if escaped and isinstance(one, str) else one for one in row]
+                for row in cells
+            ),
+        ],
+    )
+    try:
+        columns = READERS["xlsx"].read(path, TableRequest("log", ("P", "F")))[0].columns
+    except MapmoreError as error:
+        return f"{path.suffix[1:]} {refused(error)}"
+    return f"{path.suffix[1:]} {compare(path.suffix, rows, columns)}"
+
+
+def of_lvm(chance, folder):
+    """Cells of a LabVIEW text, whose last line may have no end."""
+    rows, end = changed(chance), chance.choice(["\n", "\n", ""])
+    if any(mark in cell for row in rows for cell in row for mark in "\t\r\n"):
+        rows = [["0", "1.5", "2.5"]]
+    lines = ["\t".join(row) for row in [["X_Value", *NAMES[1:]], *rows]]
+    path = folder / "log.lvm"
+    body = "\n".join(lines)
+    path.write_text(f"{HEAD}\nChannels\t2\n***End_of_Header***\n{body}{end}", "utf-8", newline="")
+    try:
+        tables = READERS["lvm"].read(path, TableRequest("log", ("P", "F")))
+    except MapmoreError as error:
+        return f"lvm {refused(error)}"
+    return f"lvm {compare('lvm', rows, tables[0].columns)}"
+
+
+def of_arrays(chance, folder):
+    """Arrays in files whose bytes were changed: checksums tell, or every value is as it was; what
+    says how they are to be read has none in Parquet, where PyArrow's own reader is asked.
+    """
+    arrays = {name: np.array([chance.uniform(-9, 9) for _ in range(40)]) for name in NAMES}
+    kind, stream = chance.choice(["npz", "parquet"]), io.BytesIO()
+    if kind == "npz":
+        np.savez(stream, **arrays)
+    else:
+        parquet.write_table(pa.table(arrays), stream, write_page_checksum=True)
+    path = folder / f"log.{kind}"
+    path.write_bytes(changed_bytes(stream.getvalue(), chance))
+    try:
+        columns = READERS[kind].read(path, TableRequest("log", ("P", "F")))[0].columns
+    except MapmoreError as error:
+        return f"{kind} {refused(error)}"
+    if all(np.array_equal(columns[name], arrays[name]) for name in columns):
+        return f"{kind} read"
+    if kind == "parquet":
+        table = parquet.read_table(path, columns=["P", "F"])
+        if all(
+            np.array_equal(columns[name], table[name].to_numpy(), equal_nan=True)
+            for name in columns
+        ):
+            return "parquet read as its footer says"
+    raise Fault(f"{kind}: other values than were written")
+
+
+KINDS = ("csv", "predict", "xlsx", "xls", "ods", "lvm", "npz", "parquet")
+WAYS = {0: of_book, 1: of_other_book, 2: of_lvm, 3: of_arrays}
+
+
 def attempt(chance, number, folder):
     """Write a table, or take it as `predict` does, and read it."""
-    return of_book(chance, folder) if number % 10 == 0 else of_text(chance, folder)
+    return WAYS.get(number % 10, of_text)(chance, folder)
 
 
 TARGET = Target(
     "tables",
     attempt,
-    past=("csv read", "predict read", "xlsx read"),
+    past=tuple(f"{kind} read" for kind in KINDS),
 )

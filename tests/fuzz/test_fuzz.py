@@ -13,6 +13,7 @@ import forged
 import numpy as np
 import pytest
 import readers
+import small
 import specs
 import structures
 import tables
@@ -31,6 +32,7 @@ pytestmark = pytest.mark.filterwarnings("ignore")
         (specs.TARGET, 60),
         (readers.TARGET, 60),
         *((target, 30) for target in readers.BINARY),
+        (small.TARGET, 25),
         (structures.DAMAGED, 50),
         (tables.TARGET, 300),
         (drafts.TARGET, 6),

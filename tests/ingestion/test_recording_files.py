@@ -95,3 +95,12 @@ def test_ids_are_as_short_as_unique_names_allow(paths):
         for path, name in zip(paths, ids, strict=True)
         if ids.count(name) > 1
     )
+
+
+def test_globs_that_lead_through_a_whole_computer(tree, monkeypatch):
+    deep = "../*/*.csv"
+    assert len(find_sources([deep], tree)) == 4
+    monkeypatch.setattr("mapmore_cli.ingestion.files.MOST_FOLDERS", 2)
+    for pattern in (deep, "../**/*.csv"):
+        with refused(f"{pattern}: leads through more than 2 folders", "`measured/*/*.csv`"):
+            find_sources([pattern], tree)

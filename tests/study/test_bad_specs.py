@@ -1,6 +1,7 @@
 """Documents that must be refused: each with its place, what is wrong, and what would be right."""
 
 from pathlib import Path
+from time import process_time
 
 import pytest
 from hypothesis import given
@@ -113,6 +114,14 @@ def test_a_thousand_mistakes_are_counted_rather_than_listed(tmp_path):
     message = refusal(tmp_path, STATIC + "".join(f"unknown_{i}: 1\n" for i in range(1000)))
     assert message.count("unknown key") == 25
     assert message.endswith("... and at least 175 more mistakes")
+
+
+def test_thousands_of_competitors_are_refused_at_once(tmp_path):
+    rivals = ", ".join(f"{{model: sarosi, as: c{i}}}" for i in range(1000))
+    begun = process_time()
+    message = refusal(tmp_path, FORCE + f"\nvalidate: {{against: [{rivals}]}}\n")
+    assert "`validate.against` has too many values" in message
+    assert process_time() - begun < 5
 
 
 @pytest.mark.parametrize(

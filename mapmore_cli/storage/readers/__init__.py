@@ -14,12 +14,13 @@ from pathlib import Path
 
 from mapmore_cli.domain import plugins
 from mapmore_cli.storage.tables import RawTable, Reader, TableRequest
+from mapmore_cli.storage.tables.gate import gated
 from mapmore_cli.storage.tables.lines import head_of, name_of_packed
 
 __all__ = ["READERS", "RawTable", "Reader", "TableRequest", "reader_of", "suffix_of"]
 
 READERS: Mapping[str, Reader] = {
-    part.name: part.value for part in sorted(plugins.parts("readers", Reader, __name__))
+    part.name: gated(part.value) for part in sorted(plugins.parts("readers", Reader, __name__))
 }
 """Every reader by its name, in the order of the alphabet."""
 

@@ -19,6 +19,7 @@ import numpy as np
 from mapmore_cli.domain.arrays import Array, stacked
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.storage.tables import (
+    OpenEnd,
     RawTable,
     Reader,
     TableRequest,
@@ -26,17 +27,13 @@ from mapmore_cli.storage.tables import (
     locate_columns,
     reading,
 )
-from mapmore_cli.storage.tables.cells import (
-    NUMBER,
-    holds_number,
-    shortened,
-)
+from mapmore_cli.storage.tables.cells import NUMBER, holds_number
 from mapmore_cli.storage.tables.lines import (
+    LAST_LINES,
     UNREADABLE,
     Lines,
     csv_records,
     guess_encoding,
-    is_zipped,
     open_lines,
 )
 from mapmore_cli.storage.tables.rows import Wanted, values_of_rows, wanted_of
@@ -95,7 +92,7 @@ def read_csv(path: Path, request: TableRequest) -> list[RawTable]:
 
 
 def _parse(lines: Lines, raw: BufferedReader, request: TableRequest) -> RawTable:
-    zipped, last = is_zipped(raw), deque[bytes](maxlen=2)
+    last = deque[bytes](maxlen=2)
     deque(islice(lines, request.skip_rows), maxlen=0)
     delimiter = DELIMITERS.get(request.delimiter, request.delimiter)
     split_at = None if delimiter == WHITESPACE else delimiter
@@ -119,7 +116,7 @@ def _parse(lines: Lines, raw: BufferedReader, request: TableRequest) -> RawTable
     every = range(numbers[0][0], numbers[-1][-1] + 1)
     rows = every if len(every) == len(columns[0]) else np.concatenate(numbers)
     whole = RawTable(dict(zip(request.columns, columns, strict=True)), rows, request.label)
-    return whole if zipped else _without_cut_number(whole, b"".join(last), layout)
+    return replace(whole, open_end=_open_end(b"".join(last), layout))
 
 
 def _records(lines: Lines, delimiter: str | None, label: str) -> Iterator[Numbered]:
@@ -286,36 +283,13 @@ def separator_hint(record: Sequence[str]) -> str | None:
     return None
 
 
-def _without_cut_number(table: RawTable, end: bytes, layout: Layout) -> RawTable:
-    """Return the table without a last line that has no end, and fewer digits in its last number
-    than the lines before it, which have equally many: 254.126 was cut to 2.
-
-    Raises DataError for such a line where missing values are errors.
-    """
-    request = layout.request
+def _open_end(end: bytes, layout: Layout) -> OpenEnd | None:
+    """Return the cells of the last lines in the last blocks of a text that has no line end."""
     if not end or end.endswith((b"\n", b"\r")):
-        return table
-    lines = re.split("[\r\n]+", end.decode())[-50:]
-    *before, last = [line.split(layout.delimiter)[-1].strip() for line in lines if line.strip()]
-    digits = {len(cell.partition(request.decimal)[2]) for cell in before}
-    few = len(before) < 10 or len(digits) != 1
-    if few or len(last.partition(request.decimal)[2]) >= max(digits):
-        return table
-    said = (
-        f"the last line has no end, and its last number, {shortened(last)}, has fewer digits "
-        "than those before it"
-    )
-    if not request.incomplete:
-        raise DataError(
-            f"{request.label}:row {table.rows[-1]}: {said}: the file was cut off",
-            "Get the whole file again. `missing: drop` leaves the line out; a line end behind "
-            "it says that it is whole.",
-        )
-    return replace(
-        table,
-        columns={name: column[:-1] for name, column in table.columns.items()},
-        rows=table.rows[:-1],
-        doubts=(f"{request.label}: {said}: it is left out",),
+        return None
+    lines = re.split("[\r\n]+", end.decode())[-LAST_LINES:]
+    return OpenEnd(
+        [row[: layout.width] for row in _cut_lines(lines, layout.delimiter)], layout.request.decimal
     )
 
 

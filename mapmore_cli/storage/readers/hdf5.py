@@ -182,7 +182,7 @@ def _texts(dataset: Any, values: Any) -> Any:
     step = max(1, BOMB_SIZE // max(size * width, 1))
     for begin in range(0, len(dataset), step):
         parts.append(values[begin : begin + step])
-        total += sum(map(len, parts[-1].flat))
+        total += sum(map(len, parts[-1].flat)) + REFERENCE * parts[-1].size
         refuse_bombs(dataset.name, total, size // BOMB_RATIO)  # texts are not packed
     return np.concatenate(parts)
 
@@ -310,7 +310,8 @@ def _own_values(dataset: Any, selection: Selection = ()) -> Any:
         1 if isinstance(one, int) else length
         for one, length in zip_longest(selection, dataset.shape)
     ]
-    read[f"{dataset.name}{selection}"] = math.prod(lengths) * dataset.dtype.itemsize
+    # a value is a double when it is read, whatever it takes in the file
+    read[f"{dataset.name}{selection}"] = math.prod(lengths) * max(dataset.dtype.itemsize, 8)
     refuse_bombs(dataset.name, sum(read.values()), dataset.file.id.get_filesize())
     return dataset
 

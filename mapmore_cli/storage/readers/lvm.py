@@ -16,6 +16,7 @@ import numpy as np
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.storage.tables import (
     Noted,
+    OpenEnd,
     RawTable,
     Reader,
     TableRequest,
@@ -24,7 +25,7 @@ from mapmore_cli.storage.tables import (
     reading,
 )
 from mapmore_cli.storage.tables.cells import holds_number, number_of, stamp_of
-from mapmore_cli.storage.tables.lines import guess_encoding, open_lines
+from mapmore_cli.storage.tables.lines import LAST_LINES, guess_encoding, open_lines
 from mapmore_cli.storage.tables.members import refuse_other_clocks
 from mapmore_cli.storage.tables.rows import Row, table_of_rows
 
@@ -35,12 +36,13 @@ KIND = f"{BEGINS} file"
 @dataclass(frozen=True)
 class LvmSegment:
     """Rows of cells below one header: what was `said` there of each channel, by keyword, and the
-    titles of all columns.
+    titles of all columns. `has_end` is False where the last line of the file has no end.
     """
 
     said: Mapping[str, Sequence[str]]
     titles: list[str]
     rows: Sequence[Row]
+    has_end: bool = True
 
     def of_channel(self, keyword: str, channel: int = 0) -> str:
         """Return what the header says of a channel; empty where it says nothing."""
@@ -103,11 +105,11 @@ def read_lvm(path: Path, request: TableRequest) -> list[RawTable]:
         recordings: list[tuple[LvmSegment, list[Row]]] = []
         for segment in segments:
             rows = segment.timed_rows(segments[0].began)
-            before, whole = recordings[-1] if recordings else (segment, rows)
-            if before.titles == segment.titles and whole[-1][1][0] < rows[0][1][0]:
-                whole.extend(rows)
-            else:
-                recordings.append((segment, rows))
+            if recordings and _goes_on(*recordings[-1], segment, rows):
+                whole = recordings.pop()[1]
+                whole.extend(rows)  # a copy for each segment would take long
+                rows = whole
+            recordings.append((segment, rows))
         tables = [_one_recording(segment, rows, request) for segment, rows in recordings]
     if len(tables) > 1:
         tables = [replace(table, element=number) for number, table in enumerate(tables)]
@@ -116,12 +118,26 @@ def read_lvm(path: Path, request: TableRequest) -> list[RawTable]:
     return [replace(tables[0], doubts=(told,) if there < announced else ()), *tables[1:]]
 
 
+def _goes_on(
+    before: LvmSegment, rows: Sequence[Row], segment: LvmSegment, further: Sequence[Row]
+) -> bool:
+    """Whether a segment has the titles of the one before it, and times after all of its."""
+    if before.titles != segment.titles:
+        return False
+    last, first = rows[-1][1][0], further[0][1][0]
+    return isinstance(last, float) and isinstance(first, float) and last < first
+
+
 def _one_recording(segment: LvmSegment, rows: Sequence[Row], request: TableRequest) -> RawTable:
     names, request = segment.titles, replace(request, decimal=segment.decimal)
     places = locate_columns(request, names, len(names))
     noted = {column: segment.noted(place) for column, place in places.items()}
     refuse_other_clocks(noted, request.label)
-    return replace(table_of_rows(rows, places, names, request, request.label), noted=noted)
+    end = None
+    if not segment.has_end:
+        end = OpenEnd([cells for _, cells in segment.rows[-LAST_LINES:]], segment.decimal)
+    table = table_of_rows(rows, places, names, request, request.label)
+    return replace(table, noted=noted, open_end=end)
 
 
 def peek_lvm(path: Path, most: int) -> Iterable[Top]:
@@ -140,11 +156,10 @@ def peek_lvm(path: Path, most: int) -> Iterable[Top]:
 
 
 def _lvm_segments(path: Path, label: str, most: int | None = None) -> list[LvmSegment]:
-    """Return the segments in the first lines of a file, all where `most` is None; a last line that
-    has no end was cut off.
-    """
+    """Return the segments in the first lines of a file, all where `most` is None."""
     with open_lines(path, guess_encoding(path), label, errors="replace") as (whole, _):
-        lines = [line.rstrip("\r\n") for line in islice(whole, most) if line[-1:] in "\r\n"]
+        taken = list(islice(whole, most))
+    lines, has_end = [line.rstrip("\r\n") for line in taken], "".join(taken[-1:])[-1:] in "\r\n"
     if not lines or not lines[0].startswith(BEGINS):
         raise ValueError(f"it does not begin with '{BEGINS}'")
     marks = (line[len("Separator")] for line in lines if re.match(r"Separator\W", line))
@@ -160,7 +175,7 @@ def _lvm_segments(path: Path, label: str, most: int | None = None) -> list[LvmSe
             said = general | {cells[0]: cells[1:] for _, cells in rows[begin : ends[-1]]}
             titles = [title.strip() for title in rows[ends[-1] + 1][1]]
             segments.append(LvmSegment(said, titles, rows[ends[-1] + 2 : end]))
-    return segments
+    return [*segments[:-1], *(replace(one, has_end=has_end) for one in segments[-1:])]
 
 
 READER = Reader("lvm", read_lvm, suffixes=(".lvm",), peek=peek_lvm, begins=BEGINS.encode())

@@ -62,12 +62,12 @@ def opened_mat(path: Path, label: str, request: TableRequest | None) -> Iterator
     with reading(label, KIND), path.open("rb") as stream:
         whole = memoryview(stream.read())
         if 0 in whole[:4]:  # as in version 4 alone
-            variables = _version_4(path)
+            variables = list(_version_4(path))
         else:
             order = {b"IM": "<", b"MI": ">"}[bytes(whole[126:128])]
-            variables = _Version5(order, len(whole)).variables(whole[128:])
-        known = dict(variables)
-        yield group_of("the file", sorted(known), lambda name: known[name](name))
+            variables = list(_Version5(order, len(whole)).variables(whole[128:]))
+        known, names = dict(variables), sorted(name for name, _ in variables)
+        yield group_of("the file", names, lambda name: known[name](name))
 
 
 Element = tuple[int, memoryview]
@@ -203,7 +203,7 @@ def _version_4(path: Path) -> Iterator[tuple[str, Any]]:
     """Yield the name of each variable, and what makes a member of it; SciPy reads this version by
     NumPy alone.
     """
-    from scipy.io import loadmat
+    from scipy.io import loadmat, whosmat
 
     def member(value: Any, name: str) -> Member:
         if not isinstance(value, np.ndarray):
@@ -212,10 +212,12 @@ def _version_4(path: Path) -> Iterator[tuple[str, Any]]:
 
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", "The default value for `spmatrix`", DeprecationWarning)
+        # of two variables with one name it gives the last
+        warnings.filterwarnings("ignore", "Duplicate variable name")
         variables = loadmat(str(path), appendmat=False)
-    for name, value in variables.items():
-        if not name.startswith("__"):
-            yield name, partial(member, value)
+        names = whosmat(str(path), appendmat=False)
+    for name, *_ in names:
+        yield name, partial(member, variables[name])
 
 
 READER = tree_reader("mat", opened_mat, (".mat",), "run.P", ".")

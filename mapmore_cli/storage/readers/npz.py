@@ -25,12 +25,16 @@ def opened_npz(path: Path, label: str, _request: TableRequest | None) -> Iterato
     Raises DataError for no archive, a damaged one, and one that unpacks to far more than its size.
     """
     with reading(label, "NumPy archive (.npz)"), zipfile.ZipFile(path) as archive:
-        parts = {one.filename.removesuffix(".npy"): one for one in archive.infolist()}
-        yield group_of("the file", list(parts), lambda name: _npz_array(archive, parts[name], name))
+        names = [one.filename.removesuffix(".npy") for one in archive.infolist()]
+        size = path.stat().st_size
+        parts = dict(zip(names, archive.infolist(), strict=True))
+        yield group_of("the file", names, lambda name: _npz_array(archive, parts[name], size))
 
 
-def _npz_array(archive: zipfile.ZipFile, part: zipfile.ZipInfo, name: str) -> Member:
-    refuse_bombs(f"'{name}'", part.file_size, part.compress_size)
+def _npz_array(archive: zipfile.ZipFile, part: zipfile.ZipInfo, size: int) -> Member:
+    """Return an array in an archive of so many bytes, which may lie about the size of its parts."""
+    name = part.filename.removesuffix(".npy")
+    refuse_bombs(f"'{name}'", part.file_size, min(part.compress_size, size))
     with archive.open(part) as stream:
         header = (
             npy.read_array_header_1_0
@@ -43,8 +47,9 @@ def _npz_array(archive: zipfile.ZipFile, part: zipfile.ZipInfo, name: str) -> Me
             f"'{name}' is an array of Python objects, which are not read",
             "save it as an array of numbers: `values.astype(float)`",
         )
-    if math.prod(shape) * kind.itemsize > part.file_size:
-        raise ValueError(f"'{name}' is cut off")
+    count = math.prod(shape)
+    if count * kind.itemsize > part.file_size or (count and not kind.itemsize):
+        raise ValueError(f"'{name}' declares more values than it holds")
 
     def values() -> Any:
         with archive.open(part) as stream:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +18,9 @@ from mapmore_cli.storage.tables import (
 from mapmore_cli.storage.tables.members import Member, Selection, array_of
 from mapmore_cli.storage.tables.overview import tree_reader
 
+UNIT = ("unit", "units")
+"""Keys under which programs note the unit of a column, in any case of letters."""
+
 
 @contextmanager
 def opened_parquet(path: Path, label: str, _request: TableRequest | None) -> Iterator[Member]:
@@ -28,15 +32,17 @@ def opened_parquet(path: Path, label: str, _request: TableRequest | None) -> Ite
     from pyarrow import parquet
 
     with reading(label, "Parquet file"), path.open("rb") as stream:
-        file = parquet.ParquetFile(stream)
-        refuse_bombs(f"{label}: each column", 8 * file.metadata.num_rows, path.stat().st_size)
+        file = parquet.ParquetFile(stream, page_checksum_verification=True)
+        size = path.stat().st_size
+        refuse_bombs(f"{label}: each column", 8 * file.metadata.num_rows, size)
         fields = {field.name: field for field in file.schema_arrow}
-        kind = f"a table of {len(fields)} columns"
-        yield Member(kind, list(fields), lambda name: _parquet_column(file, fields[name]))
+        names = file.schema_arrow.names
+        kind = f"a table of {len(names)} columns"
+        yield Member(kind, names, lambda name: _parquet_column(file, fields[name], size))
 
 
-def _parquet_column(file: Any, field: Any) -> Member:
-    """Return a column; DataError for one of texts, lists or structs."""
+def _parquet_column(file: Any, field: Any, size: int) -> Member:
+    """Return a column of a file of so many bytes; DataError for one of texts, lists or structs."""
     from pyarrow import types
 
     kind = field.type.value_type if types.is_dictionary(field.type) else field.type
@@ -46,11 +52,27 @@ def _parquet_column(file: Any, field: Any) -> Member:
             "write a column of numbers, as by `frame.astype(float)` or `frame.explode`",
         )
 
+    if types.is_decimal(kind):  # which are read as objects, of a hundred bytes each
+        refuse_bombs(f"'{field.name}'", 100 * file.metadata.num_rows, size)
+
     def values(selection: Selection) -> Any:
         return file.read(columns=[field.name]).column(0).to_numpy()[selection]
 
-    unit = (field.metadata or {}).get(b"unit", b"").decode(errors="replace")
-    return array_of(values, (file.metadata.num_rows,), Noted(unit))
+    return array_of(values, (file.metadata.num_rows,), Noted(_unit_noted(file, field)))
+
+
+def _unit_noted(file: Any, field: Any) -> str:
+    """Return the unit that the metadata of a column name, or the `attrs` of a frame of pandas."""
+    said = {key.decode().casefold(): value for key, value in (field.metadata or {}).items()}
+    for key in UNIT:
+        if key in said:
+            return str(said[key].decode(errors="replace"))
+    with suppress(ValueError, KeyError, AttributeError):
+        attributes = json.loads((file.schema_arrow.metadata or {})[b"pandas"])["attributes"]
+        for key in UNIT:
+            if text := attributes.get(key, {}).get(field.name):
+                return str(text)
+    return ""
 
 
 READER = tree_reader("parquet", opened_parquet, (".parquet",), "force", by_index=False)

@@ -5,64 +5,75 @@ every group is a recording.
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, BinaryIO, Literal
 
 import numpy as np
 
-from mapmore_cli.domain.errors import DataError
-from mapmore_cli.storage.tables import Noted, TableRequest, optional_library, reading
+from mapmore_cli.storage.tables import Cut, Noted, TableRequest, optional_library, reading
 from mapmore_cli.storage.tables.cells import CellReader
 from mapmore_cli.storage.tables.members import Member, as_numbers
 from mapmore_cli.storage.tables.overview import tree_reader
 
 TAG = b"TDSm"
 LEAD_IN = 28  # bytes: tag, flags, version, length of the segment, offset of its data
+CUT = Cut(
+    "the last segment breaks off",
+    "get it again; `missing: drop` reads the samples that are whole",
+    "what is whole of it is read",
+)
 
 
 @contextmanager
 def opened_tdms(path: Path, label: str, request: TableRequest | None) -> Iterator[Member]:
     """Open a file: its groups, or with a request without `root` its channels by their full names.
 
-    Numbers are scaled as LabVIEW shows them. Raises DataError for no TDMS file, a damaged one, and
-    one that breaks off where the request wants it whole; npTDMS not installed.
+    Numbers are scaled as LabVIEW shows them. Raises DataError for no TDMS file, and a damaged one;
+    npTDMS not installed.
     """
     nptdms = optional_library("nptdms", "npTDMS", label)
     nptdms.log.log_manager.set_level("CRITICAL")  # what it writes to stderr is said below as well
     with reading(label, "TDMS file"), path.open("rb") as stream:
-        if request is not None and not request.incomplete and _breaks_off(stream):
-            raise DataError(
-                f"{label}: the last segment breaks off",
-                "get it again; `missing: drop` reads the samples that are whole",
-            )
+        cut = CUT if request is not None and _breaks_off(stream) else None
+        size = stream.seek(0, os.SEEK_END)
         stream.seek(0)
         with nptdms.TdmsFile.open(stream) as file:
             groups = {
-                group.name: {channel.name: _channel(channel) for channel in group.channels()}
+                group.name: [
+                    (channel.name, _channel(channel, size)) for channel in group.channels()
+                ]
                 for group in file.groups()
             }
             if request is None or request.root is not None:
-                yield _in_order({name: _in_order(group) for name, group in groups.items()})
+                top = _in_order([(name, _in_order(group)) for name, group in groups.items()])
+                yield replace(top, breaks_off=cut)
             else:
-                yield _in_order(
-                    {
-                        f"{group}/{name}": channel
+                # a group `a/b` with a channel `c`, and a group `a` with a channel `b/c`, have
+                # the same name
+                whole = _in_order(
+                    [
+                        (f"{group}/{name}", channel)
                         for group, channels in groups.items()
-                        for name, channel in channels.items()
-                    }
+                        for name, channel in channels
+                    ]
                 )
+                yield replace(whole, breaks_off=cut)
 
 
-def _in_order(members: Mapping[str, Member]) -> Member:
+def _in_order(members: Sequence[tuple[str, Member]]) -> Member:
     """Return a group of members in the order in which they were written."""
-    every = list(members.values())
+    names, every = [name for name, _ in members], [member for _, member in members]
     kind = f"a group of {len(every)}"
-    return Member(kind, list(members), members.__getitem__, len(every), every.__getitem__)
+    return Member(kind, names, dict(members).__getitem__, len(every), every.__getitem__)
 
 
-def _channel(channel: Any) -> Member:
+def _channel(channel: Any, size: int) -> Member:
+    """Return a channel of a file of so many bytes; each value takes at least one of them."""
+    if len(channel) > size:
+        raise ValueError(f"'{channel.name}' declares {len(channel)} values")
     return Member(
         "a channel",
         values=lambda selection: channel[selection[0]] if selection else channel[:],

@@ -5,21 +5,17 @@ computed.
 from __future__ import annotations
 
 import json
-import posixpath
-import re
+import os
 import subprocess
 import sys
 import zipfile
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Any
-from xml.etree import ElementTree
 
-import numpy as np
-
-from mapmore_cli.domain.arrays import row_numbers
+import mapmore_cli
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.storage import workbooks
 from mapmore_cli.storage.tables import (
@@ -27,7 +23,6 @@ from mapmore_cli.storage.tables import (
     BOMB_SIZE,
     RawTable,
     Reader,
-    SourceColumn,
     TableRequest,
     Top,
     known_names,
@@ -36,9 +31,14 @@ from mapmore_cli.storage.tables import (
     reading,
     refuse_bombs,
 )
-from mapmore_cli.storage.tables.cells import CellReader, NotANumber, holds_number
+from mapmore_cli.storage.tables.cells import Lacking, holds_number
 from mapmore_cli.storage.tables.lines import head_of
 from mapmore_cli.storage.tables.rows import Row, table_of_rows
+
+LONGEST = 10
+"""Seconds of processor time that a workbook may take, besides one for each megabyte."""
+
+TOO_LARGE = 3  # the exit code of the process for sheets that span too many cells
 
 
 @dataclass(frozen=True)
@@ -53,14 +53,11 @@ class DateCell:
 
 @dataclass(frozen=True)
 class SheetCells:
-    """A sheet: its rows, all as wide as the widest, and its merged cells as [[top, left], [bottom,
-    right]], from 0.
-    """
+    """A sheet: its rows, all as wide as the widest."""
 
     title: str
     is_visible: bool
     rows: list[list[Any]]
-    merged: list[list[tuple[int, int]]]
 
     def filled_rows(self, skip_rows: int) -> list[Row]:
         """Return the rows below `skip_rows` that have a cell, with their numbers from 1."""
@@ -85,7 +82,7 @@ def read_xlsx(path: Path, request: TableRequest) -> list[RawTable]:
     """
     with reading(request.label, "workbook"):
         sheets, doubts = _chosen_sheets(_sheets_in(path, request.label), request)
-        first, *others = [_table_of_sheet(path, sheet, request) for sheet in sheets]
+        first, *others = [_table_of_sheet(sheet, request) for sheet in sheets]
     return [replace(first, doubts=doubts), *others]
 
 
@@ -103,7 +100,7 @@ def peek_xlsx(path: Path, most: int) -> Iterable[Top]:
 
 
 def _is_filled(cell: Any) -> bool:
-    return bool(cell.strip()) if isinstance(cell, str) else cell is not None
+    return bool(str(cell).strip() if isinstance(cell, str | Lacking) else cell is not None)
 
 
 def _is_no_text(cell: Any) -> bool:
@@ -114,7 +111,7 @@ def _sheets_in(path: Path, label: str, most: int = 0) -> list[SheetCells]:
     """Return the sheets of a workbook, of each so many rows (all where 0); ValueError for a damaged
     one.
 
-    A process of its own reads them: see `storage/workbooks.py`.
+    A process of its own reads them: see `storage/workbooks/__main__.py`.
     """
     optional_library("python_calamine", "python-calamine", label)
     size, head = path.stat().st_size, head_of(path)
@@ -126,14 +123,45 @@ def _sheets_in(path: Path, label: str, most: int = 0) -> list[SheetCells]:
         with zipfile.ZipFile(path) as archive:
             for member in archive.infolist():
                 refuse_bombs(f"{label}: {member.filename}", member.file_size, member.compress_size)
-    room = 10 * BOMB_SIZE + BOMB_RATIO * size
-    command = [sys.executable, "-P", workbooks.__file__, str(path), str(most), str(room)]
-    done = subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, check=False)
+    room, seconds = 10 * BOMB_SIZE + BOMB_RATIO * size, LONGEST + size // 10**6
+    here = str(Path(mapmore_cli.__file__).parents[1])
+    limits = (str(path), str(most), str(room), str(seconds))
+    done = subprocess.run(
+        [sys.executable, "-P", "-m", workbooks.__name__, *limits],
+        stdin=subprocess.DEVNULL,
+        capture_output=True,
+        check=False,
+        env={
+            **os.environ,
+            "PYTHONPATH": os.pathsep.join(
+                [here, *os.environ.get("PYTHONPATH", "").split(os.pathsep)]
+            ),
+        },
+    )
+    if done.returncode == TOO_LARGE:
+        raise DataError(
+            f"{label}: {done.stdout.decode().strip()}, far more than its {size} bytes can hold",
+            "delete what stands far away from the table, and save the workbook again",
+        )
     if done.returncode:
         told = done.stderr.decode(errors="replace").splitlines() if done.returncode > 0 else ()
-        raise ValueError(told[-1] if told else "it asks for more memory than its size explains")
-    sheets = json.loads(done.stdout, object_hook=lambda cell: DateCell(**cell))
-    return [SheetCells(*parts) for parts in sheets]
+        most_likely = "it takes more memory, or processor time, than its size explains"
+        raise ValueError(told[-1] if told else most_likely)
+    return [SheetCells(*parts) for parts in json.loads(done.stdout, object_hook=_special_cell)]
+
+
+def _special_cell(said: dict[str, str]) -> DateCell | Lacking:
+    """Return what stands for a cell that JSON has no form for."""
+    if "stamp" in said:
+        return DateCell(said["stamp"])
+    if not said["lacks"]:
+        return Lacking(
+            "is a formula that was never computed",
+            "open the workbook in Excel or LibreOffice and save it",
+            "=",
+        )
+    remedy = "unmerge them, and write the value into each row"
+    return Lacking(f"is one of the merged cells {said['lacks']}", remedy)
 
 
 def _visible_sheets(sheets: list[SheetCells]) -> list[SheetCells]:
@@ -170,7 +198,7 @@ def _chosen_sheets(
     )
 
 
-def _table_of_sheet(path: Path, sheet: SheetCells, request: TableRequest) -> RawTable:
+def _table_of_sheet(sheet: SheetCells, request: TableRequest) -> RawTable:
     rows, label = sheet.filled_rows(request.skip_rows), f"{request.label}:{sheet.title}"
     if not rows:
         raise DataError(f"{label}: the sheet is empty")
@@ -179,81 +207,11 @@ def _table_of_sheet(path: Path, sheet: SheetCells, request: TableRequest) -> Raw
     places = locate_columns(request, names, len(first))
     below = top + request.header
     body = [(number, row) for number, row in rows if number >= below]
-    table = table_of_rows(body, places, names, request, label)
-    if not body or any(np.isnan(column).any() for column in table.columns.values()):
-        _refuse_merged(sheet, table, places)
-        wanted = {_column_letters(place): column for column, place in places.items()}
-        for number, letters, cell in _unread_cells(path, sheet.title):
-            if number >= below and letters in wanted:
-                where = f"{label}:row {number}, column {wanted[letters]}"
-                _refuse_unread(where, cell, request.cells(wanted[letters]))
     if not body:
         raise DataError(f"{label}: the sheet has a header but no data")
+    table = table_of_rows(body, places, names, request, label)
     is_named = request.sheet in (None, sheet.title)
     return table if is_named else replace(table, element=sheet.title)
-
-
-def _refuse_merged(sheet: SheetCells, table: RawTable, places: Mapping[SourceColumn, int]) -> None:
-    """Raise DataError where a value is missing since it stands in the first of merged cells."""
-    for (top, left), (bottom, right) in sheet.merged:
-        for column, place in places.items():
-            rows = row_numbers(table.rows)
-            inside = (rows > top) & (rows <= bottom + 1)
-            empty = rows[inside & np.isnan(table.columns[column])]
-            if left <= place <= right and empty.size:
-                cells = f"{_column_letters(left)}{top + 1}:{_column_letters(right)}{bottom + 1}"
-                where = f"{table.label}:row {empty[0]}, column {column}"
-                raise DataError(
-                    f"{where}: is one of the merged cells {cells}",
-                    "unmerge them, and write the value into each row",
-                )
-
-
-def _column_letters(place: int) -> str:
-    """Return the letters by which a workbook names a column: B of 1, AA of 26."""
-    return (_column_letters(place // 26 - 1) if place > 25 else "") + chr(ord("A") + place % 26)
-
-
-def _unread_cells(path: Path, title: str) -> Iterator[tuple[int, str, str | None]]:
-    """Yield row, letters of the column, and text of the cells of an .xlsx file that calamine leaves
-    empty: a formula's error, or None for a formula that was never computed.
-    """
-    if not zipfile.is_zipfile(path):
-        return
-    with zipfile.ZipFile(path) as archive:
-        if "xl/workbook.xml" not in archive.namelist():  # .ods and .xlsb
-            return
-        book = ElementTree.fromstring(archive.read("xl/workbook.xml"))
-        links = ElementTree.fromstring(archive.read("xl/_rels/workbook.xml.rels"))
-        entry = next(one for one in book.iterfind(".//{*}sheet") if one.get("name") == title)
-        key = next(value for name, value in entry.items() if name.endswith("}id"))
-        part = next(str(link.get("Target")) for link in links if link.get("Id") == key)
-        with archive.open(posixpath.join("xl", part).lstrip("/")) as stream:
-            for _, node in ElementTree.iterparse(stream):
-                space, _, tag = node.tag.rpartition("}")
-                if tag == "row":
-                    node.clear()
-                elif tag == "c":
-                    kind, value = node.get("t"), node.findtext(f"{space}}}v")
-                    # the value of a formula may be an empty text
-                    is_open = not value and node.find(f"{space}}}f") is not None
-                    if kind == "e" or (is_open and (kind != "str" or value is None)):
-                        _, letters, number = re.split(r"([A-Z]+)", node.get("r", ""))
-                        yield int(number), letters, value or None
-
-
-def _refuse_unread(where: str, cell: str | None, read: CellReader) -> None:
-    """Raise DataError for a cell of `_unread_cells`; an error may stand for a missing value."""
-    if cell is None:
-        raise DataError(
-            f"{where}: is a formula that was never computed",
-            "open the workbook in Excel or LibreOffice and save it",
-        )
-    try:
-        read(cell)
-    except NotANumber as odd:
-        remedy = "a formula failed there: mend it, or list it in `missing: {tokens: [...]}`"
-        raise odd.at(where, remedy) from None
 
 
 READER = Reader(

@@ -87,6 +87,34 @@ class Noted:
 
 
 @dataclass(frozen=True)
+class Cut:
+    """What shows that a file breaks off.
+
+    - `said`, `remedy`: in words, where that is an error.
+    - `done`: what is done about it where missing values are left out.
+    - `rows`: how many rows at the end cannot be trusted.
+    """
+
+    said: str
+    remedy: str
+    done: str
+    rows: int = 0
+
+    def refuse(self, where: str, request: TableRequest) -> None:
+        """Raise DataError where missing values are errors."""
+        if not request.incomplete:
+            raise DataError(f"{where}: {self.said}", self.remedy)
+
+
+@dataclass(frozen=True)
+class OpenEnd:
+    """The cells of the last rows of a text whose last line has no end, and the decimal point."""
+
+    rows: Sequence[Sequence[str]]
+    decimal: str = "."
+
+
+@dataclass(frozen=True)
 class RawTable:
     """Columns as the file holds them, before scaling and units.
 
@@ -95,7 +123,8 @@ class RawTable:
     its reader. `rows` is `(n,)`, where each sample stands: its `place` is a `row` (line of a text
     file, row of a sheet, both from 1) or an `index` (of an array, from 0). `element` tells the
     recordings of one file apart, by number or by the title of their sheet; None where it holds a
-    single one. `noted` is what the file says of its columns.
+    single one. `noted` is what the file says of its columns. `breaks_off` and `open_end` are what
+    its reader found at the end of the file, which the gate judges (`tables/gate.py`).
     """
 
     columns: Mapping[Any, Array]
@@ -105,6 +134,8 @@ class RawTable:
     element: int | str | None = None
     doubts: tuple[str, ...] = ()
     noted: Mapping[Any, Noted] = field(default_factory=dict)
+    breaks_off: Cut | None = None
+    open_end: OpenEnd | None = None
 
     @property
     def size(self) -> int:
@@ -114,6 +145,10 @@ class RawTable:
     def at(self, sample: int) -> str:
         """Where a sample stands, for messages: `a.csv:row 17`."""
         return f"{self.label}:{self.place} {self.rows[sample]}"
+
+    def is_empty_at(self, sample: int) -> bool:
+        """Whether a sample has no value at all, or there is no sample."""
+        return not self.size or all(x[sample] != x[sample] for x in self.columns.values())
 
 
 @dataclass(frozen=True)
@@ -140,13 +175,14 @@ class Reader:
     `storage/readers/`, as its `READER`.
 
     - `name`: the word of `data.reader`.
-    - `read`: reads the wanted columns of a file: one table for every recording in it.
+    - `read`: reads the wanted columns of a file: one table for every recording in it. What it
+      reports is judged by the gate behind all readers (`tables/gate.py`).
     - `suffixes`: how the names of such files end, lower case.
     - `keys`: the keys of `data` that it has a use for, besides those of every reader.
     - `column`: how the spec names a column, as an example.
     - `by_index`: whether columns also go by their 0-based index.
     - `peek`: reads the first rows of a file in every way that it may be meant, the likeliest first;
-      None where columns have to be named by hand.
+      without it, `read` is asked for no columns, which are then all.
     - `begins`: how such files begin, whatever their names; empty where that is no sign.
     """
 
@@ -182,19 +218,25 @@ def locate_columns(
                 "file has no header"
             )
             raise DataError(what, f"Give its index (0 to {width - 1}), or set `header: true`.")
-        elif (count := names.count(column)) > 1:
-            raise DataError(
-                f"{label}: column '{column}' stands {count} times in the header",
-                "Give its 0-based index instead.",
-            )
-        elif not count:
+        elif column not in names:
             raise DataError(
                 f"{label}: there is no column '{column}'",
                 hint or known_names(column, list(filter(None, names)), "The header has"),
             )
         else:
+            remedy = "Give its 0-based index instead."
+            refuse_namesakes(column, names, f"{label}: column '{column}'", "the header", remedy)
             places[column] = names.index(column)
     return places
+
+
+def refuse_namesakes(name: str, names: Sequence[str], what: str, where: str, remedy: str) -> None:
+    """Raise DataError where a name stands more than once among the `names` of a file, since nobody
+    can tell which is meant; blanks around a name do not count.
+    """
+    count = sum(other.strip() == name.strip() for other in names)
+    if count > 1:
+        raise DataError(f"{what} stands {count} times in {where}", remedy)
 
 
 def known_names(name: str, known: Sequence[str], introduction: str, most: int = 12) -> str:

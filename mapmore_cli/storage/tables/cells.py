@@ -55,6 +55,11 @@ FOREIGN = r"(?![0-9])\d"
 _SECONDS = {"d": 86400, "h": 3600, "m": 60, "s": 1}
 
 _KINDS = (
+    (
+        r"#\w[\w/]*[!?]?|err:\d+",
+        "a formula failed there",
+        "mend it, or list it in `missing: {tokens: [...]}`",
+    ),
     (r"true|false", "TRUE or FALSE stands here", "write 1 and 0 where it counts as a number"),
     (
         r'.*".*',
@@ -81,13 +86,27 @@ stamp.
 """
 
 
+@dataclass(frozen=True)
+class Lacking:
+    """A cell that has no number although one is meant to be there: what is `said` of it, and the
+    remedy. It shows as a `text`, empty where nothing stands there.
+    """
+
+    said: str
+    remedy: str
+    text: str = ""
+
+    def __str__(self) -> str:
+        return self.text
+
+
 class NotANumber(DataError):
     """A cell that holds neither a number nor what stands for a missing one; `known` where it is no
     word.
     """
 
     def __init__(self, cell: str, said: str, remedy: str, known: bool = True) -> None:
-        super().__init__(f"'{shortened(cell)}' {said}", remedy)
+        super().__init__(f"'{shortened(cell)}' {said}" if cell else said, remedy)
         self.cell, self.known = cell, known
 
     def at(self, where: str, remedy: str | None = None) -> Self:
@@ -148,6 +167,8 @@ class CellReader:
 
     def __call__(self, cell: Any) -> float:
         """Return the number, or that of the stamp; NaN where there is none. Raises NotANumber."""
+        if isinstance(cell, Lacking):
+            raise NotANumber("", cell.said, cell.remedy)
         cell = cell.decode("utf-8", "replace") if isinstance(cell, bytes) else cell
         value = number_of(cell, self.decimal, self.thousands)
         if value is not None and not (self.clock and math.isfinite(value)):

@@ -32,6 +32,9 @@ CHUNK = 1 << 20
 record.
 """
 
+LAST_LINES = 50
+"""Lines at the end of a text by which its last one is judged."""
+
 LINE = re.compile(rb"[^\r\n]*(?:\r\n?|\n)")
 
 TEXT_ERRORS = "surrogateescape"

@@ -16,11 +16,13 @@ import numpy as np
 from mapmore_cli.domain.arrays import Array, by_blocks
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.storage.tables import (
+    Cut,
     Noted,
     RawTable,
     SourceColumn,
     TableRequest,
     known_names,
+    refuse_namesakes,
 )
 from mapmore_cli.storage.tables.cells import DATES, CellReader, NotANumber
 
@@ -46,6 +48,7 @@ class Member:
     - `values`, `shape`: for an array: reads a selection of it, `()` being all; raises IndexError.
       And its size along each axis.
     - `noted`: what the file says of an array.
+    - `breaks_off`: for the top, what shows that the file breaks off.
     """
 
     kind: str
@@ -56,11 +59,18 @@ class Member:
     values: Callable[[Selection], Any] = _impossible
     shape: tuple[int, ...] = ()
     noted: Noted = field(default_factory=Noted)
+    breaks_off: Cut | None = None
 
     @property
     def is_array(self) -> bool:
         """True for what holds values rather than members."""
         return not self.names and self.count is None
+
+    def named(self, name: str) -> Member:
+        """Return the member of that name; DataError where several have it."""
+        remedy = "Give each a name of its own in the program that wrote the file."
+        refuse_namesakes(name, self.names, f"'{name}'", self.kind, remedy)
+        return self.member(name)
 
 
 def array_of(
@@ -104,7 +114,8 @@ def group_of(kind: str, names: Sequence[str], member: Callable[[str], Member]) -
         ]
 
     in_order = sorted(names, key=natural)
-    return Member(kind, names, member, len(names), lambda number: member(in_order[number]))
+    group = Member(kind, names, member, len(names), lambda number: group.named(in_order[number]))
+    return group
 
 
 def parse_address(text: str, position: int = 0) -> tuple[str | Selection, ...]:
@@ -146,12 +157,15 @@ def tables(top: Member, request: TableRequest) -> list[RawTable]:
     Raises DataError for an address that leads nowhere, arrays that are not columns of numbers, and
     columns of different length.
     """
+    if top.breaks_off is not None:  # whatever else is wrong with the file may come of that
+        top.breaks_off.refuse(request.label, request)
     root = request.root or ""
     place = root.removesuffix(EVERY)
     label = f"{request.label}:{place}" if root else request.label
     base = _follow(top, _steps_to(place, top), root, request.label)
     if place == root:
-        return [_table_of_member(base, request, label)]
+        table = _table_of_member(base, request, label)
+        return [replace(table, breaks_off=top.breaks_off or table.breaks_off)]
     if base.count is None and base.names:
         elements = [base]
     else:
@@ -166,6 +180,7 @@ def tables(top: Member, request: TableRequest) -> list[RawTable]:
         _table_of_member(elements[i], request, f"{label}[{i}]", i)
         for i in kept or range(len(elements))
     ]
+    recordings[-1] = replace(recordings[-1], breaks_off=top.breaks_off or recordings[-1].breaks_off)
     if 0 < len(kept) < len(elements):
         left_out = (
             f"{label}: {len(elements) - len(kept)} of {len(elements)} members have none of "
@@ -184,7 +199,7 @@ def _steps_to(column: SourceColumn, base: Member) -> tuple[str | Selection, ...]
         name for name in base.names if re.match(rf"[./]?{re.escape(name)}($|[./\[])", column[end:])
     ]:
         steps.append(max(begun, key=len))
-        base = base.member(steps[-1])
+        base = base.named(steps[-1])
         end = column.index(steps[-1], end) + len(steps[-1])
     return (*steps, *parse_address(column, end))
 
@@ -201,7 +216,7 @@ def _has_some(element: Member, request: TableRequest) -> bool:
 def _table_of_member(
     base: Member, request: TableRequest, label: str, element: int | None = None
 ) -> RawTable:
-    """Return the columns of a member; where records may be incomplete the shortest ends them."""
+    """Return the columns of a member; the shortest ends them, which the gate judges."""
     noted: dict[SourceColumn, Noted] = {}
     columns: dict[SourceColumn, Array] = {}
     for column in request.columns:
@@ -213,15 +228,16 @@ def _table_of_member(
     n = lengths[shortest]
     if n == 0:
         raise DataError(f"{label}: '{shortest}' is empty")
-    if lengths[longest] > n and not request.incomplete:
-        raise DataError(
-            f"{label}: columns of different length: '{shortest}' has {n} samples, '{longest}' "
-            f"has {lengths[longest]}",
-            "They do not belong to one log; bring them together with `join`. `missing: drop` "
-            "ends all with the shortest.",
-        )
+    cut = Cut(
+        f"columns of different length: '{shortest}' has {n} samples, '{longest}' has "
+        f"{lengths[longest]}",
+        "They do not belong to one log; bring them together with `join`. `missing: drop` ends all "
+        "with the shortest.",
+        "all end with the shortest",
+    )
     columns = {column: values[:n] for column, values in columns.items()}
-    return RawTable(columns, range(n), label, "index", element, noted=noted)
+    uneven = cut if lengths[longest] > n else None
+    return RawTable(columns, range(n), label, "index", element, noted=noted, breaks_off=uneven)
 
 
 def refuse_other_clocks(noted: Mapping[SourceColumn, Noted], label: str) -> None:
@@ -289,15 +305,17 @@ def as_numbers(values: Any, what: str, read: CellReader | None = None) -> Array:
     array = np.asarray(values)
     kind = array.dtype.kind
     if kind in "USO":
-        numbers = np.empty(array.shape)
-        for place, cell in np.ndenumerate(array):
-            try:
-                numbers[place] = read(cell)
-            except NotANumber as odd:
-                raise odd.at(
-                    f"{what} holds text, not real numbers: index {place[0] if place else 0}"
-                ) from None
-        return numbers
+        numbers = np.empty(array.size)
+        known = dict[Any, float]()  # what small files hold millions of is the same again and again
+        for index, cell in enumerate(array.flat):
+            if cell not in known:
+                try:
+                    known[cell] = read(cell)
+                except NotANumber as odd:
+                    where = f"{what} holds text, not real numbers: index {index}"
+                    raise odd.at(where) from None
+            numbers[index] = known[cell]
+        return numbers.reshape(array.shape)
     if kind == "M" and not read.clock:
         raise DataError(f"{what}: a date stands here, not a number", DATES)
     if kind == "M":
@@ -322,7 +340,7 @@ def _follow(top: Member, steps: Sequence[str | Selection], address: str, label: 
 def _step_into(here: Member, step: str | Selection, address: str, label: str) -> Member:
     if isinstance(step, str):
         if step in here.names:
-            return here.member(step)
+            return here.named(step)
         way = "" if step == address else f" on the way to '{address}'"
         raise DataError(f"{label}: there is no '{step}'{way}", _further(here, step))
     index = step[0]

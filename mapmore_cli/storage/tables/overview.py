@@ -95,7 +95,7 @@ def first_rows(top: Member, most: int, separator: str = "/") -> Top:
         (None, [], []),
     )
     for name in () if log else top.names:
-        top.member(name)  # tells of an object that only its own program can read
+        top.named(name)  # tells of an object that only its own program can read
     steps = (column.noted.step for column in log)
     step = next(filter(None, steps), None) or _sample_time(columns)
     titles = [column.title or column.address for column in log]
@@ -147,7 +147,7 @@ def _readable(here: Member, name: str | int) -> Member | None:
         if isinstance(name, int):
             return here.element(name)
         if name in here.names:
-            return here.member(name)
+            return here.named(name)
     return None
 
 

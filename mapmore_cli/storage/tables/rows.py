@@ -1,15 +1,20 @@
-"""Tables that come row by row, cell by cell: a sheet of a workbook, a segment of a LabVIEW file."""
+"""Tables that come row by row, cell by cell: a sheet of a workbook, a segment of a LabVIEW file,
+records of names and cells.
+"""
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from mapmore_cli.domain.arrays import Array, IntArray
-from mapmore_cli.storage.tables import RawTable, SourceColumn, TableRequest
-from mapmore_cli.storage.tables.cells import CellReader, NotANumber
+from mapmore_cli.domain.errors import DataError
+from mapmore_cli.storage.tables import RawTable, SourceColumn, TableRequest, locate_columns
+from mapmore_cli.storage.tables.cells import CellReader, NotANumber, holds_number
 
 Row = tuple[int, Sequence[Any]]
 """Number in the file, from 1, and the cells."""
@@ -33,6 +38,32 @@ def table_of_rows(
     """
     numbers, columns = values_of_rows(rows, wanted_of(places, names, request), label)
     return RawTable(dict(zip(places, columns, strict=True)), numbers, label)
+
+
+def table_of_records(
+    records: Sequence[tuple[int, Sequence[tuple[str, Any]]]], request: TableRequest
+) -> RawTable:
+    """Return the wanted columns of records, each a number in the file and pairs of name and cell;
+    a cell that a record lacks is NaN. A request without columns gets all that hold numbers.
+
+    Raises DataError for a name that no record has, or that stands twice in one; NotANumber.
+    """
+    counts = Counter[str]()
+    for _, pairs in records:
+        counts |= Counter(name for name, _ in pairs)
+    names, rows = list(counts.elements()), [(number, dict(pairs)) for number, pairs in records]
+    if not names:
+        raise DataError(f"{request.label}: has no records")
+    if not request.columns:
+        numeric = [
+            name
+            for name in counts
+            if all(row.get(name) is None or holds_number(row[name]) for _, row in rows)
+        ]
+        request = replace(request, columns=tuple(numeric), clocks=frozenset(numeric))
+    places = locate_columns(request, names, len(names))
+    cells = ((number, [row.get(name) for name in names]) for number, row in rows)
+    return table_of_rows(cells, places, names, request, request.label)
 
 
 def wanted_of(

@@ -40,6 +40,12 @@ def test_one_new_file_adds_a_format(tmp_path):
         ignore=shutil.ignore_patterns("__pycache__"),
     )
     (tmp_path / "mapmore_cli/storage/readers/bars.py").write_text(TEXT_OF_BARS)
+    template = (
+        Path(__file__).resolve().parents[3] / "docs/examples/plugin/mapmore_template/reader.py"
+    )
+    shutil.copy(template, tmp_path / "mapmore_cli/storage/readers/json_lines.py")
+    records = "".join(f'{{"eps": {i / 100}, "P": 150, "who": "me", "F": {i}}}\n' for i in range(40))
+    (tmp_path / "log.jsonl").write_text(records)
     rows = "".join(f"{i / 100}|150|{1.5 * i}\n" for i in range(40))
     (tmp_path / "log.bar").write_text(f"strain|pressure|force\n{rows}")
     code = """
@@ -49,6 +55,7 @@ from mapmore_cli.annexes.drafting.preview import preview
 from mapmore_cli.ingestion.files import unique_ids
 assert "'bars'" in str(json_schema())
 assert preview(Path("log.bar")).columns == ("strain", "pressure", "force")
+assert preview(Path("log.jsonl")).columns == ("eps", "P", "F")
 print(*unique_ids(["log.bar"]))
 from mapmore_cli.study.sections.logs import Logs
 columns = {"time": {"column": "strain"}}

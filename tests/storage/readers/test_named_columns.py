@@ -76,7 +76,19 @@ def test_what_unpacks_to_far_more_than_it_has_is_not_unpacked(tmp_path, monkeypa
     header = (tmp_path / "x.npy").read_bytes().replace(b"(5,), }        ", b"(500000000,), }")
     with zipfile.ZipFile(tmp_path / "a.npz", "w") as archive:
         archive.writestr("x.npy", header)
-    refusal(["a.npz: the file is damaged", "'x' is cut off"], "npz", tmp_path / "a.npz", "x")
+    refusal(
+        ["a.npz: the file is damaged", "'x' declares more values"], "npz", tmp_path / "a.npz", "x"
+    )
+
+
+@pytest.mark.parametrize("key", ["unit", "units", "Unit", "UNITS", "attrs"])
+def test_units_that_a_table_in_parquet_notes(tmp_path, key):
+    schema = pa.schema([pa.field("P", pa.float64(), metadata={key: "psi"})])
+    if key == "attrs":
+        pandas = b'{"columns": [], "attributes": {"units": {"P": "psi"}}}'
+        schema = pa.schema([pa.field("P", pa.float64())], metadata={b"pandas": pandas})
+    parquet.write_table(pa.table({"P": T}, schema=schema), tmp_path / "a.parquet")
+    assert table_of("parquet", tmp_path / "a.parquet", "P").noted["P"].unit == "psi"
 
 
 @pytest.mark.parametrize("kind", ["npz", "parquet"])

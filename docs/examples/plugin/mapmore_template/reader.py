@@ -3,29 +3,23 @@
 import json
 from pathlib import Path
 
-import numpy as np
-
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.storage.tables import RawTable, Reader, TableRequest
+from mapmore_cli.storage.tables.rows import table_of_records
 
 
 def read(path: Path, request: TableRequest) -> list[RawTable]:
-    """Return the wanted columns as one recording; NaN where a line lacks one."""
-    lines = path.read_text(encoding="utf-8").splitlines()
-    try:
-        rows = [json.loads(line) for line in lines]
-    except ValueError as fault:
-        raise DataError(
-            f"{request.label}: is no JSON ({fault})", "write one object a line"
-        ) from fault
-    for column in request.columns:
-        if not any(column in row for row in rows):
-            raise DataError(f"{request.label}: no line has `{column}`", "name a key of the lines")
-    columns = {
-        column: np.array([row.get(column, np.nan) for row in rows], dtype=float)
-        for column in request.columns
-    }
-    return [RawTable(columns, np.arange(1, len(rows) + 1), request.label)]
+    """Return the wanted columns as one recording."""
+    records = []
+    for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), start=1):
+        try:
+            # as pairs of key and value: of two equal keys, `json` would keep the last
+            records.append((number, json.loads(line, object_pairs_hook=list)))
+        except ValueError as fault:
+            raise DataError(
+                f"{request.label}:row {number}: is no JSON ({fault})", "write one object a line"
+            ) from fault
+    return [table_of_records(records, request)]
 
 
-READER = Reader(name="json_lines", read=read, suffixes=(".jsonl",), by_index=False)
+READER = Reader("json_lines", read, suffixes=(".jsonl",), by_index=False)

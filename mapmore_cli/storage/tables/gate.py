@@ -1,0 +1,103 @@
+"""The gate behind all readers: what a reader reports of its file is judged here, once for all.
+
+Names that stand twice are refused where a name is looked for (`refuse_namesakes`), and cells
+without a number where a cell is read (`cells.CellReader`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+
+from mapmore_cli.storage.tables import (
+    Cut,
+    OpenEnd,
+    RawTable,
+    Reader,
+    TableRequest,
+    Top,
+    reading,
+)
+from mapmore_cli.storage.tables.cells import shortened
+
+FEWEST_ROWS = 10  # with equally many digits, from which one with fewer is conspicuous
+
+DAMAGE = (OSError, EOFError, ValueError)
+"""What reading a damaged file raises; anything else is a fault of the reader, and passes."""
+
+
+def gated(reader: Reader) -> Reader:
+    """Return the reader with the gate behind it, and with a way to look at the first rows."""
+    read = partial(_judged_tables, reader.read, f"file for the reader `{reader.name}`")
+    return replace(reader, read=read, peek=reader.peek or partial(_first_rows, read))
+
+
+def _judged_tables(
+    read: Callable[[Path, TableRequest], list[RawTable]],
+    kind: str,
+    path: Path,
+    request: TableRequest,
+) -> list[RawTable]:
+    with reading(request.label, kind, DAMAGE):
+        return [_without_cut_rows(table, request) for table in read(path, request)]
+
+
+def _first_rows(
+    read: Callable[[Path, TableRequest], list[RawTable]], path: Path, most: int
+) -> Iterable[Top]:
+    """Return the first rows of every column, which a request without columns asks for."""
+    for table in read(path, TableRequest(path.name, ())):
+        rows = zip(*(values[:most].tolist() for values in table.columns.values()), strict=True)
+        return [Top([list(table.columns), *rows], lambda cell: isinstance(cell, float))]
+    return []
+
+
+def _without_cut_rows(table: RawTable, request: TableRequest) -> RawTable:
+    """Return the table without the rows at its end that were cut, which is told.
+
+    Raises DataError for a file that breaks off where missing values are errors.
+    """
+    cut = table.breaks_off
+    if cut is None and table.open_end is not None and not table.is_empty_at(-1):
+        cut = _cut_in(table.open_end)
+    if cut is None:
+        return table
+    where = table.at(-1) if cut.rows else table.label
+    cut.refuse(where, request)
+    end = table.size - cut.rows
+    return replace(
+        table,
+        columns={name: column[:end] for name, column in table.columns.items()},
+        rows=table.rows[:end],
+        doubts=(*table.doubts, f"{where}: {cut.said}: {cut.done}"),
+    )
+
+
+def _cut_in(end: OpenEnd) -> Cut | None:
+    """Return what shows that the last line, which has no end, was cut: fewer cells than in any line
+    before it, or, in its last cell, fewer digits than all of these: 254.126 was cut to 2.
+    """
+    *before, last = [row for row in end.rows if any(map(str.strip, row))] or [[""]]
+    column = [row[len(last) - 1] for row in before if len(row) >= len(last)]
+    digits = {len(cell.strip().partition(end.decimal)[2]) for cell in column}
+    if len(last) < min(map(len, before), default=0):
+        why = f"only {len(last)} of the fields that the lines before it have"
+    elif (
+        len(column) >= FEWEST_ROWS
+        and len(digits) == 1
+        and len(last[-1].strip().partition(end.decimal)[2]) < max(digits)
+    ):
+        why = (
+            f"fewer digits in its last number, {shortened(last[-1].strip())}, than those before it"
+        )
+    else:
+        return None
+    return Cut(
+        f"the last line has no end, and {why}: it was cut off",
+        "Get the whole file again. `missing: drop` leaves the line out; a line end behind it says "
+        "that it is whole.",
+        "it is left out",
+        rows=1,
+    )

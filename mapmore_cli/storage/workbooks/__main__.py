@@ -1,0 +1,107 @@
+"""The process that reads a workbook, run with PATH ROWS BYTES SECONDS.
+
+It writes a list of sheets as JSON to its output: title, whether it is visible, and the first ROWS
+rows of cells (all where 0). A date or a time is `{"stamp": TEXT}`; a cell that shows no number,
+whatever is stored, is the text of an error, `{"lacks": ""}` for a formula that was never computed,
+or `{"lacks": "B3:B5"}` in merged cells.
+
+A damaged workbook can end the machine code that reads it, ask for all memory, or take long. Then it
+ends this process, which may have so many BYTES and SECONDS of processor time, and not the program.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+import zipfile
+from collections.abc import Iterable
+from contextlib import suppress
+from datetime import date, datetime, time
+from itertools import islice, product
+from pathlib import Path
+from typing import Any
+
+from mapmore_cli.storage.workbooks import binary, markup
+from mapmore_cli.storage.workbooks.facts import NEVER_COMPUTED, Fact, letters
+
+MOST_CELLS, CELLS_OF_BYTE = 100_000, 50
+"""Cells that a sheet may span, and how many more for each byte of the file: a cell that holds a
+number takes a byte or more, however well it is packed.
+"""
+
+TOO_LARGE = 3  # the exit code for sheets that span more
+
+
+def sheets_of(path: Path, most: int) -> list[tuple[str, bool, list[list[Any]]]]:
+    """Return what is in the sheets of a workbook, whose content tells its kind."""
+    from python_calamine import SheetTypeEnum, SheetVisibleEnum, load_workbook
+
+    room = MOST_CELLS + CELLS_OF_BYTE * path.stat().st_size
+    with path.open("rb") as file:
+        book = load_workbook(file)
+        sheets = []
+        for one in book.sheets_metadata:
+            if one.typ == SheetTypeEnum.WorkSheet:
+                sheet = book.get_sheet_by_name(one.name)
+                height, width = (last + 1 for last in sheet.end or (-1, -1))
+                if height * width > room:
+                    print(f"the sheet '{one.name}' spans {height} rows and {width} columns")
+                    sys.exit(TOO_LARGE)
+                rows = sheet.to_python(skip_empty_area=False, nrows=most or None)
+                cells = [[_plain(cell) for cell in row] for row in rows]
+                merged = [(*first, *last, "") for first, last in sheet.merged_cell_ranges or []]
+                facts = _facts(path, one.name)
+                # rows where nothing has a value are not in what calamine gives
+                end = max((top + 1 for top, *_ in facts if not most or top < most), default=0)
+                if end * width <= room:
+                    cells += [[""] * len(cells[0]) for _ in range(end - len(cells) if cells else 0)]
+                _mark(cells, [*merged, *facts])
+                sheets.append((one.name, one.visible == SheetVisibleEnum.Visible, cells))
+        return sheets
+
+
+def _facts(path: Path, title: str) -> list[Fact]:
+    if not zipfile.is_zipfile(path):
+        return binary.facts_of(path.read_bytes(), title)
+    with zipfile.ZipFile(path) as archive:
+        return list(markup.facts_of(archive, title))
+
+
+def _mark(cells: list[list[Any]], facts: Iterable[Fact]) -> None:
+    """Write into cells what the file says of them besides their values."""
+    width = max(map(len, cells), default=0)
+    left = 4 * width * len(cells)  # ranges that lie on each other again and again are nonsense
+    for top, first, bottom, last, said in facts:
+        rows, columns = range(top, min(bottom + 1, len(cells))), range(first, min(last + 1, width))
+        for row, column in islice(product(rows, columns), max(left, 0)):
+            left -= 1
+            if said == NEVER_COMPUTED:
+                cells[row][column] = {"lacks": ""}
+            elif said:
+                cells[row][column] = said
+            elif cells[row][column] == "" and (row, column) != (top, first):
+                cells[row][column] = {
+                    "lacks": f"{letters(first)}{top + 1}:{letters(last)}{bottom + 1}"
+                }
+
+
+def _plain(cell: Any) -> Any:
+    """Return a date as midnight of that day, and whole numbers as such: `2026`, not `2026.0`."""
+    if isinstance(cell, date) and not isinstance(cell, datetime):
+        return datetime.combine(cell, time())
+    return int(cell) if isinstance(cell, float) and cell.is_integer() else cell
+
+
+if __name__ == "__main__":
+    with suppress(ImportError, ValueError):  # not under Windows; there may be a lower limit
+        import resource
+
+        resource.setrlimit(resource.RLIMIT_AS, (int(sys.argv[3]),) * 2)
+        resource.setrlimit(resource.RLIMIT_CPU, (int(sys.argv[4]),) * 2)
+    try:
+        sheets = sheets_of(Path(sys.argv[1]), int(sys.argv[2]))
+        json.dump(sheets, sys.stdout, default=lambda cell: {"stamp": str(cell)})
+    except SystemExit:
+        raise
+    except BaseException as fault:  # machine code that gives up raises no Exception
+        sys.exit(str(fault) or type(fault).__name__)

@@ -1,0 +1,121 @@
+"""What workbooks of older programs (.xls) say of cells besides their values.
+
+The records of a sheet (BIFF) are a stream in a file of sectors, each chained to the next by a table
+([MS-CFB], [MS-XLS]).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
+from struct import error, unpack_from
+
+from mapmore_cli.storage.workbooks.facts import NEVER_COMPUTED, Fact
+
+BEGINS = b"\xd0\xcf\x11\xe0"
+ERRORS = {
+    0x00: "#NULL!",
+    0x07: "#DIV/0!",
+    0x0F: "#VALUE!",
+    0x17: "#REF!",
+    0x1D: "#NAME?",
+    0x24: "#NUM!",
+    0x2A: "#N/A",
+}
+BEGIN, END, SHEET, BOOL_OR_ERROR, FORMULA = 0x809, 0x0A, 0x85, 0x205, (0x06, 0x206, 0x406)
+IN_STREAM = 0xFFFFFFF0  # numbers of sectors from here on mean something else
+
+
+def facts_of(content: bytes, title: str) -> list[Fact]:
+    """Return what is said of the cells of a sheet; nothing where it cannot be made out.
+
+    A formula that was never computed has an empty text for its value, as one has that gives an
+    empty text: it is taken for the former where every formula of the sheet has one.
+    """
+    with suppress(error, IndexError, ValueError):
+        if content.startswith(BEGINS):
+            return list(_facts_of_records(_stream(content), title))
+    return []
+
+
+def _stream(content: bytes) -> bytes:
+    """Return the stream of the workbook's records."""
+    size, small = 1 << unpack_from("<H", content, 30)[0], 1 << unpack_from("<H", content, 32)[0]
+    directory, _, limit, small_table, _, more = unpack_from("<6I", content, 48)
+    places = list(unpack_from("<109I", content, 76))
+    while more < IN_STREAM and len(places) * size < len(content):
+        *further, more = unpack_from(f"<{size // 4}I", content, (more + 1) * size)
+        places += further
+    table = _numbers(b"".join(_sector(content, n, size) for n in places if n < IN_STREAM))
+
+    def chained(start: int, chain: Sequence[int], source: bytes, step: int, first: int) -> bytes:
+        parts, at = list[bytes](), start
+        while at < IN_STREAM and len(parts) <= len(chain):
+            parts.append(source[(at + first) * step : (at + first + 1) * step])
+            at = chain[at]
+        return b"".join(parts)
+
+    entries = chained(directory, table, content, size, 1)
+    root = b""
+    for place in range(0, len(entries), 128):
+        name = entries[place : place + unpack_from("<H", entries, place + 64)[0]]
+        start, length = unpack_from("<2I", entries, place + 116)
+        if not place:
+            root = chained(start, table, content, size, 1)
+        if name.decode("utf-16-le").rstrip("\0") in ("Workbook", "Book"):
+            if length >= limit:
+                return chained(start, table, content, size, 1)[:length]
+            inner = _numbers(chained(small_table, table, content, size, 1))
+            return chained(start, inner, root, small, 0)[:length]
+    return b""
+
+
+def _sector(content: bytes, number: int, size: int) -> bytes:
+    return content[(number + 1) * size : (number + 2) * size]
+
+
+def _numbers(content: bytes) -> Sequence[int]:
+    return unpack_from(f"<{len(content) // 4}I", content)
+
+
+def _records(stream: bytes, place: int) -> Iterator[tuple[int, bytes]]:
+    """Yield kind and content of the records of one substream."""
+    depth = 0
+    while place + 4 <= len(stream):
+        kind, length = unpack_from("<2H", stream, place)
+        yield kind, stream[place + 4 : place + 4 + length]
+        depth += (kind == BEGIN) - (kind == END)
+        if depth <= 0:
+            return
+        place += 4 + length
+
+
+def _facts_of_records(stream: bytes, title: str) -> Iterator[Fact]:
+    starts = [
+        unpack_from("<I", content)[0]
+        for kind, content in _records(stream, 0)
+        if kind == SHEET and _title(content) == title
+    ]
+    empty, computed = list[Fact](), False
+    for kind, content in _records(stream, starts[0]):
+        if kind == BOOL_OR_ERROR and content[7]:
+            row, column = unpack_from("<2H", content)
+            yield row, column, row, column, ERRORS.get(content[6], "#VALUE!")
+        elif kind in FORMULA:
+            row, column = unpack_from("<2H", content)
+            value = content[6:14]
+            if value.endswith(b"\xff\xff") and value[0] == 2:
+                yield row, column, row, column, ERRORS.get(value[2], "#VALUE!")
+            elif value.endswith(b"\xff\xff") and value[0] == 3:
+                empty.append((row, column, row, column, NEVER_COMPUTED))
+            else:
+                computed = True
+    yield from () if computed else empty
+
+
+def _title(content: bytes) -> str:
+    """Return the title in the record of a sheet."""
+    length, is_wide, letters = content[6], content[7] & 1, content[8:]
+    return (
+        letters[: 2 * length].decode("utf-16-le") if is_wide else letters[:length].decode("latin-1")
+    )

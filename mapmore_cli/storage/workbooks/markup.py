@@ -1,0 +1,96 @@
+"""What workbooks that are archives of XML (.xlsx, .ods) say of cells besides their values."""
+
+from __future__ import annotations
+
+import posixpath
+import re
+import zipfile
+from collections.abc import Iterator
+from io import BytesIO
+from xml.etree import ElementTree
+
+from mapmore_cli.storage.workbooks.facts import NEVER_COMPUTED, Fact, number_of_letters
+
+OF_XLSX = re.compile(rb"<(\w+:)?f\b|\bt=[\"']e")
+OF_ODS = re.compile(rb"formula=|value-type=\"error|spanned=|>Err:|>#")
+"""What stands in a sheet that has something to say; the others, which are most, are not parsed."""
+
+ERROR = re.compile(r"#\w[\w/]*[!?]?|Err:\d+")
+
+
+def facts_of(archive: zipfile.ZipFile, title: str) -> Iterator[Fact]:
+    """Yield what is said of the cells of a sheet."""
+    names = archive.namelist()
+    if "xl/workbook.xml" in names:
+        content = archive.read(_part_of(archive, title))
+        yield from _facts_of_xlsx(content) if OF_XLSX.search(content) else ()
+    elif "content.xml" in names:
+        content = archive.read("content.xml")
+        yield from _facts_of_ods(content, title) if OF_ODS.search(content) else ()
+
+
+def _part_of(archive: zipfile.ZipFile, title: str) -> str:
+    """Return the member of an .xlsx file that holds a sheet."""
+    book = ElementTree.fromstring(archive.read("xl/workbook.xml"))
+    links = ElementTree.fromstring(archive.read("xl/_rels/workbook.xml.rels"))
+    entry = next(one for one in book.iterfind(".//{*}sheet") if one.get("name") == title)
+    key = next(value for name, value in entry.items() if name.endswith("}id"))
+    part = next(str(link.get("Target")) for link in links if link.get("Id") == key)
+    return posixpath.join("xl", part).lstrip("/")
+
+
+def _facts_of_xlsx(content: bytes) -> Iterator[Fact]:
+    """Yield errors, and formulas that have no value."""
+    for _, node in ElementTree.iterparse(BytesIO(content)):
+        space, _, tag = node.tag.rpartition("}")
+        if tag == "row":
+            node.clear()
+        elif tag == "c" and (place := re.fullmatch(r"([A-Z]+)(\d+)", node.get("r", ""))):
+            kind, value = node.get("t"), node.findtext(f"{space}}}v")
+            # the value of a formula may be an empty text
+            is_open = not value and node.find(f"{space}}}f") is not None
+            if kind == "e" or (is_open and (kind != "str" or value is None)):
+                column, row = number_of_letters(place[1]), int(place[2]) - 1
+                yield row, column, row, column, value or NEVER_COMPUTED
+
+
+def _facts_of_ods(content: bytes, title: str) -> Iterator[Fact]:
+    """Yield errors, formulas that have no value, and merged cells; rows and cells may stand for
+    several that are alike.
+    """
+    row, here = 0, False
+    for event, node in ElementTree.iterparse(BytesIO(content), ("start", "end")):
+        tag = node.tag.rpartition("}")[2]
+        if tag == "table" and event == "start":
+            row, here = 0, _said(node, "name") == title
+        elif tag == "table-row" and event == "end":
+            rows, column = int(_said(node, "number-rows-repeated") or 1), 0
+            for cell in node if here else ():
+                columns = int(_said(cell, "number-columns-repeated") or 1)
+                end = (row + rows - 1, column + columns - 1)
+                for fact in _facts_of_cell(cell):
+                    if fact:
+                        yield row, column, *end, fact
+                    else:
+                        down = int(_said(cell, "number-rows-spanned") or 1)
+                        right = int(_said(cell, "number-columns-spanned") or 1)
+                        yield row, column, row + down - 1, column + right - 1, ""
+                column += columns
+            row += rows
+            node.clear()
+
+
+def _facts_of_cell(cell: ElementTree.Element) -> Iterator[str]:
+    shown = "".join(cell.itertext()).strip()
+    kinds = {value for key, value in cell.items() if key.endswith("}value-type")}
+    if "error" in kinds or (kinds & {"float", "percentage"} and ERROR.fullmatch(shown)):
+        yield shown or "#VALUE!"
+    elif _said(cell, "formula") and not kinds:
+        yield NEVER_COMPUTED
+    if {_said(cell, "number-rows-spanned"), _said(cell, "number-columns-spanned")} - {"", "1"}:
+        yield ""
+
+
+def _said(node: ElementTree.Element, name: str) -> str:
+    """Return an attribute, whatever stands for its namespace; empty where there is none."""
+    return next((value for key, value in node.items() if key.endswith(f"}}{name}")), "")
