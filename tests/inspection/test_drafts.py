@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gzip
+import re
 from collections import Counter
 from dataclasses import replace
 
@@ -15,7 +16,6 @@ from mapmore_cli.annexes.drafting.answers import Answers, Hold, answers_of
 from mapmore_cli.annexes.drafting.draft import Draft, Note
 from mapmore_cli.annexes.drafting.outputs import as_files
 from mapmore_cli.annexes.drafting.preview import preview
-from mapmore_cli.annexes.drafting.proof import proven
 from mapmore_cli.annexes.drafting.sources import patterns
 from mapmore_cli.annexes.drafting.start import start
 from mapmore_cli.domain.errors import DataError
@@ -118,9 +118,8 @@ def isobaric(folder, name="pull_{:g}.csv", percent=1.0):
         write(folder / name.format(level), columns)
 
 
-@pytest.mark.usefixtures("quick_families")
 def test_an_isobaric_campaign(tmp_path, monkeypatch):
-    """Every recording is read for its columns, for the draft, and for search and run together."""
+    """Every recording is read for its columns, for the draft, and to check it."""
     isobaric(tmp_path)
     read, csv = [], READERS["csv"]
     counted = replace(csv, read=lambda path, *how: read.append(path) or csv.read(path, *how))
@@ -132,7 +131,8 @@ def test_an_isobaric_campaign(tmp_path, monkeypatch):
     assert data.files == ["pull_*.csv"]
     assert data.cycles.over == "strain"
     assert data.split.hold_out.quantities == {"pressure": [300]}
-    assert "found by search: " in draft.text()
+    assert set(draft.spec) == {"schema_version", "name", "data", "target", "validate"}
+    assert ("target",) not in draft.notes
     assert "# one value in each recording: pressure was held, in kPa" in draft.text()
     assert len(draft.text().splitlines()) <= 40
 
@@ -241,19 +241,41 @@ def test_a_line_of_units_and_every_sheet(tmp_path):
     assert data.levels.at == [100, 200, 300, 400]
 
 
-def test_what_fails_its_own_run_is_made_simpler(tmp_path):
+def test_what_is_too_little_for_a_search_is_a_straight_line(tmp_path):
     """Two samples at each of three pressures: too few to leave any out."""
     for level in (100, 200, 300):
-        write(
-            tmp_path / f"p_{level}.csv",
-            {"P_kPa": level, "eps": [0.0, 0.2], "F_N": [2.0 * level, 0.1 * level]},
-        )
-    (draft,) = start(tmp_path, tmp_path).drafts
-    simpler = proven(
-        draft.with_section("segment", {"strain": {"method": "even", "count": 2}}), tmp_path
+        columns = {"P_kPa": level, "eps": [0.0, 0.2], "F_N": [2.0 * level, 0.1 * level]}
+        write(tmp_path / f"p_{level}.csv", columns)
+    draft = drafted(tmp_path)
+    assert (
+        "CHECK: made simpler (no levels, and nothing is held out), since no curve" in draft.text()
     )
-    assert "made simpler, as" in simpler.text()
-    bring_up_to_date(loaded(simpler, tmp_path), tmp_path / "runs", until="validate")
+    assert draft.spec["dictionary"] == [{"polynomial": {"of": ["strain"], "order": 1}}]
+    bring_up_to_date(loaded(draft, tmp_path), tmp_path / "runs", until="validate")
+
+
+@pytest.mark.parametrize(
+    ("percent", "target", "where", "said"),
+    [
+        (100, "F_N", "CHECK: `check` finds an error: strain reaches 15", "strain-in-per-cent"),
+        (1, "offset", "", r"offset is 7 in every sample \[constant\]"),
+    ],
+)
+def test_what_check_refuses_is_said(tmp_path, percent, target, where, said):
+    """The spec can mend a unit, so that the draft is written; no spec mends a constant target."""
+    for level in (100, 200, 300, 400):
+        force = level * (2 - 9 * 0.15 * LOOP[::20])
+        columns = {"P_kPa": level, "eps": percent * 0.15 * LOOP[::20], "F_N": force, "offset": 7}
+        write(tmp_path / f"p_{level}.csv", columns)
+    answers = answers_of(target=target, inputs="eps,P_kPa")
+    if where:
+        (draft,) = start(tmp_path, tmp_path, answers=answers).drafts
+        assert where in draft.text()
+        assert said in " ".join(draft.text().split())
+    else:
+        with pytest.raises(DataError, match="no usable recording") as fault:
+            start(tmp_path, tmp_path, answers=answers)
+        assert re.search(said, str(fault.value.remedy))
 
 
 # Names and text

@@ -5,7 +5,7 @@ from __future__ import annotations
 import textwrap
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -13,9 +13,6 @@ from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.foreign import printable
 from mapmore_cli.study.loader import MODELINE, SCHEMA
 from mapmore_cli.study.yaml_loader import dump, escaped
-
-if TYPE_CHECKING:
-    from mapmore_cli.domain.results import Search
 
 HEAD = (
     "# Started by `mapmore init`. Look first at what is marked CHECK, "
@@ -86,16 +83,14 @@ class Draft:
     """Sections as the YAML will hold them, with numbers in the model's units, and why they were
     chosen.
 
-    `files` counts the recordings' files, `raw` has the values of all columns of some of them, and
-    `found` is where its structure comes from. `of` is the study of which this is one of several
-    outputs.
+    `files` counts the recordings' files, and `raw` has the values of all columns of some of them.
+    `of` is the study of which this is one of several outputs.
     """
 
     spec: Section
     notes: dict[Loc, Note] = field(default_factory=dict)
     files: int = field(default=0, compare=False)
     raw: Raw = field(default_factory=dict, repr=False, compare=False)
-    found: Search | None = field(default=None, repr=False, compare=False)
     of: str = ""
 
     @property

@@ -98,7 +98,7 @@ def table_of(study: Study, folder: Path) -> Table:
         raise last
     titles, units = (
         dict(zip(layout.columns, texts, strict=False))
-        for texts in (layout.titles or (), layout.units)
+        for texts in (layout.titles or [""] * len(layout.columns), layout.units)
     )
     return read_titles(titles, raw, units)
 
