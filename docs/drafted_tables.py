@@ -106,6 +106,7 @@ def _rows(folder: Path, answers: Answers, said: str) -> list[Row]:
 def proposed(draft: Draft) -> Row:
     """Name, target, inputs, levels, what is held out, and the open questions of a draft."""
     entries = [entry for entry in draft.data["files"] if isinstance(entry, dict)]
+    entries += [{"set": one["columns"]} for one in draft.data.get("join", [])]
     told = [*draft.data["columns"], *(name for entry in entries for name in entry.get("set", {}))]
     inputs = [name for name in dict.fromkeys(told) if name not in ("time", draft.output)]
     levels = draft.data.get("levels")

@@ -250,7 +250,7 @@ def test_what_is_too_little_for_a_search_is_a_straight_line(tmp_path):
     assert (
         "CHECK: made simpler (no levels, and nothing is held out), since no curve" in draft.text()
     )
-    assert draft.spec["dictionary"] == [{"polynomial": {"of": ["strain"], "order": 1}}]
+    assert draft.spec["dictionary"] == [{"polynomial": {"of": ["pressure"], "order": 1}}]
     bring_up_to_date(loaded(draft, tmp_path), tmp_path / "runs", until="validate")
 
 

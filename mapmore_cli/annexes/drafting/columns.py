@@ -96,9 +96,9 @@ class TitledColumn:
         return len(self.values) > 0 and float(np.ptp(np.concatenate(self.values))) > 0
 
     @property
-    def switches(self) -> bool:
-        """Whether it takes two values alone, as a flag."""
-        return len(np.unique(np.concatenate(self.values))) == 2
+    def kinds(self) -> Array:
+        """The values that it takes, each once (m,)."""
+        return np.unique(np.concatenate(self.values)) if self.values else np.empty(0)
 
     @property
     def rises(self) -> bool:
@@ -204,7 +204,8 @@ def words(text: str) -> list[str]:
 
 def _unit_of_clock(values: Sequence[Array]) -> str:
     """Return ms for whole numbers that go on by 1 to 100 a step, else s: a suggestion."""
-    step = float(np.median(np.diff(values[0])))
+    steps = np.diff(max(values, key=len))
+    step = float(np.median(steps)) if steps.size else 0.0
     is_whole = all((one == np.round(one)).all() for one in values)
     return "ms" if is_whole and 1 <= step <= 100 else "s"
 
@@ -352,7 +353,7 @@ def kind_to_predict(name: str, titled: TitledColumn | None) -> str:
     else:
         quantity, is_plain = titled.quantity, titled.plain or titled.quantity in ("", "input")
         is_plain |= quantity == "pressure" and _NUMBERED_PRESSURE.fullmatch(name) is not None
-    if not quantity and titled is not None and titled.switches:
+    if not quantity and titled is not None and len(titled.kinds) == 2:
         return "drive"
     if not is_plain:
         return "unclear"

@@ -19,6 +19,7 @@ from mapmore_cli.domain.errors import UsageError
 
 BLOCKS = "▁▂▃▄▅▆▇█"
 BACK = "b"
+MOST_GROUPS = 20  # values of a column that may number groups
 
 
 @dataclass(frozen=True)
@@ -158,23 +159,24 @@ def _held_out(asked: Asked) -> Question | None:
         known.columns[name].column for name in known.inputs
     }
     named = tuple(Option("", f"{one.quantity}  {one.why}") for one in known.conditions)
-    ways = ["Enter: as names, levels and recordings suggest", "the input of which inner values are"]
-    ways += [f"`{WHOLE}`: every third one"] if len(asked.names) > 1 else []
+    whole = f" `{WHOLE}` (every third one)," if len(asked.names) > 1 else ""
     return Question(
         "What is held out, to check the model by it?",
         (*asked.options(others), *named),
-        "; ".join([*ways, f"`{LAST_SAMPLES}`: the last 30 % of each"]),
+        "Enter: what names, levels or recordings suggest; else an input (inner values of it),"
+        f"{whole} or `{LAST_SAMPLES}` (the last 30 % of each recording)",
         take,
     )
 
 
 def _groups(asked: Asked) -> Question | None:
     answers, known = asked.answers, asked.view(asked.answers)
-    used = [one.column for one in known.columns.values()]
-    words = dict.fromkeys(group_words(asked.names, "specimen"))
-    if answers.group is not None or (len(words) < 2 and not listed(asked.table, used)):
+    others = [known.columns[name].column for name in known.targets]
+    others += [one.column for one in asked.table.values() if len(one.kinds) > MOST_GROUPS]
+    words = group_words(asked.names, "specimen")
+    words = [] if words == [*asked.names] else [*dict.fromkeys(words)]
+    if answers.group is not None or not (words or listed(asked.table, others)):
         return None
-    targets = [known.columns[name].column for name in known.targets]
 
     def take(reply: str) -> Answers:
         group = replace(answers, group=read_group(reply)) if reply else answers
@@ -183,9 +185,9 @@ def _groups(asked: Asked) -> Question | None:
 
     return Question(
         "Which groups, as specimens or sessions, are scored by themselves?",
-        (*asked.options(targets), *(Option("", f"names: {word}") for word in words)),
-        "Enter: none; else the column with their numbers, or what the names tell apart, as "
-        "`specimen`",
+        (*asked.options(others), *(Option("", f"names: {word}") for word in words)),
+        "Enter: none; else the column that numbers them, or a word for what the names tell apart, "
+        "as `specimen`",
         take,
     )
 

@@ -51,7 +51,7 @@ class Understood:
         return {name: one for name, one in self.columns.items() if name not in others}
 
     def drive_called(self, said: str, table: Table, option: str) -> str:
-        """Return the input that a person calls by its name, title or number; UsageError for none."""
+        """Return the input that a person calls by name, title or number; UsageError for none."""
         if said in self.drives:
             return said
         column = find(table, int(said) if said.isdecimal() else said, option).column
