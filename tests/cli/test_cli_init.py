@@ -144,15 +144,15 @@ def test_several_outputs_are_a_fragment_a_spec_each_and_a_campaign(tmp_path, map
         tmp_path / "rig" / "a.csv", np.transpose(columns), delimiter=",", header=head, comments=""
     )
     monkeypatch.chdir(tmp_path)
-    mapmore("init", "rig", "--target", "Tip x,Tip z", "--name", "arm", code=0)
-    assert {path.name for path in tmp_path.glob("*.yaml")} == {
-        *("arm.yaml", "_arm.yaml", "arm-Tip_x.yaml", "arm-Tip_z.yaml")
-    }
-    assert "Tip_z" not in Path("_arm.yaml").read_text()
-    assert "Tip_z" not in Path("arm-Tip_x.yaml").read_text()
-    _, runs = load_campaign(Path("arm.yaml"))
-    assert [load(run.config).spec.name for run in runs] == ["arm-Tip_x", "arm-Tip_z"]
     both = ("init", "rig", "--target", "Tip x,Tip z")
+    mapmore(*both, "--name", "arm", "-o", "own.yaml", code=0)
+    assert {path.name for path in tmp_path.glob("*.yaml")} == {
+        *("own.yaml", "_own.yaml", "own-Tip_x.yaml", "own-Tip_z.yaml")
+    }
+    assert "Tip_z" not in Path("_own.yaml").read_text()
+    assert "Tip_z" not in Path("own-Tip_x.yaml").read_text()
+    _, runs = load_campaign(Path("own.yaml"))
+    assert [load(run.config).spec.name for run in runs] == ["arm-Tip_x", "arm-Tip_z"]
     mapmore(*both, "-o", "-", code=2, says="no one text")
 
 

@@ -85,25 +85,6 @@ def test_an_answer_can_be_taken_back_and_a_column_that_was_given_away_is_not_off
     assert data["split"] == {"validate": {"recordings": ["Circle_2bar"]}}
 
 
-def test_titles_of_all_columns_are_offered(tmp_path):
-    """Alternatives were numbers without their titles."""
-    rng = np.random.default_rng(0)
-    titles = [f"Base orientation {axis}" for axis in "wxyz"] + ["Tip z [mm]", "Motor position"]
-    rows = rng.normal(size=(300, len(titles))).cumsum(axis=0)
-    (tmp_path / "rig").mkdir()
-    np.savetxt(
-        tmp_path / "rig" / "a.csv", rows, delimiter=",", header=",".join(titles), comments=""
-    )
-    shown, asked, code = session(tmp_path, tmp_path / "rig", ("Tip z", "motor", "", ""))
-    assert code == 0, shown
-    assert asked <= 4
-    offered = shown.partition("numbers or titles")[0]
-    assert all(title.partition(" [")[0] in offered for title in titles)
-    text = (tmp_path / "asked.yaml").read_text()
-    assert "target: Tip_z" in text
-    assert "Motor_position: {column: Motor position}" in text
-
-
 @pytest.mark.usefixtures("quick_families")
 def test_without_a_terminal_nothing_is_asked_and_questions_stay_open_until_confirmed(
     tmp_path, cylinder, mapmore, document
@@ -124,16 +105,6 @@ def test_without_a_terminal_nothing_is_asked_and_questions_stay_open_until_confi
     for again in (("check", spec, "--confirm"), ("run", spec)):
         assert document(*again, "-q")["unconfirmed"] == []
     assert "not confirmed" not in page.read_text()
-
-
-def test_one_who_knows_the_columns_needs_one_command(tmp_path, cylinder, mapmore):
-    spec = tmp_path / "told.yaml"
-    columns = "time:ms,_,displacement:mm,pressure:bar,force:N"
-    mapmore("init", cylinder, "-o", spec, "--columns", columns, code=0)
-    text = spec.read_text()
-    assert "CHECK:" not in text
-    assert "levels: {of: pressure" in text
-    mapmore("init", cylinder, "-o", spec, "--force", "--columns", "time:parrots,_", code=2)
 
 
 def test_every_session_is_shown_and_has_at_most_four_answers():

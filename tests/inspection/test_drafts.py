@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 import gzip
-import re
 from collections import Counter
 from dataclasses import replace
 
 import numpy as np
 import pytest
 import yaml
-from recorded import checked, drafted, drafts, loaded, workbook, write
+from recorded import checked, drafted, drafts, loaded, write
 
 from mapmore_cli.annexes.drafting.answers import Answers, Hold, answers_of
 from mapmore_cli.annexes.drafting.draft import Draft, Note
-from mapmore_cli.annexes.drafting.outputs import as_files
 from mapmore_cli.annexes.drafting.preview import preview
 from mapmore_cli.annexes.drafting.sources import patterns
 from mapmore_cli.annexes.drafting.start import start
@@ -211,36 +209,6 @@ def test_a_position_under_pressure_is_a_model_with_memory(tmp_path):
     assert "displacement" not in str([strained.spec.get(key) for key in ("dictionary", "model")])
 
 
-def test_files_of_several_outputs_have_the_name_that_was_given(tmp_path):
-    write(tmp_path / "arm.csv", {"t_s": T, "motor": LOOP, "x": LOOP**2, "z": LOOP**3})
-    both = drafts(tmp_path, answers=answers_of(target="x,z", inputs="motor"))
-    files = as_files(both, tmp_path / "own.yaml")
-    assert [path.name for path in files] == ["own.yaml", "_own.yaml", "own-x.yaml", "own-z.yaml"]
-    campaign, shared, *_ = (yaml.safe_load(text) for text, _ in files.values())
-    assert [run["base"] for run in campaign["runs"]] == ["own-x.yaml", "own-z.yaml"]
-    assert list(shared["data"]["columns"]) == ["time", "motor"]
-
-
-def test_a_line_of_units_and_every_sheet(tmp_path):
-    head = [["time", "P", "eps", "F"], ["s", "bar", "%", "kN"]]
-    pull = list(zip(T[::20].tolist(), LOOP[::20].tolist(), strict=True))
-    rows = {
-        level: [(t, level, 15 * e, level * (0.2 - 0.135 * e)) for t, e in pull]
-        for level in (1.0, 2.0, 3.0, 4.0)
-    }
-    workbook(
-        tmp_path / "all.xlsx", {f"{level:g} bar": [*head, *own] for level, own in rows.items()}
-    )
-    data = checked(drafted(tmp_path), tmp_path).spec.data
-    assert (data.sheet, data.header) == ("*", 2)
-    assert [data.columns[name].unit for name in ("pressure", "strain", "force")] == [
-        "bar",
-        "%",
-        "kN",
-    ]
-    assert data.levels.at == [100, 200, 300, 400]
-
-
 def test_what_is_too_little_for_a_search_is_a_straight_line(tmp_path):
     """Two samples at each of three pressures: too few to leave any out."""
     for level in (100, 200, 300):
@@ -254,28 +222,11 @@ def test_what_is_too_little_for_a_search_is_a_straight_line(tmp_path):
     bring_up_to_date(loaded(draft, tmp_path), tmp_path / "runs", until="validate")
 
 
-@pytest.mark.parametrize(
-    ("percent", "target", "where", "said"),
-    [
-        (100, "F_N", "CHECK: `check` finds an error: strain reaches 15", "strain-in-per-cent"),
-        (1, "offset", "", r"offset is 7 in every sample \[constant\]"),
-    ],
-)
-def test_what_check_refuses_is_said(tmp_path, percent, target, where, said):
-    """The spec can mend a unit, so that the draft is written; no spec mends a constant target."""
-    for level in (100, 200, 300, 400):
-        force = level * (2 - 9 * 0.15 * LOOP[::20])
-        columns = {"P_kPa": level, "eps": percent * 0.15 * LOOP[::20], "F_N": force, "offset": 7}
-        write(tmp_path / f"p_{level}.csv", columns)
-    answers = answers_of(target=target, inputs="eps,P_kPa")
-    if where:
-        (draft,) = start(tmp_path, tmp_path, answers=answers).drafts
-        assert where in draft.text()
-        assert said in " ".join(draft.text().split())
-    else:
-        with pytest.raises(DataError, match="no usable recording") as fault:
-            start(tmp_path, tmp_path, answers=answers)
-        assert re.search(said, str(fault.value.remedy))
+def test_an_error_that_the_spec_can_mend_is_said_in_the_draft(tmp_path):
+    isobaric(tmp_path, percent=100)
+    draft = drafted(tmp_path)
+    assert "# CHECK: `check` finds an error: strain reaches 15" in draft.text()
+    assert 'say `unit: "%"`' in draft.open["target",].why
 
 
 # Names and text

@@ -125,18 +125,11 @@ class Draft:
         """Return the draft with a section added or replaced."""
         return replace(self, spec={**self.spec, key: value}).noted((key,), why)
 
-    def without(self, *keys: str) -> Draft:
-        """Return the draft without some sections, or keys of `data` as `data.levels`, and what was
-        said about them.
-        """
-        spec = {key: value for key, value in self.spec.items() if key not in keys}
-        spec["data"] = {key: value for key, value in self.data.items() if f"data.{key}" not in keys}
-        notes = {
-            loc: note
-            for loc, note in self.notes.items()
-            if loc[0] not in keys and ".".join(map(str, loc[:2])) not in keys
-        }
-        return replace(self, spec=spec, notes=notes)
+    def without_data(self, key: str) -> Draft:
+        """Return the draft without a key of `data`, and without what was said about it."""
+        data = {name: value for name, value in self.data.items() if name != key}
+        notes = {loc: note for loc, note in self.notes.items() if loc[:2] != ("data", key)}
+        return replace(self, spec={**self.spec, "data": data}, notes=notes)
 
     def noted(self, loc: Loc, why: str | None, sure: bool = True) -> Draft:
         """Return the draft with a note about one of its places; none for None."""
