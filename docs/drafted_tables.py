@@ -1,14 +1,13 @@
 """The table of docs/init-and-check.md: what `init` proposes for folders of measured data, with and
-without answers, and what it gives.
+without answers, and what `check` finds in it.
 
-`python docs/drafted_tables.py [FOLDER ...]` makes the rows of all folders in `MAPMORE_DATA` (by
-default `../shared/data`) anew, or those of some. All of them take about twenty minutes. Every draft
-is checked and run as it is: with its guesses, the `CHECK`s included.
+`python docs/drafted_tables.py [FOLDER ...]` makes the rows of some folders in `MAPMORE_DATA` (by
+default `../shared/data`), or of all, which takes about half a minute. Nothing is fitted. Every
+draft is checked as it is: with its guesses, the `CHECK`s included.
 """
 
 from __future__ import annotations
 
-import math
 import os
 import shlex
 import sys
@@ -22,29 +21,23 @@ from pages import DOCS, read_rows, write_tables
 
 from mapmore_cli.annexes.drafting.answers import Answers, answers_of
 from mapmore_cli.annexes.drafting.draft import Draft
-from mapmore_cli.annexes.drafting.proof import proven
-from mapmore_cli.annexes.drafting.start import Search, start
-from mapmore_cli.domain.errors import MapmoreError, UsageError
-from mapmore_cli.domain.scores import OWN, deciding
+from mapmore_cli.annexes.drafting.start import start
+from mapmore_cli.domain.errors import UsageError
 from mapmore_cli.pipeline.inspection import inspect
-from mapmore_cli.pipeline.runner import bring_up_to_date
 from mapmore_cli.reporting.table import Column, Table
-from mapmore_cli.storage.run_folder import RunFiles
-from mapmore_cli.study.loader import LoadedSpec, load
+from mapmore_cli.study.loader import load
 
 PAGE = DOCS / "init-and-check.md"
-PLAINER = ("plane", "cubic", "sarosi", "arx")
 COLUMNS = (
     "folder",
     "said",
     "spec",
     "target",
+    "inputs",
     "held constant",
-    "structure",
+    "held out",
     "CHECK",
     "check",
-    "run: NRMSE",
-    *PLAINER,
 )
 Row = tuple[str, ...]
 
@@ -89,70 +82,61 @@ def batched(words: list[str]) -> zip[tuple[str, str]]:
     return zip(words[::2], words[1::2], strict=True)
 
 
-def rows_of(folder: Path, budget: float = 20.0) -> list[Row]:
+def rows_of(folder: Path) -> list[Row]:
     """Return a row for each spec that `init` proposes for a folder, without a word and with
     answers, or one that says why there is none.
     """
-    search = partial(proven, budget=budget)
-    rows = _rows(folder, Answers(), "nothing", search)
+    rows = _rows(folder, Answers(), "nothing")
     if folder.name in SAID:
-        rows += _rows(folder, said_on_the_line(SAID[folder.name]), SAID[folder.name], search)
+        rows += _rows(folder, said_on_the_line(SAID[folder.name]), SAID[folder.name])
     return rows
 
 
-def _rows(folder: Path, answers: Answers, said: str, search: Search) -> list[Row]:
+def _rows(folder: Path, answers: Answers, said: str) -> list[Row]:
     with TemporaryDirectory() as place:
         try:
-            drafts = start(folder, Path(place), answers=answers, search=search).drafts
+            drafts = start(folder, Path(place), answers=answers).drafts
         except UsageError:
             return [(folder.name, said, "-", "asks", *"-" * (len(COLUMNS) - 4))]
         return [
-            (folder.name, said, *proposed(draft), *tried(draft, Path(place))) for draft in drafts
+            (folder.name, said, *proposed(draft), _checked(draft, Path(place))) for draft in drafts
         ]
 
 
 def proposed(draft: Draft) -> Row:
-    """Name, target, levels and open questions of a draft."""
-    told = draft.spec["target"]
+    """Name, target, inputs, levels, what is held out, and the open questions of a draft."""
+    entries = [entry for entry in draft.data["files"] if isinstance(entry, dict)]
+    entries += [{"set": one["columns"]} for one in draft.data.get("join", [])]
+    told = [*draft.data["columns"], *(name for entry in entries for name in entry.get("set", {}))]
+    inputs = [name for name in dict.fromkeys(told) if name not in ("time", draft.output)]
     levels = draft.data.get("levels")
     held = f"{len(levels['at'])} levels of {levels['of']}" if levels else "nothing"
-    found = draft.found.found.words if draft.found is not None else "not searched"
-    return draft.name, told, held, found, str(draft.text().count("CHECK: "))
+    held_out = draft.data.get("split", {}).get("validate", {})
+    parts = [f"{way} {_in_words(value)}" for way, value in held_out.items()] or ["nothing"]
+    open_ = str(draft.text().count("CHECK: "))
+    return draft.name, draft.spec["target"], ", ".join(inputs), held, ", ".join(parts), open_
 
 
-def tried(draft: Draft, place: Path) -> Row:
-    """Return what `check` finds in a draft, the error of the model that `run` makes of it, and
-    those of plainer models.
-    """
+def _in_words(value: object) -> str:
+    """Return levels as they are, a share in per cent, and names by their number."""
+    if not isinstance(value, list):
+        return f"{100 * value:.0f} %" if isinstance(value, float) else str(value)
+    if isinstance(value[0], str):
+        return f"({len(value)})"
+    return " ".join(f"{one:g}" for one in value)
+
+
+def _checked(draft: Draft, place: Path) -> str:
+    """Return what `check` finds in a draft."""
     path = place / f"{draft.name}.yaml"
     path.write_text(draft.text(), encoding="utf-8")
-    loaded = load(path)
-    return _checked(loaded), *_run(loaded, place / "runs")
-
-
-def _checked(loaded: LoadedSpec) -> str:
-    counts = Counter(issue.severity for issue in inspect(loaded).issues)
+    counts = Counter(issue.severity for issue in inspect(load(path)).issues)
     told = [
         f"{counts[word]} {word}{'s' if counts[word] > 1 else ''}"
         for word in ("error", "warning", "hint")
         if counts[word]
     ]
     return ", ".join(told) or "clean"
-
-
-def _run(loaded: LoadedSpec, runs: Path) -> Row:
-    try:
-        files = RunFiles(bring_up_to_date(loaded, runs, "validate").run_dir)
-    except MapmoreError as fault:
-        return f"refused: {fault.message}", *"-" * len(PLAINER)
-    rows = {score.model: score for score in deciding(files.validation().scores)}
-    where = "held out" if rows[OWN].split == "validate" else "training"
-    errors = {name: row.nrmse for name, row in rows.items()}
-    return f"{_told(rows[OWN].nrmse)} {where}", *(_told(errors.get(name)) for name in PLAINER)
-
-
-def _told(error: float | None) -> str:
-    return "-" if error is None or not math.isfinite(error) else f"{100 * error:.2g} %"
 
 
 def table(made: Mapping[str, list[Row]]) -> Table:
@@ -165,7 +149,7 @@ def table(made: Mapping[str, list[Row]]) -> Table:
     )
     return Table.of(
         "drafts",
-        "What init proposes, and what comes of it",
+        "What init proposes, and what check finds in it",
         tuple(map(Column, COLUMNS)),
         tuple(every),
     )
@@ -175,5 +159,5 @@ if __name__ == "__main__":
     chosen = [data_folder() / name for name in sys.argv[1:]] or sorted(
         path for path in data_folder().iterdir() if path.is_dir()
     )
-    for folder in chosen:  # each as soon as it is made: the rest may take long
-        write_tables(PAGE, {"drafts": partial(table, {folder.name: rows_of(folder)})})
+    made = {folder.name: rows_of(folder) for folder in chosen}
+    write_tables(PAGE, {"drafts": partial(table, made)})

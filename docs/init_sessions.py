@@ -2,7 +2,7 @@
 bars that vanish: docs/sessions/*.txt.
 
 `python docs/init_sessions.py [FOLDER ...]` answers the questions about folders in `MAPMORE_DATA`
-(by default `../shared/data`), runs the spec, and writes the files.
+(by default `../shared/data`), checks the spec, and writes the files.
 """
 
 from __future__ import annotations
@@ -26,10 +26,10 @@ QUESTION = " > "
 PATIENCE = 900.0  # s
 WIDTH = "140"
 SAID: Mapping[str, tuple[str, ...]] = {
-    "printed_cylinder": ("force=6:N", "displacement=4:mm,pressure=5:bar"),
+    "printed_cylinder": ("force=6:N", "displacement=4:mm,pressure=5:bar,time=0:ms"),
     "single_bellows": (),
-    "textile_arm": ("x=14:m", "pressure=4:psi", "time=0:s"),
-    "bender": ("angle=11:deg", "p1=1:mbar,p2=3:mbar", "time=0:s"),
+    "textile_arm": ("x=14:m", "pressure=4:psi,time=0:s", "last"),
+    "bender": ("angle=11:deg", "p1=1:mbar,p2=3:mbar,time=0:s"),
 }
 """What a person who knows the rig answers, in turn; Enter where the answers have run out."""
 ON_THE_LINE: Mapping[str, tuple[str, ...]] = {
@@ -89,7 +89,7 @@ def as_text(shown: str) -> str:
 
 
 def transcript(name: str, folder: Path) -> str:
-    """Return what the run of its spec says, and the session about a folder."""
+    """Return what the check of its spec says, and the session about a folder."""
     with TemporaryDirectory() as place:
         there = Path(place)
         (there / name).symlink_to(folder)
@@ -97,18 +97,13 @@ def transcript(name: str, folder: Path) -> str:
         shown, asked, code = session(there, Path(name), SAID[name], *options)
         if code:
             raise RuntimeError(shown)
-        command = [sys.executable, "-m", "mapmore_cli", "run", "asked.yaml", "--json", "-q"]
+        command = [sys.executable, "-m", "mapmore_cli", "check", "asked.yaml", "--json", "-q"]
         done = subprocess.run(command, cwd=there, capture_output=True, text=True, check=True)
         result = json.loads(done.stdout)
-    own = next(
-        row
-        for row in result["scores"]
-        if (row["model"], row["split"], row["curve"]) == ("mapmore", "validate", "all")
-    )
-    open_ = len(result["unconfirmed"])
+    issues, open_ = len(result["issues"]), len(result["unconfirmed"])
     answered = f"{asked} answer{'s' if asked != 1 else ''}"
-    questions = f"{open_} open question{'s' if open_ != 1 else ''}"
-    told = f"{answered}; run: NRMSE {100 * own['nrmse']:.2g} % held out, {questions}."
+    found = f"{issues} issue{'s' if issues != 1 else ''}"
+    told = f"{answered}; check: {found}, {open_} open question{'s' if open_ != 1 else ''}."
     line = " ".join(["mapmore init", name, "--name asked -o asked.yaml", *options])
     return f"{told}\n\n$ {line}\n{as_text(shown)}\n"
 

@@ -7,12 +7,10 @@ import numpy as np
 import pytest
 from cli_samples import OWN, PROJECT, by_place, options, thinned
 
+from mapmore_cli.study.campaign import load_campaign
 from mapmore_cli.study.loader import load
 
 pytestmark = pytest.mark.usefixtures("quick_families")
-
-QUICK = ("--like", "m2")
-"""Nothing is searched, where it does not matter what is found."""
 
 
 @pytest.fixture
@@ -39,13 +37,13 @@ def test_a_spec_for_the_shipped_recordings_checks_and_runs(
     assert rows[OWN]["nrmse"] < 0.03
 
 
-@pytest.mark.parametrize(
-    "source",
-    ["festo_datasheet", pytest.param("pgm_mckibben", marks=pytest.mark.long)],
-)
-def test_a_spec_for_measured_recordings_checks_and_runs(source, tmp_path, mapmore, measured_data):
+@pytest.mark.parametrize("source", ["festo_datasheet", "pgm_mckibben"])
+def test_a_spec_for_measured_recordings_checks(source, tmp_path, mapmore, measured_data):
     assert started(mapmore, measured_data / source, tmp_path) == []
-    mapmore("run", tmp_path / "spec.yaml", "-q", "--set", "report.formats=[csv]", code=0)
+
+
+def test_the_budget_of_a_search_is_no_option_any_more(tmp_path, mapmore):
+    mapmore("init", tmp_path, "--budget", "60s", code=2, says="`init` fits nothing any more")
 
 
 def started(mapmore, source, place):
@@ -62,13 +60,13 @@ def serious(mapmore, spec):
 
 
 def test_a_folder_of_several_studies_with_one_output_says_what_is_left_out(tmp_path, mapmore, rig):
-    mapmore("init", rig, "-o", tmp_path / "one.yaml", *QUICK, code=0, says="left out: peano")
+    mapmore("init", rig, "-o", tmp_path / "one.yaml", code=0, says="left out: peano")
     assert [path.name for path in tmp_path.glob("*.yaml")] == ["one.yaml"]
 
 
 def test_stdout_has_the_spec_alone(tmp_path, mapmore, document, monkeypatch, rig):
     monkeypatch.chdir(tmp_path)
-    printed = mapmore("init", rig / "mckibben", "-o", "-", "--name", "bench", "-q", *QUICK)
+    printed = mapmore("init", rig / "mckibben", "-o", "-", "--name", "bench", "-q")
     assert printed.stderr == ""
     (tmp_path / "spec.yaml").write_text(printed.stdout)
     assert document("check", "spec.yaml", "-q")["name"] == "bench"
@@ -79,7 +77,7 @@ def test_nothing_is_replaced_without_force(tmp_path, mapmore, rig):
     spec.write_text("mine")
     mapmore("init", rig / "mckibben", "-o", spec, code=7, says="--force")
     assert spec.read_text() == "mine"
-    mapmore("init", rig / "mckibben", "-o", spec, "--force", *QUICK, code=0)
+    mapmore("init", rig / "mckibben", "-o", spec, "--force", code=0)
     assert spec.read_text().splitlines()[1].startswith("# Started by `mapmore init`")
     assert (tmp_path / "mapmore.schema.json").read_text().startswith("{")
 
@@ -128,7 +126,7 @@ def test_a_measured_study_is_clean_of_errors_and_warnings(mapmore, measured_data
 def test_one_that_exists_stops_no_other_and_each_has_a_page(tmp_path, mapmore, rig, monkeypatch):
     monkeypatch.chdir(tmp_path)
     Path("peano.yaml").write_text("mine")
-    started = mapmore("init", rig, *QUICK, code=7)
+    started = mapmore("init", rig, code=7)
     assert Path("peano.yaml").read_text() == "mine"
     assert started.stdout.split()[0] == "mckibben.yaml"
     page = Path("mckibben.html").read_text()
@@ -146,15 +144,15 @@ def test_several_outputs_are_a_fragment_a_spec_each_and_a_campaign(tmp_path, map
         tmp_path / "rig" / "a.csv", np.transpose(columns), delimiter=",", header=head, comments=""
     )
     monkeypatch.chdir(tmp_path)
-    mapmore("init", "rig", "--target", "Tip x,Tip z", "--budget", "1s", "--name", "arm", code=0)
-    assert {path.name for path in tmp_path.glob("*.yaml")} == {
-        *("arm.yaml", "_arm.yaml", "arm-Tip_x.yaml", "arm-Tip_z.yaml")
-    }
-    assert "Tip_z" not in Path("_arm.yaml").read_text()
-    assert "Tip_z" not in Path("arm-Tip_x.yaml").read_text()
-    done = json.loads(mapmore("batch", "arm.yaml", "--json", "--no-pages", code=0).stdout)
-    assert [run["name"] for run in done["runs"]] == ["arm-Tip_x", "arm-Tip_z"]
     both = ("init", "rig", "--target", "Tip x,Tip z")
+    mapmore(*both, "--name", "arm", "-o", "own.yaml", code=0)
+    assert {path.name for path in tmp_path.glob("*.yaml")} == {
+        *("own.yaml", "_own.yaml", "own-Tip_x.yaml", "own-Tip_z.yaml")
+    }
+    assert "Tip_z" not in Path("_own.yaml").read_text()
+    assert "Tip_z" not in Path("own-Tip_x.yaml").read_text()
+    _, runs = load_campaign(Path("own.yaml"))
+    assert [load(run.config).spec.name for run in runs] == ["arm-Tip_x", "arm-Tip_z"]
     mapmore(*both, "-o", "-", code=2, says="no one text")
 
 

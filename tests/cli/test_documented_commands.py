@@ -128,8 +128,7 @@ def test_the_tutorial_from_beginning_to_end(mapmore):
     printed = {}
     for command in commands(page):
         quick = ["--set", "report.figures=[fit]"] if command[0] == "run" else []
-        soon = ["--budget", "1"] if command[0] == "init" else []
-        printed[command[0], command[1]] = mapmore(*command, *quick, *soon, code=0).stdout
+        printed[command[0], command[1]] = mapmore(*command, *quick, code=0).stdout
     study = yaml.safe_load(Path("bench/study.yaml").read_text())
     assert {name: study[name] for block in blocks for name in block} == {
         name: section for block in blocks for name, section in block.items()

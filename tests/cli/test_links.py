@@ -31,7 +31,7 @@ COMMANDS = {
     "compare": ("compare", MODEL, MODEL, "--figure", "drift.svg"),
     "example": ("example", "new"),
     "simulate": ("simulate", "rig.yaml", "--set", "experiment.pressures=[100]"),
-    "init": ("init", "recorded", "-o", "draft.yaml", "--yes", "--budget", "1s"),
+    "init": ("init", "recorded", "-o", "draft.yaml", "--yes"),
     "clean": ("clean", "other.yaml", "--yes"),
 }
 SOME = {"report": 3, "run": 3, "batch": 2}

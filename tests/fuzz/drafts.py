@@ -78,8 +78,6 @@ def recording(chance, pressure):
 def attempt(chance, number, folder):
     """Draft a spec of one to three files; what is drafted is YAML, and one in four is loaded,
     beside what `init` itself loads.
-
-    One in five is also fitted and scored before it is handed out, as `init` does.
     """
     place = folder / f"logs{number}"
     place.mkdir()
@@ -90,10 +88,8 @@ def attempt(chance, number, folder):
         else:
             (place / f"{name}.{chance.choice(['csv', 'txt'])}").write_bytes(readers.text(chance))
     try:
-        search = None if number % 5 == 0 else lambda draft, *_more, **_named: draft
-        drafts = start(
-            place, folder, answers=Answers(length=chance.choice([None, None, 0.088])), search=search
-        ).drafts
+        answers = Answers(length=chance.choice([None, None, 0.088]))
+        drafts = start(place, folder, answers=answers).drafts
     except MapmoreError as error:
         return refused(error)
     else:

@@ -19,16 +19,9 @@ from mapmore_cli.modelling.signals.sampling import longest_ascent
 from mapmore_cli.pipeline.inspection import inspect
 from mapmore_cli.study.loader import load
 
-pytestmark = pytest.mark.usefixtures("quick_families")
-
 T = 0.02 * np.arange(700)
 PRESSURE = 200 + 100 * np.sin(T) + 50 * np.sin(2.3 * T)
 POSITION = 0.05 * np.convolve(PRESSURE, np.exp(-np.arange(200) / 30) / 30)[: T.size]
-
-
-@pytest.fixture(autouse=True)
-def _without_search(monkeypatch):
-    monkeypatch.setattr(drafting, "proven", lambda draft, _: draft)
 
 
 def signal(values, label, block):

@@ -1,6 +1,4 @@
-"""Searches of drafts try two families here, whatever the clock says: what is tested is what a draft
-says of the data.
-"""
+"""Runs of drafts search one family here: what is tested is what a draft says of the data."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Folders of made-up recordings, and what `init` makes of them before it searches a model."""
+"""Folders of made-up recordings, and what `init` makes of them."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ def tree(path, runs):
 
 def drafts(folder, **settings):
     """All drafts of a folder."""
-    return [*start(folder, folder, search=lambda draft, _: draft, **settings).drafts]
+    return [*start(folder, folder, **settings).drafts]
 
 
 def drafted(folder, **settings):

@@ -9,13 +9,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import yaml
-from recorded import checked, drafted, drafts, loaded, workbook, write
+from recorded import checked, drafted, drafts, loaded, write
 
 from mapmore_cli.annexes.drafting.answers import Answers, Hold, answers_of
 from mapmore_cli.annexes.drafting.draft import Draft, Note
-from mapmore_cli.annexes.drafting.outputs import as_files
 from mapmore_cli.annexes.drafting.preview import preview
-from mapmore_cli.annexes.drafting.proof import proven
 from mapmore_cli.annexes.drafting.sources import patterns
 from mapmore_cli.annexes.drafting.start import start
 from mapmore_cli.domain.errors import DataError
@@ -118,9 +116,8 @@ def isobaric(folder, name="pull_{:g}.csv", percent=1.0):
         write(folder / name.format(level), columns)
 
 
-@pytest.mark.usefixtures("quick_families")
 def test_an_isobaric_campaign(tmp_path, monkeypatch):
-    """Every recording is read for its columns, for the draft, and for search and run together."""
+    """Every recording is read for its columns, for the draft, and to check it."""
     isobaric(tmp_path)
     read, csv = [], READERS["csv"]
     counted = replace(csv, read=lambda path, *how: read.append(path) or csv.read(path, *how))
@@ -132,7 +129,8 @@ def test_an_isobaric_campaign(tmp_path, monkeypatch):
     assert data.files == ["pull_*.csv"]
     assert data.cycles.over == "strain"
     assert data.split.hold_out.quantities == {"pressure": [300]}
-    assert "found by search: " in draft.text()
+    assert set(draft.spec) == {"schema_version", "name", "data", "target", "validate"}
+    assert ("target",) not in draft.notes
     assert "# one value in each recording: pressure was held, in kPa" in draft.text()
     assert len(draft.text().splitlines()) <= 40
 
@@ -211,49 +209,24 @@ def test_a_position_under_pressure_is_a_model_with_memory(tmp_path):
     assert "displacement" not in str([strained.spec.get(key) for key in ("dictionary", "model")])
 
 
-def test_files_of_several_outputs_have_the_name_that_was_given(tmp_path):
-    write(tmp_path / "arm.csv", {"t_s": T, "motor": LOOP, "x": LOOP**2, "z": LOOP**3})
-    both = drafts(tmp_path, answers=answers_of(target="x,z", inputs="motor"))
-    files = as_files(both, tmp_path / "own.yaml")
-    assert [path.name for path in files] == ["own.yaml", "_own.yaml", "own-x.yaml", "own-z.yaml"]
-    campaign, shared, *_ = (yaml.safe_load(text) for text, _ in files.values())
-    assert [run["base"] for run in campaign["runs"]] == ["own-x.yaml", "own-z.yaml"]
-    assert list(shared["data"]["columns"]) == ["time", "motor"]
-
-
-def test_a_line_of_units_and_every_sheet(tmp_path):
-    head = [["time", "P", "eps", "F"], ["s", "bar", "%", "kN"]]
-    pull = list(zip(T[::20].tolist(), LOOP[::20].tolist(), strict=True))
-    rows = {
-        level: [(t, level, 15 * e, level * (0.2 - 0.135 * e)) for t, e in pull]
-        for level in (1.0, 2.0, 3.0, 4.0)
-    }
-    workbook(
-        tmp_path / "all.xlsx", {f"{level:g} bar": [*head, *own] for level, own in rows.items()}
-    )
-    data = checked(drafted(tmp_path), tmp_path).spec.data
-    assert (data.sheet, data.header) == ("*", 2)
-    assert [data.columns[name].unit for name in ("pressure", "strain", "force")] == [
-        "bar",
-        "%",
-        "kN",
-    ]
-    assert data.levels.at == [100, 200, 300, 400]
-
-
-def test_what_fails_its_own_run_is_made_simpler(tmp_path):
+def test_what_is_too_little_for_a_search_is_a_straight_line(tmp_path):
     """Two samples at each of three pressures: too few to leave any out."""
     for level in (100, 200, 300):
-        write(
-            tmp_path / f"p_{level}.csv",
-            {"P_kPa": level, "eps": [0.0, 0.2], "F_N": [2.0 * level, 0.1 * level]},
-        )
-    (draft,) = start(tmp_path, tmp_path).drafts
-    simpler = proven(
-        draft.with_section("segment", {"strain": {"method": "even", "count": 2}}), tmp_path
+        columns = {"P_kPa": level, "eps": [0.0, 0.2], "F_N": [2.0 * level, 0.1 * level]}
+        write(tmp_path / f"p_{level}.csv", columns)
+    draft = drafted(tmp_path)
+    assert (
+        "CHECK: made simpler (no levels, and nothing is held out), since no curve" in draft.text()
     )
-    assert "made simpler, as" in simpler.text()
-    bring_up_to_date(loaded(simpler, tmp_path), tmp_path / "runs", until="validate")
+    assert draft.spec["dictionary"] == [{"polynomial": {"of": ["pressure"], "order": 1}}]
+    bring_up_to_date(loaded(draft, tmp_path), tmp_path / "runs", until="validate")
+
+
+def test_an_error_that_the_spec_can_mend_is_said_in_the_draft(tmp_path):
+    isobaric(tmp_path, percent=100)
+    draft = drafted(tmp_path)
+    assert "# CHECK: `check` finds an error: strain reaches 15" in draft.text()
+    assert 'say `unit: "%"`' in draft.open["target",].why
 
 
 # Names and text

@@ -4,16 +4,12 @@ an end beyond the rest.
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from recorded import drafted, drafts, write
 
 from mapmore_cli.annexes.drafting.answers import Answers, Hold, answers_of
-from mapmore_cli.annexes.drafting.proof import score_in_words
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.domain.scores import Score
 
 K = np.arange(600)
 DRIVE = 3 + 2 * np.sin(0.031 * K) * np.cos(0.012 * K)
@@ -30,7 +26,7 @@ def followed(drive, lag=20.0):
 
 @pytest.fixture
 def untried(tmp_path):
-    """Drafts of a folder as they were before their trials."""
+    """Drafts of a folder."""
 
     def of(hold=None, **tables):
         for name, columns in tables.items():
@@ -159,27 +155,3 @@ def test_a_known_length_makes_a_strain(tmp_path, title, values, rule):
     draft = drafted(tmp_path, answers=Answers(length=0.088))
     assert draft.data["derive"] == {"strain": rule}
     assert draft.spec["muscle"]["length"] == 0.088
-
-
-# What is said of a model
-# --------------------------------------------------------------------------------------------------
-
-
-def score(rmse, model="mapmore", r2=0.5):
-    share, scale = rmse / 100, "max|force| over validate"
-    return Score(model, "force", "validate", "all", 10, rmse, share, 100.0, scale, rmse, share, r2)
-
-
-@pytest.mark.parametrize(
-    ("own", "plainer", "told"),
-    [
-        (score(3.0), None, "NRMSE 3 % on held-out data"),
-        (score(3.0), score(2.99, "cubic"), "NRMSE 3 % on held-out data"),
-        (score(3.0), score(2.4, "cubic"), "NRMSE 3 % on held-out data; cubic has 2.4 % there"),
-        (score(90.0, r2=-0.1), None, "NRMSE 90 % on held-out data, worse than their mean"),
-        (score(np.inf, r2=-np.inf), None, "no finite error on held-out data"),
-        (replace(score(3.0), nrmse=np.nan), None, "no finite error on held-out data"),
-    ],
-)
-def test_a_plainer_model_that_errs_less_is_told(own, plainer, told):
-    assert score_in_words(own, plainer) == told

@@ -114,7 +114,7 @@ def test_what_was_commanded_is_no_target_and_no_second_pressure(tmp_path, title)
 def test_files_that_no_reader_takes_are_named(tmp_path):
     write(tmp_path / "run.csv", (STRAIN, force(2, STRAIN)), "strain,force_N\n")
     (tmp_path / "run.zip").write_bytes(b"PK")
-    remarks = start(tmp_path, tmp_path, search=lambda one, _: one).remarks
+    remarks = start(tmp_path, tmp_path).remarks
     assert [one for one in remarks if "run.zip" in one and "unpack it" in one]
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any, NamedTuple
@@ -52,24 +52,24 @@ class Answers:
         What drives, in the same way; None for all that moves.
     hold
         The quantity that was held.
+    validate
+        What is held out: an input, `recordings`, or `last` for the last samples of each.
     group
-        What the words of names tell apart: it numbers the groups.
+        The column that tells groups apart, else what words of names tell apart.
     length
         Of the muscle, m.
     like
         The paper whose settings are taken.
-    settled
-        Columns that were open questions, as they were answered; None for a time that is none.
     """
 
     columns: Named = field(default_factory=dict)
     target: Named = field(default_factory=dict)
     inputs: Named | None = None
     hold: Hold | None = None
+    validate: str | None = None
     group: str | None = None
     length: float | None = None
     like: str | None = None
-    settled: Mapping[str, NamedColumn | None] = field(default_factory=dict)
 
 
 def answers_of(**said: str | None) -> Answers:
@@ -77,7 +77,8 @@ def answers_of(**said: str | None) -> Answers:
     readers: dict[str, Callable[[str], Any]] = {
         **{name: partial(read_names, f"--{name}") for name in ("columns", "target", "inputs")},
         "hold": read_hold,
-        "group": _read_group,
+        "validate": str.strip,
+        "group": read_group,
         "length": partial(read_size, "--length", unit="m", example="88mm"),
         "like": str,
     }
@@ -85,11 +86,12 @@ def answers_of(**said: str | None) -> Answers:
     return Answers(**given)
 
 
-def _read_group(text: str) -> str | None:
-    if not _QUANTITY.fullmatch(text):
+def read_group(text: str) -> str | None:
+    """Read `specimen`, the number of a column, or `none`; UsageError for what is no such name."""
+    if not text.isdecimal() and not _QUANTITY.fullmatch(text):
         raise UsageError(
             f"--group: {text!r} is no name of a quantity",
-            "say what the names of files tell apart, as specimen",
+            "say the number of a column, or what the names of files tell apart, as specimen",
         )
     return None if text == "none" else text
 

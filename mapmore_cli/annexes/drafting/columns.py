@@ -6,7 +6,7 @@ Values give facts alone: a column that never changes, a clock, a copy of another
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -96,9 +96,9 @@ class TitledColumn:
         return len(self.values) > 0 and float(np.ptp(np.concatenate(self.values))) > 0
 
     @property
-    def switches(self) -> bool:
-        """Whether it takes two values alone, as a flag."""
-        return len(np.unique(np.concatenate(self.values))) == 2
+    def kinds(self) -> Array:
+        """The values that it takes, each once (m,)."""
+        return np.unique(np.concatenate(self.values)) if self.values else np.empty(0)
 
     @property
     def rises(self) -> bool:
@@ -192,6 +192,11 @@ def find(table: Table, wanted: Column, option: str) -> TitledColumn:
     return near[0]
 
 
+def listed(table: Table, but: Iterable[Column] = ()) -> dict[int, TitledColumn]:
+    """Return the columns that move, by the numbers that lists show and people say."""
+    return {one.place: one for one in table.values() if one.moves and one.column not in {*but}}
+
+
 def words(text: str) -> list[str]:
     """Return the words and numbers of a text in small letters."""
     return [word.casefold() for word in re.findall(r"[^\W\d_]+|\d+", text)]
@@ -199,7 +204,8 @@ def words(text: str) -> list[str]:
 
 def _unit_of_clock(values: Sequence[Array]) -> str:
     """Return ms for whole numbers that go on by 1 to 100 a step, else s: a suggestion."""
-    step = float(np.median(np.diff(values[0])))
+    steps = np.diff(max(values, key=len))
+    step = float(np.median(steps)) if steps.size else 0.0
     is_whole = all((one == np.round(one)).all() for one in values)
     return "ms" if is_whole and 1 <= step <= 100 else "s"
 
@@ -347,7 +353,7 @@ def kind_to_predict(name: str, titled: TitledColumn | None) -> str:
     else:
         quantity, is_plain = titled.quantity, titled.plain or titled.quantity in ("", "input")
         is_plain |= quantity == "pressure" and _NUMBERED_PRESSURE.fullmatch(name) is not None
-    if not quantity and titled is not None and titled.switches:
+    if not quantity and titled is not None and len(titled.kinds) == 2:
         return "drive"
     if not is_plain:
         return "unclear"
@@ -356,12 +362,13 @@ def kind_to_predict(name: str, titled: TitledColumn | None) -> str:
 
 def refuse_choice(table: Table, where: str, path: str) -> UsageError:
     """Return the error for columns of which nobody says what is to be predicted: it lists them."""
+    *drive, follow = [*listed(table)] or [0]
     how = (
         f"mapmore init {path} --target ... --inputs ...  (titles, or numbers of the list)"
         if any(one.title for one in table.values())
-        else f"mapmore init {path} --target force=6:N --inputs displacement=4:mm,pressure=5:bar"
-        "  (numbers of the list)"
+        else f"mapmore init {path} --target force={follow}:N --inputs "
+        f"pressure={drive[-1] if drive else follow}:bar  (numbers of the list)"
     )
-    rows = [f"  {one.place}  {one.described}" for one in table.values() if one.moves]
+    rows = [f"  {place}  {one.described}" for place, one in listed(table).items()]
     what = f"{where}: titles do not say what is to be predicted. Columns that move:"
     return UsageError("\n".join([what, *rows]), f"complete this: {how}")

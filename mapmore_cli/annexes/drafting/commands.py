@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterable, Mapping
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -50,40 +49,47 @@ def init(
     hold: Annotated[
         str | None, Option(metavar="NAME", help="What was held, as strain:%, or none.")
     ] = None,
+    validate: Annotated[
+        str | None,
+        Option(metavar="NAME", help="What is held out: an input, recordings, or last."),
+    ] = None,
     group: Annotated[
         str | None,
         Option(
-            metavar="NAME", help="What names tell apart, as specimen: each is scored by itself."
+            metavar="NAME",
+            help="A column, or what names tell apart, as specimen: each is scored by itself.",
         ),
     ] = None,
     like: Annotated[
         Literal["m1", "m2"] | None,
-        Option(help="Take the settings of a paper; nothing is searched."),
+        Option(help="Write the settings of a paper; then `run` searches nothing."),
     ] = None,
-    budget: Annotated[
-        str,
-        Option(metavar="TIME", help="Computing time for the search of each model, as 60s."),
-    ] = "20s",
+    budget: Annotated[str | None, Option(hidden=True)] = None,
     yes: Annotated[bool, Option("--yes", "-y", help="Ask nothing: mark what is not sure.")] = False,
     force: Annotated[bool, Option("--force", help="Replace specs that exist.")] = False,
     quiet: Quiet = False,
 ) -> None:
-    """Start a spec from recordings.
+    """Start a spec from recordings; nothing is fitted.
 
-    Titles, units and you say what columns are: by --columns, --target, --inputs, or when asked. The
-    structure of the model is searched on training data. Each layout of files is a study.
+    Titles, units and you say what columns are: by --columns, --target, --inputs, or when asked.
+    `mapmore run` searches the structure of the model. Each layout of files is a study.
     """
-    from mapmore_cli.annexes.drafting.answers import answers_of, read_size
+    from mapmore_cli.annexes.drafting.answers import answers_of
     from mapmore_cli.annexes.drafting.outputs import as_files
-    from mapmore_cli.annexes.drafting.proof import proven
     from mapmore_cli.annexes.drafting.start import start
 
+    if budget is not None:
+        raise UsageError(
+            "--budget: `init` fits nothing any more, and takes no time for a search",
+            "leave it out; `run` searches, for as long as `model: {budget: 60 s}` in the spec says",
+        )
     _check_name(name)
     answers = answers_of(
         columns=columns,
         target=target,
         inputs=inputs,
         hold=hold,
+        validate=validate,
         group=group,
         length=length,
         like=like,
@@ -92,14 +98,15 @@ def init(
         raise UsageError(f"-o -: {len(answers.target)} specs are no one text", "name a file by -o")
     if output is not None:
         _refuse([output], force)
-    seconds = read_size("--budget", budget, "s", "60s")
     folder = Path() if output is None or output == STANDARD else output.parent
     asking = ask if sys.stdin.isatty() and sys.stderr.isatty() and not (yes or quiet) else None
     with Reporter(quiet) as reporter:
-        search = partial(proven, budget=seconds, progress=reporter.progress)
-        drafted = start(path, folder, name, output is not None, answers, asking, search)
+        drafted = start(path, folder, name, output is not None, answers, asking)
         for remark in drafted.remarks:
             reporter.say(f"left out: {remark}")
+        for draft in drafted.drafts:
+            if (doubt := draft.open.get(("target",))) is not None:
+                reporter.say(f"{draft.name}: {doubt.why}")
         if output == STANDARD:
             print(drafted.drafts[0].text(), end="")
         else:
@@ -144,7 +151,7 @@ def ask(question: Question) -> str:
     from rich.console import Console
     from rich.markup import escape
 
-    from mapmore_cli.annexes.drafting.questions import BACK, Stopped
+    from mapmore_cli.annexes.drafting.questions import BACK
 
     terminal = Console(stderr=True, highlight=False)
     terminal.print(f"\n[bold]{escape(question.text)}[/bold]")
@@ -163,8 +170,6 @@ def ask(question: Question) -> str:
         try:
             if reply.strip() != BACK:
                 question.take(reply.strip())
-        except Stopped:
-            return reply
         except UsageError as fault:
             terminal.print(f"[red]{escape(fault.message)}[/red]: {escape(fault.remedy or '')}")
             continue

@@ -5,7 +5,7 @@ from __future__ import annotations
 import textwrap
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -13,9 +13,6 @@ from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.foreign import printable
 from mapmore_cli.study.loader import MODELINE, SCHEMA
 from mapmore_cli.study.yaml_loader import dump, escaped
-
-if TYPE_CHECKING:
-    from mapmore_cli.domain.results import Search
 
 HEAD = (
     "# Started by `mapmore init`. Look first at what is marked CHECK, "
@@ -86,16 +83,14 @@ class Draft:
     """Sections as the YAML will hold them, with numbers in the model's units, and why they were
     chosen.
 
-    `files` counts the recordings' files, `raw` has the values of all columns of some of them, and
-    `found` is where its structure comes from. `of` is the study of which this is one of several
-    outputs.
+    `files` counts the recordings' files, and `raw` has the values of all columns of some of them.
+    `of` is the study of which this is one of several outputs.
     """
 
     spec: Section
     notes: dict[Loc, Note] = field(default_factory=dict)
     files: int = field(default=0, compare=False)
     raw: Raw = field(default_factory=dict, repr=False, compare=False)
-    found: Search | None = field(default=None, repr=False, compare=False)
     of: str = ""
 
     @property
@@ -130,18 +125,11 @@ class Draft:
         """Return the draft with a section added or replaced."""
         return replace(self, spec={**self.spec, key: value}).noted((key,), why)
 
-    def without(self, *keys: str) -> Draft:
-        """Return the draft without some sections, or keys of `data` as `data.levels`, and what was
-        said about them.
-        """
-        spec = {key: value for key, value in self.spec.items() if key not in keys}
-        spec["data"] = {key: value for key, value in self.data.items() if f"data.{key}" not in keys}
-        notes = {
-            loc: note
-            for loc, note in self.notes.items()
-            if loc[0] not in keys and ".".join(map(str, loc[:2])) not in keys
-        }
-        return replace(self, spec=spec, notes=notes)
+    def without_data(self, key: str) -> Draft:
+        """Return the draft without a key of `data`, and without what was said about it."""
+        data = {name: value for name, value in self.data.items() if name != key}
+        notes = {loc: note for loc, note in self.notes.items() if loc[:2] != ("data", key)}
+        return replace(self, spec={**self.spec, "data": data}, notes=notes)
 
     def noted(self, loc: Loc, why: str | None, sure: bool = True) -> Draft:
         """Return the draft with a note about one of its places; none for None."""

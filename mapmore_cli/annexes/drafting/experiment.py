@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -22,6 +23,7 @@ NEAR = 0.1  # of the distance of levels, that samples of one lie within where it
 FEWEST = 200  # samples of a record with memory, and of a branch of a cycle
 MOST = 6_000  # samples of a record with memory, at first
 LAST = 0.3  # of the samples, held out where no level and no recording can be
+WHOLE, LAST_SAMPLES = "recordings", "last"  # what a person may hold out besides an input
 COMPETITORS = ("sarosi", "polynomial_2", "polynomial_5", "muscle_like", "polynomial_3")
 
 
@@ -137,19 +139,22 @@ def with_experiment(
     target: str,
     held: Held | None,
     told: Told,
+    held_out: str | None,
 ) -> Draft:
     """Return the draft with its target, static samples and levels, and what is held out: static
     where a person says what was held, or it is the force at what was held, or no clock is known;
     else with memory.
+
+    `held_out` is what a person says of it. Raises UsageError where that cannot be held out.
     """
     samples = sum(one.rows_kept for one in recordings)
     is_static = held is not None and (held.why == "you" or target == "force")
     if not is_static and "time" in recordings[0].columns and samples >= FEWEST:
         draft = _as_memory_study(draft, recordings).with_section("target", target)
-        return _with_split(draft, recordings, told)
+        return _with_split(draft, recordings, told, held_out)
     if held is not None:
         draft = _with_levels(_with_static_samples(draft, recordings, held), held)
-    draft = _with_split(draft, recordings, told)
+    draft = _with_split(draft, recordings, told, held_out)
     if target != "force":
         return draft.with_section("target", target)
     inputs = {*recordings[0].columns, *told}
@@ -201,19 +206,42 @@ def _with_levels(draft: Draft, held: Held) -> Draft:
     return draft.with_data("levels", levels, why)
 
 
-def _with_split(draft: Draft, recordings: Sequence[Recording], told: Told) -> Draft:
-    """Return the draft with something held out: inner levels; without levels inner values that
-    names tell, else recordings; else the last samples of each.
+def _with_split(
+    draft: Draft, recordings: Sequence[Recording], told: Told, said: str | None
+) -> Draft:
+    """Return the draft with something held out: what a person said; else inner levels; without
+    levels inner values that names tell, else recordings; else the last samples of each.
+
+    Raises UsageError if nothing of what a person said can be held out.
     """
     levels, groups = draft.data.get("levels"), draft.data.get("groups", {})
     values = {levels["of"]: levels["at"]} if levels else told
-    for quantity, own in values.items():
-        if some := inner(sorted({*own})):
-            return draft.with_data("split", {"validate": {quantity: some}}, "inner values")
+    inside = {name: some for name, own in values.items() if (some := inner(sorted({*own})))}
+    is_whole = len(recordings) > 2 and not levels and {"gain", "offset"}.isdisjoint(groups)
+    way = said or next(iter(inside), WHOLE if is_whole else LAST_SAMPLES)
     names = [one.id for one in recordings]
-    if len(names) > 2 and not levels and {"gain", "offset"}.isdisjoint(groups):
-        return draft.with_data("split", {"validate": {"recordings": names[1:-1:3]}})
-    return draft.with_data("split", {"validate": {"last": LAST}}, "the last of every recording")
+    held_out: Any = names[1:-1:3] or names[1:]
+    why = None if said is None else "you"
+    if way == LAST_SAMPLES:
+        held_out, why = LAST, "the last of every recording"
+    elif way != WHOLE:
+        held_out, why = inside.get(way) or _band(way, recordings, values), "inner values"
+    if not held_out:
+        raise UsageError(
+            f"--validate: {way} leaves nothing to hold out", f"say {LAST_SAMPLES}, or an input"
+        )
+    return draft.with_data("split", {"validate": {way: held_out}}, why)
+
+
+def _band(name: str, recordings: Sequence[Recording], values: Told) -> Section:
+    """Return the middle fifth of the samples of an input that moves on; nothing for one that has
+    too few values.
+    """
+    if name in values:
+        return {}
+    pooled = np.concatenate([one.columns[name] for one in recordings])
+    low, high = (float(f"{one:.3g}") for one in np.quantile(pooled, (0.4, 0.6)))
+    return {"between": [[low, high]]} if low < high else {}
 
 
 def _as_memory_study(draft: Draft, recordings: Sequence[Recording]) -> Draft:

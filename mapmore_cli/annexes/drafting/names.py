@@ -227,10 +227,16 @@ def _is_named_by(hold: Hold, number: Number) -> bool:
 
 
 def numbered_groups(names: Sequence[str], group: str) -> Condition:
-    """Return numbers of the groups, as a quantity that names tell.
+    """Return numbers of the groups, as a quantity that names tell."""
+    told = group_words(names, group)
+    apart = sorted({*told})
+    values = tuple(apart.index(word) + 1.0 for word in told)
+    return Condition(group, "", values, f"{group} 1 is {apart[0]!r}, and so on")
 
-    The groups are the numbers or letters behind that word; else the words of names, with specimens
-    and sizes as `10cm`, and without other numbers; else the names.
+
+def group_words(names: Sequence[str], group: str) -> list[str]:
+    """Return what tells groups apart in each name: the number or letter behind that word; else the
+    words, with specimens and sizes as `10cm`, and without other numbers; else the name.
     """
     behind = re.compile(
         rf"{re.escape(group)}\w*?[\s_#=.-]*(\d+|[A-Za-z])(?![^\W\d_])", re.IGNORECASE
@@ -238,10 +244,7 @@ def numbered_groups(names: Sequence[str], group: str) -> Condition:
     marks = [match[1] if (match := behind.search(name)) else "" for name in names]
     bare = [_NUMBER.sub(_without_number, name) for name in names]
     ways = (told for told in (marks, bare) if all(told) and len(set(told)) > 1)
-    told = next(ways, list(names))
-    apart = sorted({*told})
-    values = tuple(apart.index(word) + 1.0 for word in told)
-    return Condition(group, "", values, f"{group} 1 is {apart[0]!r}, and so on")
+    return next(ways, list(names))
 
 
 def _without_number(match: re.Match[str]) -> str:

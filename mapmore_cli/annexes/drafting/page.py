@@ -30,15 +30,12 @@ def draft_page(draft: Draft) -> str:
         for name, values in drawn.items()
         if name not in ("time", draft.output) and list(map(len, values)) == list(map(len, up))
     }
-    tried = () if draft.found is None else draft.found.tried
-    chosen = None if draft.found is None else draft.found.found
     page = environment().get_template("guesses.html")
     return page.render(
         draft=draft,
         names=names,
         up=up,
         across=across,
-        tried=sorted(tried, key=lambda one: (one is not chosen, one.failure != "", one.excess)),
         drawing=drawing,
         range_of=range_of,
     )

@@ -1,4 +1,4 @@
-"""What is asked at a terminal: at most five questions for any folder, each can be taken back."""
+"""What is asked at a terminal: at most four questions for any folder, each can be taken back."""
 
 from __future__ import annotations
 
@@ -8,15 +8,18 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mapmore_cli.annexes.drafting.answers import Answers, read_hold, read_names
-from mapmore_cli.annexes.drafting.columns import Table, find
-from mapmore_cli.annexes.drafting.draft import NamedColumn, scaled
+from mapmore_cli.annexes.drafting.answers import Answers, read_group, read_names
+from mapmore_cli.annexes.drafting.columns import Table, find, listed
+from mapmore_cli.annexes.drafting.draft import Column, scaled
+from mapmore_cli.annexes.drafting.experiment import LAST_SAMPLES, WHOLE
+from mapmore_cli.annexes.drafting.names import group_words
 from mapmore_cli.annexes.drafting.understanding import Understood
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import UsageError
 
 BLOCKS = "▁▂▃▄▅▆▇█"
 BACK = "b"
+MOST_GROUPS = 20  # values of a column that may number groups
 
 
 @dataclass(frozen=True)
@@ -40,10 +43,6 @@ class Question:
     take: Callable[[str], Answers]
 
 
-class Stopped(UsageError):
-    """What was understood is not right; nothing is written."""
-
-
 Ask = Callable[[Question], str]
 """Returns what a person answers, `b` for the question before; it is asked again where the answer
 cannot be.
@@ -52,18 +51,34 @@ View = Callable[[Answers], Understood]
 """Returns what is understood by answers."""
 
 
-def interview(table: Table, view: View, answers: Answers, ask: Ask) -> Answers:
-    """Ask what is open, and at last whether all is right; return what was said.
+@dataclass(frozen=True)
+class Asked:
+    """What questions are about: the columns, the names of the recordings, how answers are
+    understood, and what was answered so far.
+    """
 
-    Raises UsageError where the person says no, or says nothing of what has to be known.
+    table: Table
+    names: Sequence[str]
+    view: View
+    answers: Answers
+
+    def options(self, but: Iterable[Column] = ()) -> tuple[Option, ...]:
+        """Return the columns of the list that `init` prints, by the same numbers."""
+        columns = listed(self.table, but).items()
+        return tuple(Option(str(at), one.described, course(one.values)) for at, one in columns)
+
+
+def interview(
+    table: Table, names: Sequence[str], view: View, answers: Answers, ask: Ask
+) -> Answers:
+    """Ask what is open; return what was said.
+
+    Raises UsageError where the person says nothing of what has to be known.
     """
     past: list[tuple[int, Answers]] = []
     place = 0
-    while place <= len(QUESTIONS):
-        if place == 0:
-            question = _target(table, view, answers)
-        else:
-            question = QUESTIONS[place - 1](table, view(answers), answers, view)
+    while place < len(QUESTIONS):
+        question = QUESTIONS[place](Asked(table, names, view, answers))
         if question is not None:
             reply = ask(question).strip()
             if reply == BACK:
@@ -82,125 +97,100 @@ def course(values: Sequence[Array], width: int = 40) -> str:
     return "".join(BLOCKS[int((len(BLOCKS) - 1) * share + 0.5)] for share in shares[places])
 
 
-def _options(table: Table, but: Iterable[NamedColumn] = ()) -> tuple[Option, ...]:
-    given = {one.column for one in but}
-    return tuple(
-        Option(str(one.place), one.described, course(one.values))
-        for one in table.values()
-        if one.moves and one.column not in given
-    )
-
-
-def _target(table: Table, view: View, answers: Answers) -> Question | None:
+def _target(asked: Asked) -> Question | None:
     with suppress(UsageError):  # while nobody says what is predicted
-        if answers.target or view(answers):
+        if asked.answers.target or asked.view(asked.answers):
             return None
 
     def take(reply: str) -> Answers:
         said = read_names("the target", reply)
         for one in said.values():
-            find(table, one.column, "the target")
-        return replace(answers, target=said)
+            find(asked.table, one.column, "the target")
+        return replace(asked.answers, target=said)
 
     return Question(
         "What is to be predicted?",
-        _options(table),
+        asked.options(),
         "numbers or titles; with a name and a unit as `force=6:N`",
         take,
     )
 
 
-def _inputs(table: Table, known: Understood, answers: Answers, view: View) -> Question | None:
+def _inputs(asked: Asked) -> Question | None:
+    answers, known = asked.answers, asked.view(asked.answers)
     if answers.columns or answers.inputs is not None or len(known.inputs) < 2:
         return None
-    targets = [known.columns[name] for name in known.targets]
+    targets = [known.columns[name].column for name in known.targets]
 
     def take(reply: str) -> Answers:
         if not reply:
             return answers
         said = read_names("the inputs", reply.lstrip("- "))
-        columns = [find(table, one.column, "the inputs").column for one in said.values()]
-        if any(one.column in columns for one in targets):
+        columns = [find(asked.table, one.column, "the inputs").column for one in said.values()]
+        if any(column in columns for column in targets):
             raise UsageError("the inputs: the target is no input", "leave it out")
         if reply.startswith("-"):
             rest = {name: known.columns[name] for name in known.inputs}
             said = {name: one for name, one in rest.items() if one.column not in columns}
         inputs = replace(answers, inputs=said)
-        view(inputs)
+        asked.view(inputs)
         return inputs
 
     return Question(
         "What drives it?",
-        _options(table, targets),
-        "Enter: all; else those that drive, `4,5` or `pressure=5:bar`; `-1,2`: all but these",
+        asked.options(targets),
+        "Enter: all; else those that drive, `4,5` or `pressure=5:bar,time=0:s`; `-1,2`: all but "
+        "these",
         take,
     )
 
 
-def _units(table: Table, known: Understood, answers: Answers, _: View) -> Question | None:
-    unsure = {name: one for name, one in known.columns.items() if not one.sure}
-    if not unsure:
-        return None
-    usual = ",".join(f"{name}:{one.unit}" for name, one in unsure.items())
-
-    def take(reply: str) -> Answers:
-        settled: dict[str, NamedColumn | None] = {
-            name: replace(one, why="you", sure=True) for name, one in unsure.items()
-        }
-        for name, one in (read_names("the units", reply) if reply else {}).items():
-            if name not in unsure:
-                raise UsageError(f"the units: {name} is not asked for", f"say {usual}")
-            if one.column == "none":
-                settled[name] = None
-                continue
-            column = unsure[name].column if one.refers_to(name) else one.column
-            column = find(table, column, "the units").column
-            settled[name] = replace(one, column=column, unit=one.unit or unsure[name].unit)
-        return replace(answers, settled=settled)
-
-    return Question(
-        "Which units are these in?",
-        tuple(Option(name, one.why) for name, one in unsure.items()),
-        f"Enter: `{usual}`; else so, as `time=2:s` for another column, or `time=none`",
-        take,
-    )
-
-
-def _held(_: Table, known: Understood, answers: Answers, _view: View) -> Question | None:
-    if answers.hold is not None or len(known.drives) < 2:
+def _held_out(asked: Asked) -> Question | None:
+    answers, known = asked.answers, asked.view(asked.answers)
+    if answers.validate is not None:
         return None
 
     def take(reply: str) -> Answers:
-        if not reply:
-            return answers
-        hold = read_hold(reply)
-        if hold.name != "none" and hold.name not in known.drives and not hold.word:
-            raise UsageError(
-                f"{hold.name} drives nothing", f"say {', '.join(known.drives)}, or none"
-            )
-        return replace(answers, hold=hold)
+        if reply and reply not in (WHOLE, LAST_SAMPLES):
+            reply = known.drive_called(reply, asked.table, "what is held out")
+        return replace(answers, validate=reply) if reply else answers
 
+    others = {one.column for one in asked.table.values()} - {
+        known.columns[name].column for name in known.inputs
+    }
+    named = tuple(Option("", f"{one.quantity}  {one.why}") for one in known.conditions)
+    whole = f" `{WHOLE}` (every third one)," if len(asked.names) > 1 else ""
     return Question(
-        "What was held while the others moved?",
-        tuple(Option(str(place), name) for place, name in enumerate(known.drives, start=1)),
-        "Enter: as the recordings show; else its name, or none",
+        "What is held out, to check the model by it?",
+        (*asked.options(others), *named),
+        "Enter: what names, levels or recordings suggest; else an input (inner values of it),"
+        f"{whole} or `{LAST_SAMPLES}` (the last 30 % of each recording)",
         take,
     )
 
 
-def _summary(_: Table, known: Understood, answers: Answers, _view: View) -> Question:
+def _groups(asked: Asked) -> Question | None:
+    answers, known = asked.answers, asked.view(asked.answers)
+    others = [known.columns[name].column for name in known.targets]
+    others += [one.column for one in asked.table.values() if len(one.kinds) > MOST_GROUPS]
+    words = group_words(asked.names, "specimen")
+    words = [] if words == [*asked.names] else [*dict.fromkeys(words)]
+    if answers.group is not None or not (words or listed(asked.table, others)):
+        return None
+
     def take(reply: str) -> Answers:
-        if reply.casefold() not in ("", "y", "yes"):
-            raise Stopped("stopped: what was understood is not right", "say it on the line")
-        return answers
+        group = replace(answers, group=read_group(reply)) if reply else answers
+        asked.view(group)
+        return group
 
     return Question(
-        "Is this right?",
-        tuple(Option(name, text) for name, text in known.summary().items()),
-        "Enter: yes; b: back; no: stop",
+        "Which groups, as specimens or sessions, are scored by themselves?",
+        (*asked.options(others), *(Option("", f"names: {word}") for word in words)),
+        "Enter: none; else the column that numbers them, or a word for what the names tell apart, "
+        "as `specimen`",
         take,
     )
 
 
-QUESTIONS = (_inputs, _units, _held, _summary)
-"""What is asked once it is known what is predicted."""
+QUESTIONS = (_target, _inputs, _held_out, _groups)
+"""What is asked, each only if it is open."""

@@ -98,7 +98,7 @@ def table_of(study: Study, folder: Path) -> Table:
         raise last
     titles, units = (
         dict(zip(layout.columns, texts, strict=False))
-        for texts in (layout.titles or (), layout.units)
+        for texts in (layout.titles or [""] * len(layout.columns), layout.units)
     )
     return read_titles(titles, raw, units)
 
@@ -154,7 +154,7 @@ def with_columns(draft: Draft, known: Understood, target: str, table: Table) -> 
     if units := units | {name: unit for name, unit in told.items() if not is_canonical(name)}:
         draft = draft.with_section("units", units)
     if "time" in columns:
-        draft = draft.without("data.sample_time")
+        draft = draft.without_data("sample_time")
     for name, one in columns.items():
         draft = draft.noted(("data", "columns", name), one.why, one.sure)
     return replace(draft, raw={one.column: one.values for one in table.values() if one.values})
@@ -227,7 +227,7 @@ def _with_losses_told(draft: Draft, dataset: Dataset) -> Draft:
         elif count:
             draft = draft.noted(("data", key), f"{count} {words}")
         elif "join" not in draft.data:
-            draft = draft.without(f"data.{key}")
+            draft = draft.without_data(key)
     return draft
 
 

@@ -169,7 +169,7 @@ def started(
         draft = draft.noted(("data", "sample_time"), "s: as the file says")
     is_by_sheet = bool(study.parts[0][1]) and bool(conditions or layout.sheets)
     if is_by_sheet:
-        draft = draft.without("data.sheet")
+        draft = draft.without_data("sheet")
     if layout.left:
         why = f"laid out in another way, and left out: {', '.join(map(repr, layout.left))}"
         draft = draft.noted(("data", "reader" if is_by_sheet else "sheet"), why)

@@ -5,18 +5,23 @@ Titles, units and the person decide what columns are; nothing is guessed from va
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 from mapmore_cli.annexes.drafting.answers import Answers
+from mapmore_cli.annexes.drafting.checked import checked
 from mapmore_cli.annexes.drafting.columns import Table, find
 from mapmore_cli.annexes.drafting.draft import Draft, Named
-from mapmore_cli.annexes.drafting.experiment import find_held, with_experiment
+from mapmore_cli.annexes.drafting.experiment import (
+    LAST_SAMPLES,
+    WHOLE,
+    find_held,
+    with_experiment,
+)
 from mapmore_cli.annexes.drafting.like import with_paper
 from mapmore_cli.annexes.drafting.names import numbered_groups, tests_of
-from mapmore_cli.annexes.drafting.proof import proven
 from mapmore_cli.annexes.drafting.questions import Ask, interview
 from mapmore_cli.annexes.drafting.recordings import (
     cleaned,
@@ -34,10 +39,6 @@ from mapmore_cli.annexes.drafting.sources import (
 from mapmore_cli.annexes.drafting.understanding import Understood, understood
 from mapmore_cli.checking.evidence import Unequal, unequal
 from mapmore_cli.domain.errors import DataError, SpecError, UsageError
-
-Search = Callable[[Draft, Path], Draft]
-"""Returns a draft with the model that was found for it, given the folder that its paths start at.
-"""
 
 NOTHING_SAID = Answers()
 
@@ -59,7 +60,7 @@ def propose(
     path: str = ".",
 ) -> list[Draft]:
     """Return the specs of a study, one for each output, with paths from `folder`. Their models are
-    still to be found (`proven`).
+    left to the search in a run.
 
     Raises
     ------
@@ -67,7 +68,7 @@ def propose(
         Where neither titles nor `answers` say what is to be predicted, and nobody can be asked; or
         where something that was said is not there.
     DataError
-        Where the recordings cannot be read.
+        Where the recordings cannot be read, or `check` finds an error in them.
     """
     table = table_of(study, folder)
     columns, beside = _shared_out(answers.columns, table)
@@ -77,10 +78,13 @@ def propose(
         return understood(study, table, answers, path)
 
     if ask is not None:
-        answers = interview(table, view, answers, ask)
+        answers = interview(table, study.names, view, answers, ask)
     known = view(answers)
-    told, group = [*known.conditions], answers.group
-    if group is not None:
+    if answers.validate not in (None, WHOLE, LAST_SAMPLES):
+        said = known.drive_called(answers.validate, table, "--validate")
+        answers = replace(answers, validate=said)
+    told, group = [*known.conditions], known.group
+    if group is not None and group not in known.columns:
         told.append(numbered_groups(study.names, group))
     drafts = []
     for target in known.targets:
@@ -119,16 +123,20 @@ def _with_experiment(
         told.pop(made, None)
         hold = hold._replace(name="strain") if hold is not None and hold.name == made else hold
     draft, dataset = cleaned(draft, folder, target)
-    ignored = ("time", target, answers.group, made)
+    ignored = ("time", target, known.group, made)
     used = dict.fromkeys([*dataset.recordings[0].columns, *told])
     inputs = [name for name in used if name not in ignored]
-    draft = _with_sessions(draft, unequal(dataset.recordings, inputs, target), answers.group)
+    draft = _with_sessions(draft, unequal(dataset.recordings, inputs, target), known.group)
     held = find_held(dataset.recordings, inputs, hold, told)
-    draft = with_experiment(draft, dataset.recordings, target, held, told)
-    if tests := tests_of(study.files):
+    whole = with_experiment(draft, dataset.recordings, target, held, told, answers.validate)
+    if answers.validate is None and (tests := tests_of(study.files)):
         held_out = {"validate": {"files": tests}}
-        draft = draft.with_data("split", held_out, "the names of the files say so")
-    return draft if answers.like is None else with_paper(draft, answers.like, held)
+        whole = whole.with_data("split", held_out, "the names of the files say so")
+    if answers.like is not None:
+        return checked(with_paper(whole, answers.like, held), (), folder)
+    plain = draft.with_section("target", whole.spec["target"])
+    line = [{"polynomial": {"of": inputs[:1], "order": 1}}]
+    return checked(whole, (plain, plain.with_section("dictionary", line)), folder)
 
 
 def _with_sessions(draft: Draft, apart: Unequal | None, group: str | None) -> Draft:
@@ -160,13 +168,11 @@ def start(
     single: bool = False,
     answers: Answers = NOTHING_SAID,
     ask: Ask | None = None,
-    search: Search | None = None,
 ) -> Start:
     """Draft specs for every study under `path`, or for the largest one only, with relative paths
     from `folder`.
 
-    Where somebody can be asked (`ask`), it is the largest that is asked about. `search` finds the
-    model of a draft, by default `proven`.
+    Where somebody can be asked (`ask`), it is the largest that is asked about.
 
     Raises
     ------
@@ -189,8 +195,7 @@ def start(
         is_only = is_single or len(studies) == 1
         called = replace(study, name=own if name is None else name if is_only else f"{name}-{own}")
         try:
-            outputs = propose(called, folder, answers, second, ask, str(path))
-            drafts += [(search or proven)(draft, folder) for draft in outputs]
+            drafts += propose(called, folder, answers, second, ask, str(path))
         except (UsageError, DataError, SpecError) as fault:
             if isinstance(fault, UsageError):
                 if ask is not None:

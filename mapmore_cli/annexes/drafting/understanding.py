@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,6 +11,7 @@ import numpy as np
 from mapmore_cli.annexes.drafting.answers import Answers
 from mapmore_cli.annexes.drafting.columns import (
     Table,
+    find,
     kind_to_predict,
     known_by_titles,
     named_by_person,
@@ -27,7 +29,7 @@ from mapmore_cli.domain.errors import UsageError
 @dataclass(frozen=True)
 class Understood:
     """The columns of a study, which of them are predicted and which drive, what names tell beside
-    them, and what is left out.
+    them, what is left out, and what tells groups apart: a column, else a word for names.
     """
 
     columns: Named
@@ -36,6 +38,7 @@ class Understood:
     conditions: list[Condition]
     remark: str
     left_out: dict[Column, str]
+    group: str | None
 
     @property
     def drives(self) -> list[str]:
@@ -47,19 +50,15 @@ class Understood:
         others = {*self.targets} - {target}
         return {name: one for name, one in self.columns.items() if name not in others}
 
-    def summary(self) -> dict[str, str]:
-        """Return what was understood, in words."""
-        told = {
-            name: f"{name} (column {one.column}, in {one.unit})"
-            for name, one in self.columns.items()
-        } | {
-            one.quantity: f"{one.quantity} (names, in {one.unit or '1'})" for one in self.conditions
-        }
-        return {
-            "predicted": ", ".join(told[name] for name in self.targets),
-            "by": ", ".join(told[name] for name in self.drives),
-            "time": told.get("time", "none"),
-        }
+    def drive_called(self, said: str, table: Table, option: str) -> str:
+        """Return the input that a person calls by name, title or number; UsageError for none."""
+        if said in self.drives:
+            return said
+        column = find(table, int(said) if said.isdecimal() else said, option).column
+        names = [name for name in self.inputs if self.columns[name].column == column]
+        if not names:
+            raise UsageError(f"{option}: {said} is no input", f"say {', '.join(self.drives)}")
+        return names[0]
 
 
 def understood(study: Study, table: Table, answers: Answers, path: str) -> Understood:
@@ -72,13 +71,13 @@ def understood(study: Study, table: Table, answers: Answers, path: str) -> Under
         the person names is not there.
     """
     own, left_out = known_by_titles(table)
+    said = answers.inputs or {}
+    if "time" in own and _is_named(own["time"].column, {**answers.target, **said}, table):
+        del own["time"]
     if answers.columns:
         own, left_out = named_by_person(answers.columns, table, "--columns", {}), {}
-    settled = {name: one for name, one in answers.settled.items() if one is not None}
-    own = settled | {name: one for name, one in own.items() if name not in answers.settled}
     chosen = named_by_person(answers.target, table, "--target", own)
     columns = own | chosen
-    said = answers.inputs or {}
     given = [name for name, one in said.items() if not one.refers_to(name)]
     conditions, repeats = told_by_names(study.names, answers.hold, [*columns, *given])
     titled = {} if answers.columns else table
@@ -97,20 +96,50 @@ def understood(study: Study, table: Table, answers: Answers, path: str) -> Under
         rest = {name: one for name, one in said.items() if name not in beside}
         asked = named_by_person(rest, table, "--inputs", columns)
         columns |= asked
-        inputs = [name for name in asked if name not in targets]
+        inputs = [name for name in asked if name not in ("time", *targets)]
         keep = {*said, answers.hold.name if answers.hold else ""}
         unused = [one for one in conditions if not one.unit and one.quantity not in keep]
         conditions = [one for one in conditions if one not in unused]
         repeats += [f"{one.quantity} (name it by --inputs)" for one in unused]
+    group, telling = _group_of(table, answers.group, columns)
+    columns |= telling
+    inputs = [name for name in inputs if name not in telling]
     if not inputs and not conditions:
         raise UsageError(
             f"{study.files[0].name}: nothing is left that drives {targets[0]}",
             "name it by --inputs, or what was held by --hold",
         )
-    used = dict.fromkeys([*(["time"] if "time" in columns else []), *inputs, *targets])
+    used = [name for name in dict.fromkeys(["time", *inputs, *targets, group]) if name in columns]
     remark = f"numbers not used: {', '.join(dict.fromkeys(repeats))}" if repeats else ""
     columns = {name: columns[name] for name in used}
-    return Understood(columns, targets, inputs, conditions, remark, left_out)
+    return Understood(columns, targets, inputs, conditions, remark, left_out, group)
+
+
+def _is_named(column: Column, said: Named, table: Table) -> bool:
+    """Return True for a column that a person named as something else than the time."""
+    for name, one in said.items():
+        with suppress(UsageError):  # what names of files tell is in no column
+            if name != "time" and find(table, one.column, "").column == column:
+                return True
+    return False
+
+
+def _group_of(table: Table, said: str | None, known: Named) -> tuple[str | None, Named]:
+    """Return the name of what tells groups apart, and its column; none for a word of names.
+
+    A column is called by its number, its title or its name. Raises UsageError for a number that
+    no column has.
+    """
+    if said is not None and said.isdecimal():
+        columns = [find(table, int(said), "--group")]
+    else:
+        columns = [one for one in table.values() if one.values and said in (one.title, one.name)]
+    if not columns:
+        return said, {}
+    titled = columns[0]
+    names = {one.column: name for name, one in known.items()}
+    name = names.get(titled.column, titled.name)
+    return name, {name: known.get(name, titled.as_quantity(name))}
 
 
 def _free(
