@@ -9,7 +9,6 @@ from pathlib import Path
 import pytest
 from cli_samples import write_study
 
-RIG = Path(__file__).parents[2] / "mapmore_cli" / "annexes" / "rig" / "example_study" / "rig.yaml"
 CAMPAIGN = """
 campaign: sweep
 runs:
@@ -30,7 +29,6 @@ COMMANDS = {
     "freeze": ("freeze", "bench", "--tag", "now"),
     "compare": ("compare", MODEL, MODEL, "--figure", "drift.svg"),
     "example": ("example", "new"),
-    "simulate": ("simulate", "rig.yaml", "--set", "experiment.pressures=[100]"),
     "init": ("init", "recorded", "-o", "draft.yaml", "--yes"),
     "clean": ("clean", "other.yaml", "--yes"),
 }
@@ -62,7 +60,6 @@ def start(tmp_path_factory, finished):
     shutil.copytree(spec.parent, folder)
     write_study(folder, "other")
     (folder / "sweep.yaml").write_text(CAMPAIGN)
-    (folder / "rig.yaml").write_text(RIG.read_text())
     (folder / "recorded").mkdir()
     for path in folder.glob("bench_*.csv"):
         shutil.copy(path, folder / "recorded")
