@@ -55,7 +55,10 @@ def test_batch_goes_on_after_a_failure_and_ends_with_the_highest_code(tmp_path, 
     assert done.returncode == 4
     assert re.search(r"^good +\d+\.\d", done.stdout, re.MULTILINE)
     assert re.search(r"^none +failed", done.stdout, re.MULTILINE)
-    assert done.stdout.endswith("page: runs/good/report/index.html\n")
+    assert "page: runs/good/report/index.html\n" in done.stdout
+    *_, of_good, of_none = done.stdout.splitlines()
+    assert of_good.startswith("good: ")
+    assert of_none == "none: failed: error: none.yaml: no such file or directory"
     assert all(words in done.stderr for words in ("broken_200.csv", "none.yaml", "good: done"))
     assert "Traceback" not in done.stderr
     assert "1 of 3 runs in order" in (tmp_path / "s.md").read_text()

@@ -19,7 +19,7 @@ import numpy as np
 from mapmore_cli.domain.arrays import Array
 
 PART = 1 << 14  # samples, of the first recordings, that tell what the noise is
-MOST = 1 << 24  # numbers of a dictionary that is held in memory as a whole
+MOST = 1 << 21  # numbers of the chosen columns, which are held in memory as a whole a few times
 FEWEST = 20  # samples of a recording below which they do not tell
 CHANCE = 0.01  # of white noise to be taken for a drift
 COARSE, FINE = np.log(3.0), 0.05  # steps and tolerance of the search, of the logarithm of a time
@@ -57,7 +57,8 @@ def correlated_errors(
     noise = matched(_Records(basis, residual, lengths))
     inner = noise.white * np.eye(k)
     if noise.drift:
-        inner += noise.drift * basis.T @ _together(basis, lengths, noise.kept)
+        before = _with_the_past(basis, lengths, noise.kept)
+        inner += noise.drift * (before + before.T - basis.T @ basis)
     normal = factor.T @ factor + np.diag(np.zeros(k) if ridge is None else ridge)
     spread = np.linalg.pinv(normal, hermitian=True) @ factor.T
     squares = np.einsum("ij,jk,ik->i", spread, inner, spread)
@@ -164,6 +165,22 @@ def _together(columns: Array, lengths: Sequence[int], kept: float) -> Array:
         back = lfilter([1.0], [1.0, -kept], own[::-1], axis=0)[::-1]
         turned[rows] = lfilter([1.0], [1.0, -kept], own, axis=0) + back - own
     return turned
+
+
+def _with_the_past(columns: Array, lengths: Sequence[int], kept: float) -> Array:
+    """Return `columns' L columns`, (k, k), with `L_ij = kept^(i-j)` for `j <= i` within a
+    recording and 0 elsewhere: `L + L' - I` is the correlation.
+    """
+    from scipy.signal import lfilter
+
+    products = np.zeros((columns.shape[1], columns.shape[1]))
+    for rows in _rows(lengths):
+        state = np.zeros((1, columns.shape[1]))
+        for start in range(rows.start, rows.stop, PART):
+            own = columns[start : min(start + PART, rows.stop)]
+            turned, state = lfilter([1.0], [1.0, -kept], own, axis=0, zi=state)
+            products += own.T @ turned
+    return products
 
 
 def _shifted(columns: Array, lengths: Sequence[int], lag: int) -> Array:

@@ -127,7 +127,10 @@ class Weighing:
         labels = np.zeros(len(y), dtype=np.int64) if self.curves is None else self.curves
         order = np.lexsort((recorded, labels))
         lengths = [one for one in np.bincount(labels).tolist() if one]
-        return correlated_errors(P[order], (y - P @ theta)[order], lengths)
+        residual = (y - P @ theta)[order]
+        if not np.array_equal(order, np.arange(len(order))):
+            P = P[order]
+        return correlated_errors(P, residual, lengths)
 
 
 def reweighted(
