@@ -69,8 +69,8 @@ PRIOR_W: Annotated[float, Chosen("prior of w, of the largest target")] = 0.03
 INDEPENDENT: Annotated[
     int,
     Chosen(
-        "most samples that count as against the priors: neighbours in a slow recording repeat "
-        "each other, and counted one by one they leave the priors no weight"
+        "most samples that the data count as against the priors: neighbours in a slow recording "
+        "repeat each other, and counted one by one they leave the priors no weight"
     ),
 ] = 300
 FEW_LEVELS: Annotated[int, Chosen("any curvature passes through so few strain levels", NOTE)] = 3
