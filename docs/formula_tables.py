@@ -6,10 +6,12 @@ least that an independent global search finds (`global_fits`).
 
 from __future__ import annotations
 
+import inspect
+import re
 from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
-from typing import Any, NamedTuple, get_type_hints
+from typing import Any, NamedTuple
 
 import numpy as np
 from global_fits import FITS, least_rmse
@@ -144,13 +146,11 @@ def hinge_constants(runs: Path) -> Table:
     """Return what half and twice each constant of `literature/hinge.py` make of the errors between
     a few strain levels.
     """
-    hints = get_type_hints(hinge, include_extras=True)
     base, rows = between_levels(runs), list[tuple[Cell, ...]]()
-    for name, hint in hints.items():
+    for name, why in reasons().items():
         value = getattr(hinge, name)
-        (chosen,) = hint.__metadata__
         changed = [_error_with(name, value, factor, runs) / base for factor in (0.5, 2)]
-        rows.append((name, str(value), *changed, chosen.why))
+        rows.append((name, str(value), *changed, why))
     columns = ("constant", "value", "at half .3f", "at twice .3f", "why")
     title = "Error with half and twice each constant over that with it"
     note = (
@@ -159,6 +159,12 @@ def hinge_constants(runs: Path) -> Table:
         "mean)."
     )
     return Table.of("hinge", title, columns, rows, note)
+
+
+def reasons() -> dict[str, str]:
+    """Return why each constant has its value, as the comment above it says."""
+    found = re.findall(r"((?:^# .+\n)+)([A-Z0-9_]+) = ", inspect.getsource(hinge), re.MULTILINE)
+    return {name: text.replace("# ", "").replace("\n", " ").strip() for text, name in found}
 
 
 def _error_with(name: str, value: Any, factor: float, runs: Path) -> float:

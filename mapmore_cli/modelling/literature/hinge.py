@@ -12,7 +12,7 @@ q, `(10,)`, are the parameters in the order of `NAMES`, but for ln w in place of
 
 from __future__ import annotations
 
-from typing import Annotated, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -31,50 +31,42 @@ slope with pressure, the width.
 """
 
 
-class Chosen(NamedTuple):
-    """Why a constant has its value, and which script shows what half and twice of it do."""
+# Constants of the fit, each below its reason. `docs/formula_tables.py RUNS hinge` shows what half
+# and twice of each make of the errors between strain levels.
 
-    why: str
-    shown_by: str = "docs/formula_tables.py RUNS hinge"
-
-
-NOTE = "none: it decides on the words of a note alone"
-
-STARTS: Annotated[
-    tuple[float, ...], Chosen("a3 at the starts: from a steep decay to a bend upwards")
-] = (-8.0, -4.0, -2.0, -0.7, 1.5)
-FIRST: Annotated[
-    int, Chosen("evaluations of each start, of which the lowest end is followed on")
-] = 100
-START_W: Annotated[float, Chosen("w at the starts: a sharp hinge, which widens where it must")] = (
-    0.02
-)
-UPPER: Annotated[float, Chosen("the start of `hi` is fitted to the targets above it")] = 0.12
-FOOT: Annotated[float, Chosen("the start of `lo` is fitted to the targets below it")] = 0.06
-LARGEST_A3: Annotated[float, Chosen("bound of |a3|: no data tell steeper decays apart")] = 15.0
-LEAST_W: Annotated[float, Chosen("a sharper hinge is a kink, which has no slope")] = 0.004
-LARGEST_W: Annotated[float, Chosen("a wider hinge is no hinge: it bends the whole curve")] = 0.3
-PRIOR_WEIGHTS: Annotated[
-    tuple[float, ...],
-    Chosen("weights of the priors by parameter: as little as decides what no data show"),
-] = (0.01, *5 * (0.003,), 0.001, 0.03, 0.03, 0.001)
-DECAY: Annotated[float, Chosen("prior of a3/max|strain|, per unit of strain")] = -33.0
-STEEPEST: Annotated[
-    float, Chosen("the prior of a3 is no steeper, however large the strain")
-] = -12.0
-DECAY_WEIGHT: Annotated[
-    float, Chosen("weight of that prior times the largest strain: a3 of short ranges is vague")
-] = 0.002
-PRIOR_W: Annotated[float, Chosen("prior of w, of the largest target")] = 0.03
-INDEPENDENT: Annotated[
-    int,
-    Chosen(
-        "most samples that the data count as against the priors: neighbours in a slow recording "
-        "repeat each other, and counted one by one they leave the priors no weight"
-    ),
-] = 300
-FEW_LEVELS: Annotated[int, Chosen("any curvature passes through so few strain levels", NOTE)] = 3
-APART: Annotated[float, Chosen("of max|strain|: nearer strain levels are one", NOTE)] = 0.05
+# a3 at the starts: from a steep decay to a bend upwards
+STARTS = (-8.0, -4.0, -2.0, -0.7, 1.5)
+# evaluations of each start, of which the lowest end is followed on
+FIRST = 100
+# w at the starts: a sharp hinge, which widens where it must
+START_W = 0.02
+# the start of `hi` is fitted to the normalised targets above it
+UPPER = 0.12
+# the start of `lo` is fitted to the normalised targets below it
+FOOT = 0.06
+# bound of |a3|: no data tell steeper decays apart
+LARGEST_A3 = 15.0
+# least w: a sharper hinge is a kink, which has no slope
+LEAST_W = 0.004
+# largest w: a wider hinge is none, since it bends the whole curve
+LARGEST_W = 0.3
+# weights of the priors by parameter: so small that they decide what no data show, and no more
+PRIOR_WEIGHTS = (0.01, *5 * (0.003,), 0.001, 0.03, 0.03, 0.001)
+# prior of a3/max|strain|, per unit of strain
+DECAY = -33.0
+# the prior of a3 is no steeper, however large the strain
+STEEPEST = -12.0
+# weight of the prior of a3 times the largest strain: over a short range a3 is vague
+DECAY_WEIGHT = 0.002
+# prior of w, of the largest target
+PRIOR_W = 0.03
+# most samples that the data count as against the priors: neighbours in a slow recording repeat each
+# other, and counted one by one they leave the priors no weight
+INDEPENDENT = 300
+# any curvature passes through so few strain levels: decides on the words of a note alone
+FEW_LEVELS = 3
+# of max|strain|: nearer strain levels are one; decides on the words of a note alone
+APART = 0.05
 
 
 def linearised(q: Array, p: Array, x: Array) -> tuple[Array, Array]:
