@@ -6,10 +6,12 @@ least that an independent global search finds (`global_fits`).
 
 from __future__ import annotations
 
+import inspect
+import re
 from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from global_fits import FITS, least_rmse
@@ -18,6 +20,7 @@ from pages import run, shipped, write_page
 from mapmore_cli.domain.arrays import Array, Columns
 from mapmore_cli.domain.fits import FormulaFit
 from mapmore_cli.modelling import literature
+from mapmore_cli.modelling.literature import hinge
 from mapmore_cli.modelling.literature.backbone import pooled_training
 from mapmore_cli.modelling.literature.formulas.sarosi_hysteresis_loss import HysteresisLoss
 from mapmore_cli.reporting.table import Cell, Table
@@ -130,5 +133,65 @@ def _rows(runs: Path) -> Iterator[tuple[Cell, ...]]:
             )
 
 
+# The constants of the hinge's fit
+# --------------------------------------------------------------------------------------------------
+
+HINGED = ("m1/dmsp-20-88-m1-static", "m1/peano-m1-static")
+LEVELS = (3, 5)
+WITHIN = 0.01  # of the largest strain: samples that stand for a level
+REPEATS = 20  # of each, as a slow recording has them
+
+
+def hinge_constants(runs: Path) -> Table:
+    """Return what half and twice each constant of `literature/hinge.py` make of the errors between
+    a few strain levels.
+    """
+    base, rows = between_levels(runs), list[tuple[Cell, ...]]()
+    for name, why in reasons().items():
+        value = getattr(hinge, name)
+        changed = [_error_with(name, value, factor, runs) / base for factor in (0.5, 2)]
+        rows.append((name, str(value), *changed, why))
+    columns = ("constant", "value", "at half .3f", "at twice .3f", "why")
+    title = "Error with half and twice each constant over that with it"
+    note = (
+        f"Fitted to {LEVELS[0]} or {LEVELS[1]} strain levels of {len(HINGED)} simulated muscles, "
+        f"the formula errs by {100 * base:.3g} % of the largest force at all others (geometric "
+        "mean)."
+    )
+    return Table.of("hinge", title, columns, rows, note)
+
+
+def reasons() -> dict[str, str]:
+    """Return why each constant has its value, as the comment above it says."""
+    found = re.findall(r"((?:^# .+\n)+)([A-Z0-9_]+) = ", inspect.getsource(hinge), re.MULTILINE)
+    return {name: text.replace("# ", "").replace("\n", " ").strip() for text, name in found}
+
+
+def _error_with(name: str, value: Any, factor: float, runs: Path) -> float:
+    """Return the error with a constant changed; whole numbers stay whole."""
+    changed = [type(one)(one * factor) for one in (value if isinstance(value, tuple) else (value,))]
+    setattr(hinge, name, tuple(changed) if isinstance(value, tuple) else changed[0])
+    try:
+        return between_levels(runs)
+    finally:
+        setattr(hinge, name, value)
+
+
+def between_levels(runs: Path) -> float:
+    """Return the geometric mean of the errors between strain levels, over the largest force."""
+    errors = []
+    for study in HINGED:
+        columns, y = pooled(study, runs)
+        strain = columns["strain"] / columns["strain"].max()
+        for count in LEVELS:
+            at = np.abs(strain * (count - 1) % 1.0 - 0.5) > 0.5 - WITHIN * (count - 1)
+            few = {name: np.repeat(values[at], REPEATS) for name, values in columns.items()}
+            formula = literature.get("sarosi_hinged")
+            fit = formula.fit(few, np.repeat(y[at], REPEATS))
+            missed = formula.predict(fit.parameters, columns) - y
+            errors.append(float(np.sqrt(np.mean(missed[~at] ** 2)) / np.abs(y).max()))
+    return float(np.exp(np.mean(np.log(errors))))
+
+
 if __name__ == "__main__":
-    write_page("formulas.md", {"competitors": competitors})
+    write_page("formulas.md", {"competitors": competitors, "hinge": hinge_constants})

@@ -15,7 +15,6 @@ from statistics import geometric_mean
 import numpy as np
 from pages import CONFIGS, campaign, of_campaign, rms, run, scores, write_page
 
-from mapmore_cli.domain.declared import Hold
 from mapmore_cli.domain.scores import OWN, Score
 from mapmore_cli.modelling.kinds import predict
 from mapmore_cli.modelling.literature.backbone import pooled
@@ -196,15 +195,13 @@ def hold(runs: Path) -> Table:
     )
 
 
-def held_out_error(runs: Path, name: str, how: Hold) -> float:
+def held_out_error(runs: Path, name: str, how: str) -> float:
     """NRMSE of a run's model on the held-out samples, in per cent, with its pieces joined in a
     given way.
     """
     model, dataset = RunFiles(runs / name).model(), RunFiles(runs / name.split(".")[0]).dataset()
     assert model.pieces is not None
-    joined = replace(
-        model, body=replace(model.pieces, fusion=replace(model.pieces.fusion, hold=how))
-    )
+    joined = replace(model, body=model.pieces.joined(hold=how))
     held_out = pooled([(curve, curve.held_out) for curve in dataset.curves])
     measured = held_out[dataset.target]
     return 100 * rms(predict(joined, held_out) - measured) / float(np.abs(measured).max())

@@ -2,6 +2,7 @@
 
 import os
 import re
+import shutil
 import subprocess
 import sys
 import tracemalloc
@@ -9,6 +10,9 @@ import tracemalloc
 import numpy as np
 
 from mapmore_cli.domain.recording import Curve, Dataset, Quantity
+
+OCTAVE = shutil.which("octave-cli") or shutil.which("octave")
+NO_OCTAVE = "there is no Octave here (Debian's package octave), so MATLAB code is not run"
 
 
 def curve_of(columns, held_out=None, name="a"):

@@ -381,14 +381,14 @@ def _weights_document(pieces: Pieces) -> Document:
     """How pieces are joined, with the transition zone, start and end, at each inner boundary of
     every curve (M2 eq 10-11).
     """
-    from mapmore_cli.modelling.pieces.definition import zones
+    from mapmore_cli.modelling.pieces.definition import zones_of
 
     curves = []
     for curve in pieces.curves:
         boundaries = dict(zip(pieces.variables, curve.boundaries, strict=True))
         at = {
-            name: [list(zone) for zone in zip(*zones(ends, pieces.fusion.z_s), strict=True)]
-            for name, ends in boundaries.items()
+            name: [list(zone) for zone in zip(*ends, strict=True)]
+            for name, ends in zones_of(curve, pieces).items()
         }
         head = picked(curve, "id=curve", "level")
         curves.append({**head, "boundaries": boundaries, "zones": at})

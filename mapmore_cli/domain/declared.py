@@ -16,7 +16,7 @@ from dataclasses import dataclass, fields
 from inspect import cleandoc
 from typing import Annotated, Any, ClassVar, Literal, TypeVar, get_args, get_origin
 
-from annotated_types import Ge, Gt, Interval, MaxLen
+from annotated_types import Ge, Gt, MaxLen
 
 from mapmore_cli.domain.foreign import is_one_line
 
@@ -290,41 +290,8 @@ OfHeld = Annotated[float, InUnit(lambda place: place.unit_of(place.level), "that
 Name = Annotated[str, MaxLen(100), Matching(r"^[A-Za-z0-9][A-Za-z0-9._-]*$")]
 """The name of a run, which is a folder's as well."""
 
-Transition = Literal["linear", "quadratic", "cubic"]
-"""Course of a weight over a transition zone (M2 figure 5)."""
-
-Hold = Literal["samples", "none"]
-"""Whether a segment function is held where a transition zone reaches far beyond its samples."""
-
 Word = Literal["increasing", "decreasing", "convex", "concave", "positive"]
 """What is known of the output along an input; `positive` of the output itself."""
 
 Beyond = Literal["continue", "continue_linear", "saturate", "zero"]
 """What happens beyond a limit (M2 eq 12)."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Joining(Settings):
-    """How segment functions are joined, as the spec says it and the model keeps it (M2 eq 9-11).
-
-    - `transition`: course of a weight over a transition zone (M2 figure 5), as `cubic`
-    - `z_s`: how far a transition zone reaches to each side of a boundary, as a fraction of the
-      segment, as `0.25`
-    - `levels`: interpolation between curves: by triangles (`linear`), or keeping their shape
-      (`pchip`), as `pchip`
-    - `hold`: whether a segment function is held beyond its `samples` by more than `z_s` of their
-      width; `none` is M2 eq 9-11, as `none`
-    """
-
-    transition: Annotated[Transition, "`linear`, `quadratic` or `cubic`"] = "linear"
-    z_s: Annotated[
-        float,
-        Interval(ge=0, le=0.5),
-        "half-width of a transition zone, as a fraction of the segment",
-    ] = 0.25
-    levels: Annotated[
-        Literal["linear", "pchip"], "interpolation between curves, `linear` or `pchip`"
-    ] = "linear"
-    hold: Annotated[Hold, "`samples` where segment functions are held beyond theirs, or `none`"] = (
-        "samples"
-    )

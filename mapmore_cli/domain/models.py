@@ -3,27 +3,20 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass, field
-from typing import Annotated, Literal
+from dataclasses import dataclass, field, replace
+from typing import Annotated, Any, Literal
 
 from mapmore_cli.domain.arrays import ASCENDING, Array, IntArray, Number, Numbers, Ranges
 from mapmore_cli.domain.declared import (
-    Beyond,
     Count,
-    Joining,
     Label,
     QuantityName,
     TermName,
     Word,
 )
 from mapmore_cli.domain.fits import Boundaries, FormulaFit, MemoryModel, Scaling
+from mapmore_cli.domain.joining import Fusion
 from mapmore_cli.domain.recording import Quantity, Signal
-
-Side = Beyond | Number
-"""Behaviour beyond one limit: `continue`, `continue_linear`, `saturate`, `zero`, or a value (M2 eq
-12).
-"""
 
 
 @dataclass(frozen=True)
@@ -59,26 +52,6 @@ class CurveFunction:
     ]
     limits: Annotated[Ranges, "least and greatest training value of each input", "[*]"]
     segments: Annotated[tuple[SegmentFunction, ...], "segment functions"]
-
-
-@dataclass(frozen=True, kw_only=True)
-class Fusion(Joining):
-    """How the pieces are joined (M2 eq 9-12).
-
-    `hold: samples` holds a segment function beyond its samples by more than `z_s` of their width,
-    as far as transition zones reach there; `none` leaves it as it is (M2 eq 9-11 to the letter).
-
-    `shrink` is the share g of the pieces on a backbone that is carried to the middle between two
-    levels: `g + (1 - g)(1 - 2t)^2` at the place t between them.
-    """
-
-    extrapolation: Annotated[
-        Mapping[QuantityName, tuple[Side, Side]],
-        "behaviour below and above the limits of each input: a word, or the value it takes",
-    ]
-    shrink: Annotated[
-        Number, "share of the pieces on a backbone that is carried to the middle between two levels"
-    ] = 1.0
 
 
 @dataclass(frozen=True)
@@ -140,6 +113,10 @@ class Pieces(Body):
     def ranges(self) -> tuple[CurveRange, ...]:
         """Training range of every curve."""
         return tuple(CurveRange(curve.curve, curve.level, curve.limits) for curve in self.curves)
+
+    def joined(self, **how: Any) -> Pieces:
+        """Return the pieces joined in another way: `how` has fields of `Fusion`."""
+        return replace(self, fusion=replace(self.fusion, **how))
 
     @property
     def segments(self) -> tuple[SegmentFunction, ...]:

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Sequence
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 
@@ -19,8 +19,7 @@ from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.recording import Curve, Dataset
 from mapmore_cli.modelling.kinds import runs_over_time
-
-T = TypeVar("T", bound=np.ndarray[Any, Any])
+from mapmore_cli.modelling.signals.sampling import even_share
 
 DELAYS = (0, 1, 2, 4, 8, 16, 32)
 """Samples by which inputs are delayed where the run's own model has a past."""
@@ -79,15 +78,6 @@ def features(curve: Curve, names: Sequence[str], delays: Sequence[int]) -> Array
         ]
         delayed[rows] = np.column_stack(columns)
     return delayed
-
-
-def even_share(values: T, most: int) -> T:
-    """At most so many rows, evenly spread."""
-    return (
-        values
-        if len(values) <= most
-        else values[np.linspace(0, len(values) - 1, most).round().astype(int)]
-    )
 
 
 def _width(values: Array) -> Array:

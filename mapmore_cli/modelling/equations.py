@@ -31,7 +31,7 @@ from mapmore_cli.modelling.expressions import (
     to_mathml,
     to_text,
 )
-from mapmore_cli.modelling.expressions.operator import FUNCTIONS
+from mapmore_cli.modelling.expressions.functions import FUNCTIONS
 from mapmore_cli.modelling.expressions.states import Lagged
 from mapmore_cli.modelling.expressions.syntax import Call, Product, Sum
 

@@ -14,6 +14,7 @@ import numpy as np
 
 from mapmore_cli.domain.arrays import WIDE, Array, IntArray, by_blocks, in_blocks, stacked
 from mapmore_cli.domain.recording import Curve, Dataset
+from mapmore_cli.modelling.signals.sampling import even_share
 
 # total degree of each polynomial, every monomial up to it included
 DEGREES = {
@@ -39,7 +40,7 @@ def training_rows(dataset: Dataset, names: Sequence[str]) -> Rows:
     known = np.isfinite(x).all(axis=1) & np.isfinite(y)
     x, y = x[known], y[known]
     order = np.lexsort([y, *x.T])  # the order of the rows must not change a digit
-    return _even_rows(x[order]), _even_rows(y[order])
+    return even_share(x[order], MOST_ROWS), even_share(y[order], MOST_ROWS)
 
 
 def polynomial_fit(
@@ -110,15 +111,6 @@ def _thinning(dataset: Dataset) -> int:
     return max(1, sum(curve.size for curve in dataset.curves) // (4 * MOST_ROWS))
 
 
-def _even_rows(rows: Array) -> Array:
-    """At most `MOST_ROWS` rows, evenly spread."""
-    return (
-        rows
-        if len(rows) <= MOST_ROWS
-        else rows[np.linspace(0, len(rows) - 1, MOST_ROWS).round().astype(int)]
-    )
-
-
 def _monomials(x: Sequence[Array] | Array, degree: int) -> Array:
     """Every monomial of `m` inputs, (n,) each, of total degree up to `degree`: (k, n)."""
     values: dict[tuple[int, ...], Array] = {(): np.ones(len(x[0]))}
@@ -153,7 +145,7 @@ def _one_step_fit(dataset: Dataset, names: Sequence[str], order: int) -> Array |
                 outputs.append(y[train])
     P, y = np.concatenate(tables), np.concatenate(outputs)
     known = np.isfinite(P).all(axis=1) & np.isfinite(y)
-    P, y = _even_rows(P[known]), _even_rows(y[known])
+    P, y = even_share(P[known], MOST_ROWS), even_share(y[known], MOST_ROWS)
     if len(y) < P.shape[1]:
         return None
     scale = np.abs(P).max(axis=0)

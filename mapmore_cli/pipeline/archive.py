@@ -9,16 +9,15 @@ import json
 import re
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
-from pydantic import TypeAdapter, ValidationError
+from pydantic import ValidationError, create_model
 
 from mapmore_cli import __version__
 from mapmore_cli.domain.errors import DataError, UsageError, WriteError
 from mapmore_cli.modelling.kinds import alone
-from mapmore_cli.modelling.pieces.recipe import Fuse, Segmented
-from mapmore_cli.modelling.selection import Fit
 from mapmore_cli.modelling.validation.comparison import Comparison, compare
 from mapmore_cli.pipeline.staleness import (
     MODEL_STAGE,
@@ -45,8 +44,7 @@ from mapmore_cli.storage.run_record import (
     load_origin,
 )
 from mapmore_cli.storage.stamps import take_stamp
-from mapmore_cli.study.sections.dictionary import DictionaryEntry
-from mapmore_cli.study.sections.model import ModelChoice
+from mapmore_cli.study.experiment import ExperimentSpec
 
 KEPT = (MODEL, "scores.json", "scores.csv", "experiment.yaml", RUN_RECORD)
 FROZEN = "frozen.json"
@@ -231,15 +229,8 @@ def compared(
     return replace(found, settings=settings, same_recordings=hashes[0] == hashes[1] != set())
 
 
-@dataclass(frozen=True)
-class MadeBy:
-    """The sections by which a model is made of its curves."""
-
-    segment: dict[str, Segmented] = field(default_factory=dict)
-    dictionary: list[DictionaryEntry] = field(default_factory=list)
-    model: ModelChoice = field(default_factory=ModelChoice)
-    fit: Fit = field(default_factory=Fit)
-    fuse: Fuse = field(default_factory=Fuse)
+MADE_BY = ("segment", "dictionary", "model", "fit", "fuse")
+"""The sections by which a model is made of its curves."""
 
 
 def _other_settings(*runs: Mapping[str, StageRecord]) -> Iterator[str]:
@@ -248,12 +239,15 @@ def _other_settings(*runs: Mapping[str, StageRecord]) -> Iterator[str]:
 
     Keys that came with a later version have their defaults.
     """
+    sections = {name: ExperimentSpec.model_fields[name] for name in MADE_BY}
+    keys: Any = {name: (key.annotation, key.default) for name, key in sections.items()}
+    made_by = create_model("MadeBy", **keys)
     for stage in (SEARCH_STAGE, MODEL_STAGE):
         slices = [run[stage].slice for run in runs if stage in run]
         for place, recorded in enumerate(slices):
-            known = {key: recorded[key] for key in MadeBy.__annotations__ if key in recorded}
+            known = {key: recorded[key] for key in MADE_BY if key in recorded}
             with suppress(ValidationError):  # of a newer version
-                known = plain(TypeAdapter(MadeBy).validate_json(json.dumps(known)))
+                known = plain(made_by.model_validate_json(json.dumps(known)))
             slices[place] = known
         if len(slices) == 2:
             yield from slice_differences(stage, *slices)

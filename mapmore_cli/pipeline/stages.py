@@ -15,6 +15,7 @@ from mapmore_cli.fitting.kinds import Given
 from mapmore_cli.fitting.kinds.choices import (
     ModelChoices,
     by_trial,
+    fit_choices,
     model_choices,
     summands,
     with_definitions,
@@ -22,8 +23,8 @@ from mapmore_cli.fitting.kinds.choices import (
 from mapmore_cli.fitting.stage import Need, Stage, Workspace
 from mapmore_cli.ingestion.files import IngestSlice, find_sources, slice_of
 from mapmore_cli.modelling.kinds import alone
-from mapmore_cli.modelling.pieces.recipe import Cuts, Fuse
-from mapmore_cli.modelling.selection import AUTO, Fit
+from mapmore_cli.modelling.pieces.recipe import Cuts
+from mapmore_cli.modelling.selection import Fit
 from mapmore_cli.storage.run_folder import DATASET, FIT, MODEL, SEGMENTATION, RunFiles
 from mapmore_cli.study.experiment import ExperimentSpec
 from mapmore_cli.study.sections.model import ModelChoice
@@ -122,15 +123,6 @@ SEGMENT = Stage(
 # --------------------------------------------------------------------------------------------------
 
 
-def fit_choices(spec: ExperimentSpec) -> ModelChoices:
-    """Return what the fit depends on; how pieces are joined only where the choice of a backbone
-    asks for it.
-    """
-    whole = model_choices(spec)
-    made = (whole.levels, whole.segment, whole.dictionary, whole.model, whole.fit, whole.lengths)
-    return ModelChoices(*made, fuse=whole.fuse if whole.model.backbone == AUTO else Fuse())
-
-
 def fit(part: ModelChoices, workspace: Workspace) -> None:
     """Fit what the kind of model asks for: every segment, one model with memory, a formula, or
     nothing where models are added up.
@@ -159,7 +151,7 @@ def fit(part: ModelChoices, workspace: Workspace) -> None:
     write_fit(workspace.out / FIT, result, units_of(dataset))
 
 
-FITTING = Stage(name="fit", revision=12, outputs=(FIT,), reads=fit_choices, run=fit)
+FITTING = Stage(name="fit", revision=13, outputs=(FIT,), reads=fit_choices, run=fit)
 
 
 # Fuse: `model.h5`

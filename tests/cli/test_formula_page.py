@@ -10,6 +10,8 @@ import numpy as np
 import pytest
 from page_tables import rows_of
 
+from mapmore_cli.modelling.literature import hinge
+
 PAGE = Path(formula_tables.__file__).with_name("formulas.md")
 QUICK = ("m1/dmsp-20-88-m1-hysteresis", "m1/peano-m1-hysteresis")
 
@@ -47,6 +49,16 @@ def test_the_page_has_a_row_for_every_formula_of_every_study():
     ]
     worst = max(float(cells[4]) for cells in rows_of("competitors", PAGE))
     assert f"The largest ratio of {len(rows)} is {worst:.4f}" in PAGE.read_text("utf-8")
+
+
+def test_every_constant_of_the_hinge_has_a_row_with_its_value_and_reason():
+    """None makes much of a difference where few levels leave most to the priors."""
+    reasons = formula_tables.reasons()
+    values = {name: (str(getattr(hinge, name)), why) for name, why in reasons.items()}
+    rows = {name: cells for name, *cells in rows_of("hinge", PAGE)}
+    assert {name: (cells[0], cells[3]) for name, cells in rows.items()} == values
+    assert len(rows) == 16
+    assert all(0.9 < float(one) < 1.2 for cells in rows.values() for one in cells[1:3])
 
 
 def test_the_search_is_independent_of_the_program():

@@ -23,7 +23,7 @@ from mapmore_cli.domain.models import Formula, Memory, Model, Pieces
 from mapmore_cli.modelling.expressions import parse
 from mapmore_cli.modelling.inverse import NEAREST
 from mapmore_cli.modelling.kinds import fed_back, outside_range, runs_over_time, simulate
-from mapmore_cli.modelling.pieces.definition import zones
+from mapmore_cli.modelling.pieces.definition import zones_of
 from mapmore_cli.modelling.program.model import program_of
 
 FLAGS = ["-std=c99", "-Wall", "-Wextra", "-Werror", "-pedantic"]
@@ -259,12 +259,10 @@ def points(model, n, seed=1):
 def edges_of(model, name):
     """Every number at which something changes along an input."""
     match model.body:
-        case Pieces(level, variables, curves):
+        case Pieces(level, _, curves):
             found = _range_edges(model.body.ranges, level, name)
             return found + [
-                edge
-                for curve in curves
-                for edge in _zone_edges(curve, variables, name, model.body.fusion.z_s)
+                edge for curve in curves for edge in _zone_edges(curve, model.body, name)
             ]
         case Formula(_, level, ranges):
             return _range_edges(ranges, level, name)
@@ -291,14 +289,11 @@ def _range_edges(ranges, level, name):
     return limits + [one.level for one in ranges if name == level and one.level is not None]
 
 
-def _zone_edges(curve, variables, name, z_s):
-    for variable, boundaries in zip(variables, curve.boundaries, strict=True):
-        if variable == name:
-            return [
-                *boundaries.tolist(),
-                *(edge for ends in zones(boundaries, z_s) for edge in ends.tolist()),
-            ]
-    return []
+def _zone_edges(curve, body, name):
+    if name not in body.variables:
+        return []
+    boundaries = curve.boundaries[body.variables.index(name)]
+    return np.concatenate([boundaries, *zones_of(curve, body)[name]]).tolist()
 
 
 def recording(model, n, seed=1):

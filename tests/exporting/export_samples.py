@@ -126,7 +126,7 @@ def pieces(
 
 def fused(model, **changes):
     """The model joined in another way."""
-    return replace(model, body=replace(model.body, fusion=replace(model.body.fusion, **changes)))
+    return replace(model, body=model.body.joined(**changes))
 
 
 def fit(name, **parameters):

@@ -17,6 +17,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
+from common import OCTAVE
 from scipy.interpolate import RegularGridInterpolator
 from scipy.io import loadmat
 
@@ -308,7 +309,7 @@ def by_octave(model, columns, folder):
         )
     text = f'rows = load("rows.txt"); x = num2cell(rows, 1); {call} printf("%.17g\\n", y);'
     done = subprocess.run(
-        ["octave-cli", "--norc", "--eval", text],
+        [OCTAVE, "--norc", "--no-gui", "--eval", text],
         cwd=folder,
         capture_output=True,
         text=True,

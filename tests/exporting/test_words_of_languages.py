@@ -21,7 +21,7 @@ from mapmore_cli.annexes.sums import Part, Sum
 from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.recording import Quantity
 from mapmore_cli.domain.words import KEYWORDS, LIBRARY, TAKEN
-from mapmore_cli.modelling.expressions.operator import FUNCTIONS
+from mapmore_cli.modelling.expressions.functions import FUNCTIONS
 
 ROWS = {**KEYWORDS, **LIBRARY, "templates": " ".join(OWN)}
 EVERY = sorted({word for row in ROWS.values() for word in row.split()} | {"curve_1", "segment_2"})

@@ -17,6 +17,7 @@ from mapmore_cli.domain.models import Memory, Model
 from mapmore_cli.domain.recording import Curve, Dataset
 from mapmore_cli.domain.scores import BASELINES
 from mapmore_cli.fitting import baselines
+from mapmore_cli.modelling.signals.sampling import even_share
 from mapmore_cli.study.loader import load
 
 SPEC = """\
@@ -66,9 +67,9 @@ def test_a_smooth_surface_is_learnt_from_training_samples_alone(name):
 
 def test_more_samples_than_a_baseline_can_bear_are_thinned_evenly():
     values = np.arange(1000.0)
-    kept = baselines.even_share(values, 11)
+    kept = even_share(values, 11)
     assert kept.tolist() == [round(k * 99.9) for k in range(11)]
-    assert baselines.even_share(values, 1000) is values
+    assert even_share(values, 1000) is values
 
 
 def test_beside_a_model_with_a_past_inputs_come_with_theirs():

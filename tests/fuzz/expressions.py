@@ -8,7 +8,7 @@ import numpy as np
 from driver import Fault, Target, changed_text
 
 from mapmore_cli.modelling import expressions as terms
-from mapmore_cli.modelling.expressions.operator import FUNCTIONS
+from mapmore_cli.modelling.expressions.functions import FUNCTIONS
 from mapmore_cli.modelling.expressions.operators import OPERATORS
 
 NAMES = ("pressure", "strain", "x1", "_", "pi", "exp2", "force", "exponent")

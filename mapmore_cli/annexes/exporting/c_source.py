@@ -144,6 +144,7 @@ class CSource(NamedTuple):
         into = [*words["into"], *(code("slopes[{}]", i) for i in range(len(words["places"])))]
         words = {**words, **slopes, **SEARCH, "inverses": inverses, "ends": ends, "into": into}
         words |= {"function": "derivatives", "coarser": COARSER if words["single"] else 1.0}
+        words["helpers"] |= self.dialect.helpers("sign_of(" * bool(inverses))
         files[f"{name}_inverse.h"] = rendered_template("inverse.h", **words)
         files[f"{name}_inverse.c"] = functions(words)
         return files

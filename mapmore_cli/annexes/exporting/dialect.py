@@ -4,11 +4,14 @@ expressions and statements are written.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, is_dataclass, replace
 from itertools import count
+from typing import Any
 
 from mapmore_cli.annexes.exporting.templates import Code, code, word
+from mapmore_cli.modelling.expressions.functions import FUNCTIONS, HELPER
 from mapmore_cli.modelling.expressions.syntax import (
     Call,
     Condition,
@@ -41,7 +44,8 @@ class Dialect:
     """What differs between languages.
 
     - `number`: a finite number as text.
-    - `functions`: text of every function by its name in expressions; `pow` is a general power.
+    - `language`: whose texts of functions count (`expressions.functions`); how the name of one of
+      its `library` is written; and a general `power`, of base and exponent.
     - `constant`: the line that gives a name to what is not assigned again.
     - `nothing`: the value where there is none.
     - `quotient`: the text of a quotient, of dividend and divisor.
@@ -55,7 +59,9 @@ class Dialect:
     """
 
     number: Callable[[float], Code]
-    functions: Mapping[str, str]
+    language: str
+    library: str = "{}"
+    power: str
     constant: str
     nothing: str
     quotient: str = "{} / {}"
@@ -67,19 +73,33 @@ class Dialect:
     branches: tuple[str, ...] = ()
     short: bool = False
 
+    def function(self, name: str) -> str:
+        """Return what a function of expressions is called, in the library or among `helpers`."""
+        own = FUNCTIONS[name]
+        if own.is_in_library(self.language):
+            return self.library.format(own.texts[self.language])
+        return HELPER.format(name)
 
-_SAME = (
-    *("exp", "log", "sqrt", "sin", "cos", "tan", "atan"),
-    *("sinh", "cosh", "tanh", "expm1", "log1p", "pow"),
-)
-FUNCTIONS = {**{name: name for name in _SAME}, "abs": "fabs", "sign": "sign_of"}
+    def helpers(self, *lines: str) -> dict[str, Code]:
+        """Return the functions that the lines call and the language has not, as expressions of
+        x.
+        """
+        called = set(re.findall(r"\w+(?=\()", "\n".join(lines)))
+        return {
+            helper: Code(own.texts[self.language])
+            for name, own in FUNCTIONS.items()
+            if (helper := HELPER.format(name)) in called and not own.is_in_library(self.language)
+        }
+
+
 LARGEST, SMALLEST = 3.4028234e38, 1e-37
 """Of a single-precision number; what lies beyond is held at the one, and is zero below the other.
 """
 
 DOUBLE = Dialect(
     number=lambda value: Code(repr(float(value))),
-    functions=FUNCTIONS,
+    language="c",
+    power="pow({}, {})",
     constant="const double {} = {};",
     nothing="NAN",
     assigned="{} = {};",
@@ -98,17 +118,15 @@ SINGLE = replace(
     number=lambda value: code(
         "{!r}f", 0.0 if abs(value) < SMALLEST else min(max(float(value), -LARGEST), LARGEST)
     ),
-    functions={name: text if text == "sign_of" else f"{text}f" for name, text in FUNCTIONS.items()},
+    library="{}f",
+    power="powf({}, {})",
     constant="const float {} = {};",
     several=("float {names};", *DOUBLE.several[1:]),
 )
 NUMPY = Dialect(
     number=DOUBLE.number,
-    functions={
-        **{name: f"np.{name}" for name in FUNCTIONS},
-        "atan": "np.arctan",
-        "pow": "np.power",
-    },
+    language="numpy",
+    power="np.power({}, {})",
     constant="{} = {}",
     nothing="np.nan",
     assigned="{} = {}",
@@ -117,12 +135,13 @@ NUMPY = Dialect(
     queued=("s.{queue} = [*s.{queue}[1:], {value}]",),
     several=("{names} = {function}({arguments})",),
 )
-SCALAR = replace(NUMPY, quotient="np.divide({}, {})")
+SCALAR = replace(NUMPY, language="python", quotient="np.divide({}, {})")
 """Of single numbers without NumPy, where Python raises for a quotient by zero."""
 
 MATLAB = Dialect(
     number=DOUBLE.number,
-    functions={**{name: name for name in FUNCTIONS}, "pow": "power"},
+    language="matlab",
+    power="power_of({}, {})",
     constant="{} = {};",
     nothing="NaN",
     assigned="{} = {};",
@@ -163,8 +182,12 @@ def program_words(program: Program, dialect: Dialect, apart: bool = True) -> dic
         }
         for limit in program.limits
     ]
+    functions = [_function(program, dialect, one) for one in program.functions]
+    lines = [*body.lines, *ranges.lines, *(line for one in functions for line in one["lines"])]
     return {
-        "functions": [_function(program, dialect, one) for one in program.functions],
+        "functions": functions,
+        "helpers": dialect.helpers(*lines),
+        "power": any("power_of(" in line for line in lines),
         "lines": body.lines,
         "results": results,
         "range_lines": ranges.lines if apart else [],
@@ -175,7 +198,7 @@ def program_words(program: Program, dialect: Dialect, apart: bool = True) -> dic
     }
 
 
-def _function(program: Program, dialect: Dialect, own: Function) -> dict[str, object]:
+def _function(program: Program, dialect: Dialect, own: Function) -> dict[str, Any]:
     body = Body(program, dialect)
     used = names_used_in(own.body)
     return {
@@ -335,18 +358,18 @@ class Body:
         return Code(f"({self.text(expression)})")
 
     def _computed(self, expression: Power | Call) -> tuple[str, str]:
-        functions, number = self.dialect.functions, self.dialect.number
+        dialect, number = self.dialect, self.dialect.number
         match expression:
             case Call(function, argument):
-                return function, f"{functions[function]}({self.text(argument)})"
+                return function, f"{dialect.function(function)}({self.text(argument)})"
             case Power(base, exponent) if exponent < 0:
                 divisor = self._power(base, -exponent)
-                return "inverse", self.dialect.quotient.format(number(1.0), divisor)
+                return "inverse", dialect.quotient.format(number(1.0), divisor)
             case Power(base, exponent) if exponent.is_integer():
                 half = exponent // 2
                 return "power", f"{self._power(base, half)} * {self._power(base, exponent - half)}"
             case Power(base, exponent):
-                return "power", f"{functions['pow']}({self.text(base)}, {number(exponent)})"
+                return "power", dialect.power.format(self.text(base), number(exponent))
 
     def _power(self, base: Expression, exponent: float) -> Code:
         return self._atom(base if exponent == 1.0 else Power(base, exponent))

@@ -51,6 +51,7 @@ def python_module(model: Model, plain: bool = False) -> tuple[str, str]:
     words = words_of_module(model, program, dialect, names)
     if plain and program.step is None:
         words["slopes"] = program_words(with_slopes(program), dialect)
+        words["helpers"] |= words["slopes"]["helpers"]
     return f"{name}.py", rendered_template("module.py", **words, plain=plain)
 
 

@@ -23,6 +23,7 @@ from mapmore_cli.domain.foreign import c_string, identifiers, plain, tex_text, x
 from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.recording import Quantity
 from mapmore_cli.domain.words import TAKEN
+from mapmore_cli.modelling.expressions.functions import FUNCTIONS, HELPER
 from mapmore_cli.modelling.expressions.states import IDENTIFIER
 from mapmore_cli.modelling.program.model import program_of
 
@@ -69,7 +70,10 @@ def code(form: str, *parts: Code | str | float) -> Code:
     )
 
 
-PYTHON = ("np", "float", "s", "finite", "_beyond", "state", "State", "step", "evaluate")
+PYTHON = (
+    *("np", "float", "s", "finite", "_beyond", "state", "State", "step", "evaluate"),
+    *map(HELPER.format, FUNCTIONS),
+)
 """Names in functions of a module that its inputs must not hide."""
 
 OWN = (
@@ -77,7 +81,7 @@ OWN = (
     *("outside_range", "derivatives", "reset", "eval", "valid", "measured", "math", "in", "out"),
     *("outside", "x", "n", "j", "k", "y", "given", "largest", "shape", "value", "one_sample"),
     *("beyond", "interpolated", "begun", "places", "values", "validity", "fileName", "cellfun"),
-    *("numel", "size", "ones", "isempty", "verify_model"),
+    *("numel", "size", "ones", "isempty", "verify_model", "power_of"),
 )
 """Names in the templates of all languages, which no output and no model has."""
 

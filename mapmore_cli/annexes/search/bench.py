@@ -16,10 +16,10 @@ from mapmore_cli.annexes.search.situation import Situation
 from mapmore_cli.domain.arrays import Array, BoolArray, IntArray, extremes
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.recording import Curve, Dataset
-from mapmore_cli.fitting.baselines import even_share
 from mapmore_cli.fitting.refitting import contiguous
 from mapmore_cli.modelling.pieces.cross_validation import BLOCKS
 from mapmore_cli.modelling.pieces.recipe import Fuse
+from mapmore_cli.modelling.signals.sampling import even_share
 from mapmore_cli.modelling.simple import polynomial_fit
 from mapmore_cli.study.sections.data import Between, Holdout, Levels
 from mapmore_cli.study.sections.model import ModelChoice

@@ -13,7 +13,8 @@ import numpy as np
 from mapmore_cli.annexes.search.situation import Situation
 from mapmore_cli.domain.arrays import Array, BoolArray
 from mapmore_cli.domain.recording import Dataset
-from mapmore_cli.fitting.baselines import DELAYS, MOST_SAMPLES, even_share, features, learned
+from mapmore_cli.fitting.baselines import DELAYS, MOST_SAMPLES, features, learned
+from mapmore_cli.modelling.signals.sampling import even_share
 
 MOST_IN_A_FOLD = 1_500
 """Training samples of a black box in each fold; half of those that it has as a competitor, where

@@ -333,7 +333,7 @@ def _going_on(model: Model, way: str | None) -> Model:
     if way is None or not isinstance(body, Pieces):
         return model
     sides: Any = dict.fromkeys(body.fusion.extrapolation, (way, way))
-    return replace(model, body=replace(body, fusion=replace(body.fusion, extrapolation=sides)))
+    return replace(model, body=body.joined(extrapolation=sides))
 
 
 def _errors(model: Model, rest: Dataset, masks: Sequence[BoolArray]) -> Left:

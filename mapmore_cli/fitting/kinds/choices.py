@@ -142,6 +142,15 @@ def model_choices(spec: ExperimentSpec) -> ModelChoices:
     )
 
 
+def fit_choices(spec: ExperimentSpec) -> ModelChoices:
+    """Return what the fit depends on; how pieces are joined only where the choice of a backbone
+    asks for it.
+    """
+    whole = model_choices(spec)
+    made = (whole.levels, whole.segment, whole.dictionary, whole.model, whole.fit, whole.lengths)
+    return ModelChoices(*made, fuse=whole.fuse if whole.model.backbone == AUTO else Fuse())
+
+
 def summands(spec: ExperimentSpec) -> list[str]:
     """Return the specs of the models that are added up."""
     if spec.model.sum is not None:

@@ -12,7 +12,7 @@ import numpy as np
 
 from mapmore_cli.domain.arrays import Array, Columns, Value
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.modelling.expressions.operator import FUNCTIONS
+from mapmore_cli.modelling.expressions.functions import FUNCTIONS
 from mapmore_cli.modelling.expressions.printing import to_text
 from mapmore_cli.modelling.expressions.syntax import (
     Call,

@@ -1,5 +1,4 @@
-"""Functions of one argument, which expressions and recursions may call; and operators with memory:
-the form of a file in `operators/`.
+"""Operators with memory: the form of a file in `operators/`.
 
 An operator turns a state x into a new one by a causal rule that is the same at all times. Its file
 says how it is written, its recursion, how it is printed, and what a spec may set of it. Nothing
@@ -9,43 +8,15 @@ else knows of it.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from operator import mul
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal
 
 import numpy as np
 
 from mapmore_cli.domain.arrays import Array
-
-
-class Function(NamedTuple):
-    """A function of one argument: how NumPy computes it, its derivative by x as text, and its LaTeX
-    with `#` for the argument.
-    """
-
-    compute: np.ufunc
-    slope: str
-    latex: str
-
-
-FUNCTIONS: Mapping[str, Function] = {
-    "exp": Function(np.exp, "exp(x)", r"\exp\left(#\right)"),
-    "log": Function(np.log, "1/x", r"\ln\left(#\right)"),
-    "sqrt": Function(np.sqrt, "0.5/sqrt(x)", r"\sqrt{#}"),
-    "abs": Function(np.abs, "sign(x)", r"\left|#\right|"),
-    "sign": Function(np.sign, "0", r"\operatorname{sign}\left(#\right)"),  # zero at the kink, too
-    "sin": Function(np.sin, "cos(x)", r"\sin\left(#\right)"),
-    "cos": Function(np.cos, "-sin(x)", r"\cos\left(#\right)"),
-    "tan": Function(np.tan, "cos(x)^-2", r"\tan\left(#\right)"),
-    "atan": Function(np.arctan, "1/(1 + x^2)", r"\arctan\left(#\right)"),
-    "sinh": Function(np.sinh, "cosh(x)", r"\sinh\left(#\right)"),
-    "cosh": Function(np.cosh, "sinh(x)", r"\cosh\left(#\right)"),
-    "tanh": Function(np.tanh, "cosh(x)^-2", r"\tanh\left(#\right)"),
-    "expm1": Function(np.expm1, "exp(x)", r"\left(\exp\left(#\right) - 1\right)"),
-    "log1p": Function(np.log1p, "1/(1 + x)", r"\ln\left(1 + #\right)"),
-}
-"""A further function is a further line."""
+from mapmore_cli.modelling.expressions.functions import FUNCTIONS
 
 
 @dataclass(frozen=True)

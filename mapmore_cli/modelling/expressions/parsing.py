@@ -18,7 +18,7 @@ from collections.abc import Callable
 from functools import lru_cache, partial
 
 from mapmore_cli.modelling.expressions.evaluation import evaluate
-from mapmore_cli.modelling.expressions.operator import FUNCTIONS
+from mapmore_cli.modelling.expressions.functions import FUNCTIONS
 from mapmore_cli.modelling.expressions.printing import to_text
 from mapmore_cli.modelling.expressions.states import (
     ExpressionError,

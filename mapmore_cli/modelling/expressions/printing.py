@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import re
-from typing import ClassVar
 
-from mapmore_cli.modelling.expressions.operator import FUNCTIONS
+from mapmore_cli.modelling.expressions.functions import FUNCTIONS
 from mapmore_cli.modelling.expressions.operators import OPERATORS
 from mapmore_cli.modelling.expressions.states import Lagged, Measured, State, shortest_text, state
 from mapmore_cli.modelling.expressions.syntax import (
@@ -146,7 +145,7 @@ class _Latex(_Text):
         return self.state(state(name))
 
     def call(self, function: str, argument: str) -> _Bound:
-        return FUNCTIONS[function].latex.replace("#", argument), _POWER
+        return FUNCTIONS[function].texts["latex"].replace("#", argument), _POWER
 
     def operator(self, name: str) -> str:
         return OPERATORS[name].latex
@@ -203,11 +202,10 @@ class _MathML(_Latex):
     beside, before_digit = '<mspace width="0.17em"/>', "<mo>·</mo>"
     underscore, upright, letter = "_", "<mi>{}</mi>", "<mi>{}</mi>"
     indexed, past = "<msub>{}<mn>{}</mn></msub>", "<mrow>{}<mo>[k−{}]</mo></mrow>"
-    functions: ClassVar = {"sqrt": "<msqrt>{}</msqrt>", "abs": "<mo>|</mo>{}<mo>|</mo>"}
 
     def call(self, function: str, argument: str) -> _Bound:
-        form = self.functions.get(function, f"<mi>{function}</mi>{self.brackets}")
-        return f"<mrow>{form.format(argument)}</mrow>", _POWER
+        text = FUNCTIONS[function].texts["mathml"].replace("#", argument)
+        return f"<mrow>{text}</mrow>", _POWER
 
     def operator(self, name: str) -> str:
         return self.upright.format(name)

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import NamedTuple
 
-from mapmore_cli.modelling.expressions.operator import FUNCTIONS
+from mapmore_cli.modelling.expressions.functions import FUNCTIONS
 from mapmore_cli.modelling.expressions.operators import OPERATORS
 
 MAX_NESTING = 8

@@ -24,14 +24,49 @@ from mapmore_cli.modelling.literature.problem import condensed, dependence
 from mapmore_cli.modelling.literature.solvers import agreement, descend, onto_bounds
 
 METHOD = "penalised least squares"
-FEW_LEVELS = 3  # strain levels that any curvature passes through
-APART = 0.05  # of max|strain|: levels nearer than that are one
-
 NAMES = ("a1", "a2", "a3", "a4", "a5", "a6", "b0", "b1", "b2", "w")
 A, A3, B, B1, LN_W = [0, 1, 3, 4, 5], 2, [6, 7, 8], 7, 9
 """Places of the parameters in q: the linear ones of `hi`, its curvature, those of `lo`, the foot's
 slope with pressure, the width.
 """
+
+
+# Constants of the fit, each below its reason. `docs/formula_tables.py RUNS hinge` shows what half
+# and twice of each make of the errors between strain levels.
+
+# a3 at the starts: from a steep decay to a bend upwards
+STARTS = (-8.0, -4.0, -2.0, -0.7, 1.5)
+# evaluations of each start, of which the lowest end is followed on
+FIRST = 100
+# w at the starts: a sharp hinge, which widens where it must
+START_W = 0.02
+# the start of `hi` is fitted to the normalised targets above it
+UPPER = 0.12
+# the start of `lo` is fitted to the normalised targets below it
+FOOT = 0.06
+# bound of |a3|: no data tell steeper decays apart
+LARGEST_A3 = 15.0
+# least w: a sharper hinge is a kink, which has no slope
+LEAST_W = 0.004
+# largest w: a wider hinge is none, since it bends the whole curve
+LARGEST_W = 0.3
+# weights of the priors by parameter: so small that they decide what no data show, and no more
+PRIOR_WEIGHTS = (0.01, *5 * (0.003,), 0.001, 0.03, 0.03, 0.001)
+# prior of a3/max|strain|, per unit of strain
+DECAY = -33.0
+# the prior of a3 is no steeper, however large the strain
+STEEPEST = -12.0
+# weight of the prior of a3 times the largest strain: over a short range a3 is vague
+DECAY_WEIGHT = 0.002
+# prior of w, of the largest target
+PRIOR_W = 0.03
+# most samples that the data count as against the priors: neighbours in a slow recording repeat each
+# other, and counted one by one they leave the priors no weight
+INDEPENDENT = 300
+# any curvature passes through so few strain levels: decides on the words of a note alone
+FEW_LEVELS = 3
+# of max|strain|: nearer strain levels are one; decides on the words of a note alone
+APART = 0.05
 
 
 def linearised(q: Array, p: Array, x: Array) -> tuple[Array, Array]:
@@ -50,25 +85,6 @@ def linearised(q: Array, p: Array, x: Array) -> tuple[Array, Array]:
         w * (softened - share * above),
     )
     return low + w * softened, np.stack(slopes, axis=-1)
-
-
-STARTS = (-8.0, -4.0, -2.0, -0.7, 1.5)  # of a3
-FIRST = 100  # evaluations of each start, of which the lowest end is followed on
-START_W = 0.02
-# normalised targets above and below which the starts of `hi` and `lo` are fitted
-UPPER, FOOT = 0.12, 0.06
-LOWEST, HIGHEST = np.full(10, -np.inf), np.full(10, np.inf)
-LOWEST[[A3, B1, LN_W]] = -15.0, 0.0, np.log(0.004)
-HIGHEST[[A3, LN_W]] = 15.0, np.log(0.3)
-PRIOR_WEIGHTS = np.array([0.01, *5 * (0.003,), 0.001, 0.03, 0.03, 0.001])
-# a3/max|strain| is near DECAY, a3 above STEEPEST; its weight depends on the largest strain
-DECAY, STEEPEST, DECAY_WEIGHT = -33.0, -12.0, 0.03 / 15.0
-PRIOR_W = 0.03
-INDEPENDENT = 300
-"""Most samples that the data count as against the priors. Neighbouring samples of a slow recording
-repeat each other: counted one by one, 100 000 of them leave the priors no weight, and a3, which
-three strain levels do not show, runs to its bounds again. On the Festo muscles any number from 30
-to 1000 predicts left-out strains about as well."""
 
 
 class _Problem(NamedTuple):
@@ -110,7 +126,7 @@ def fit_hinge(columns: Columns, y: Array) -> FormulaFit:
     inputs = columns["pressure"], columns["strain"], y
     scales = [float(np.abs(column).max()) or 1.0 for column in inputs]
     problem = _normalised(columns, y, *scales)
-    starts, bounds = [_start_at(problem, a3) for a3 in STARTS], (LOWEST, HIGHEST)
+    starts, bounds = [_start_at(problem, a3) for a3 in STARTS], _bounds()
     ends = descend(problem.system, starts, bounds, evaluations=FIRST)
     if not ends:
         raise FitError(
@@ -177,13 +193,23 @@ def _normalised(
     columns: Columns, y: Array, pressure: float, strain: float, target: float
 ) -> _Problem:
     means, f, counts = condensed({name: columns[name] for name in ("pressure", "strain")}, y)
-    centre, weight = np.zeros(len(NAMES)), PRIOR_WEIGHTS.copy()
+    centre, weight = np.zeros(len(NAMES)), np.array(PRIOR_WEIGHTS)
     centre[A3], weight[A3] = max(DECAY * strain, STEEPEST), DECAY_WEIGHT / strain
     centre[LN_W] = np.log(PRIOR_W)
     root = np.sqrt(counts * min(len(y), INDEPENDENT) / len(y))
     return _Problem(
         means["pressure"] / pressure, means["strain"] / strain, f / target, root, centre, weight
     )
+
+
+def _bounds() -> tuple[Array, Array]:
+    """Return least and largest q, (10,): of the curvature, of the foot's slope with pressure, and
+    of the width.
+    """
+    low, high = np.full((2, len(NAMES)), np.inf) * [[-1.0], [1.0]]
+    low[[A3, B1, LN_W]] = -LARGEST_A3, 0.0, np.log(LEAST_W)
+    high[[A3, LN_W]] = LARGEST_A3, np.log(LARGEST_W)
+    return low, high
 
 
 def _start_at(problem: _Problem, a3: float) -> Array:

@@ -35,7 +35,8 @@ from mapmore_cli.domain.fits import (
     SegmentFit,
     Selection,
 )
-from mapmore_cli.domain.models import CurveFunction, Fusion, Model, Pieces, SegmentFunction, Side
+from mapmore_cli.domain.joining import Fusion, Side
+from mapmore_cli.domain.models import CurveFunction, Model, Pieces, SegmentFunction
 from mapmore_cli.domain.recording import Curve, Quantity, uncertainty_of
 from mapmore_cli.domain.results import FitResult, PiecesFit
 from mapmore_cli.modelling import literature

@@ -248,7 +248,7 @@ def with_trusted_residual(
     shares, note = {BACKBONE: 0.0, RESIDUAL: 1.0}, ""
     if inner_level_count(curves, recipe):
         shares[SHRUNKEN] = share
-        body = replace(body, fusion=replace(body.fusion, shrink=share))
+        body = body.joined(shrink=share)
         note = f"midway between levels, {share:.0%} of the residual on {name} is carried: {errors}"
         if share == 0:
             note = (
@@ -262,7 +262,7 @@ def with_trusted_residual(
         body = _times(body, 0.0)
         note = f"the pieces on {name} are left out, {as_good}: {errors}"
     elif len(body.curves) == 2:
-        body = replace(body, fusion=replace(body.fusion, shrink=0.0))
+        body = body.joined(shrink=0.0)
         note = (
             f"midway between the two levels {name} stands alone: measure a level between them, "
             "which says how its residual runs there"

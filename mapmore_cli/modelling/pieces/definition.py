@@ -19,20 +19,13 @@ from math import inf
 import numpy as np
 
 from mapmore_cli.domain.arrays import Array, Columns
-from mapmore_cli.domain.declared import Transition
-from mapmore_cli.domain.models import CurveFunction, Fusion, Pieces, SegmentFunction, Side
+from mapmore_cli.domain.joining import TRANSITIONS, Fusion, Side
+from mapmore_cli.domain.models import CurveFunction, Pieces, SegmentFunction
 from mapmore_cli.modelling.expressions import Expression, Name, Number, add, call, derivative, parse
 from mapmore_cli.modelling.expressions.syntax import ONE, ZERO, Condition
 from mapmore_cli.modelling.program.statements import Program
 from mapmore_cli.modelling.program.values import INPUT, evaluator
 from mapmore_cli.modelling.program.writing import Inputs, Writer, renamed_all
-
-TRANSITIONS: Mapping[str, Callable[[Writer, Expression], Expression]] = {
-    "linear": lambda _m, t: t,
-    "quadratic": lambda m, t: m.where(t < 0.5, 2 * t**2, 1 - 2 * (1 - t) ** 2),
-    "cubic": lambda _m, t: 3 * t**2 - 2 * t**3,
-}
-"""`s(t)` for t in [0, 1]; each satisfies `s(t) + s(1 - t) = 1` (M2 figure 5)."""
 
 
 def pieces_value(m: Writer, body: Pieces, inputs: Inputs) -> Expression:
@@ -243,7 +236,7 @@ def _curve_function(m: Writer, curve: CurveFunction, body: Pieces, free: Sequenc
     straight = [name for name in free if "continue_linear" in fusion.extrapolation[name]]
     x = {name: Name(m.fresh(f"at_{name}")) for name in names}
     for name, boundaries in zip(body.variables, curve.boundaries, strict=True):
-        m.knot(name, *boundaries.tolist(), *np.concatenate(zones(boundaries, fusion.z_s)).tolist())
+        m.knot(name, *boundaries.tolist(), *np.concatenate(zones(boundaries, fusion)).tolist())
 
     def segment(one: SegmentFunction) -> str:
         held, asked = (
@@ -317,14 +310,14 @@ def fused_value(
 
     def in_zone(i: int, start: float, end: float) -> Expression:
         s = m.let(
-            "rise", TRANSITIONS[fusion.transition](m, m.let("t", (x[0] - start) / (end - start)))
+            "rise", TRANSITIONS[fusion.transition].s(m, m.let("t", (x[0] - start) / (end - start)))
         )
         return (1 - s) * m.let("left", along((*cell, i))) + s * m.let(
             "right", along((*cell, i + 1))
         )
 
     for i, (start, end) in enumerate(
-        zip(*(ends.tolist() for ends in zones(boundaries[0], fusion.z_s)), strict=True), start=1
+        zip(*(ends.tolist() for ends in zones(boundaries[0], fusion)), strict=True), start=1
     ):
         cases.append((x[0] <= start, partial(along, (*cell, i))))
         if end > start:
@@ -332,7 +325,7 @@ def fused_value(
     return m.choose("joined", cases, partial(along, (*cell, len(boundaries[0]) - 1)))
 
 
-def zones(boundaries: Array, z_s: float) -> tuple[Array, Array]:
+def zones(boundaries: Array, fusion: Fusion) -> tuple[Array, Array]:
     """Return start and end of the transition zone at each inner boundary, (count - 1,) each (M2 eq
     10 and 11).
 
@@ -341,7 +334,15 @@ def zones(boundaries: Array, z_s: float) -> tuple[Array, Array]:
     """
     widths = np.diff(boundaries)
     inner = boundaries[1:-1]
-    return inner - z_s * widths[:-1], inner + z_s * widths[1:]
+    return inner - fusion.z_s * widths[:-1], inner + fusion.z_s * widths[1:]
+
+
+def zones_of(curve: CurveFunction, body: Pieces) -> dict[str, tuple[Array, Array]]:
+    """Return the zones of a curve along each segmented variable, (count - 1,) each."""
+    return {
+        name: zones(boundaries, body.fusion)
+        for name, boundaries in zip(body.variables, curve.boundaries, strict=True)
+    }
 
 
 def _side_conditions(
@@ -410,7 +411,7 @@ def held_between(
     for name, boundaries, place in zip(body.variables, curve.boundaries, segment.cell, strict=True):
         low, high = segment.limits.get(name, (-inf, inf))
         reach = body.fusion.z_s * (high - low)
-        start, end = zones(boundaries, body.fusion.z_s)
+        start, end = zones(boundaries, body.fusion)
         between[name] = (
             low - reach if place > 1 and low - reach > start[place - 2] else None,
             high + reach if place < len(boundaries) - 1 and high + reach < end[place - 1] else None,
@@ -423,6 +424,17 @@ def pieces_program(body: Pieces, names: Sequence[str]) -> Program:
     m = Writer()
     value = pieces_value(m, body, {name: Name(f"{INPUT}{name}") for name in names})
     return m.program(names, value)
+
+
+def rule_of_weights(body: Pieces) -> str:
+    """Say how weights rise and fall along one variable (M2 eq 10 and 11)."""
+    fusion = body.fusion
+    return (
+        f"The weight of a piece is w where it rises and 1 - w where it falls, 1 between and 0 "
+        f"beyond; {TRANSITIONS[fusion.transition].words}, t from 0 to 1 along the way "
+        f"(z_s = {fusion.z_s:g}). Pieces of one curve are multiplied by their weights and "
+        "added; of several variables the weights are multiplied."
+    )
 
 
 def weight_of(body: Pieces, segments: Set[str], columns: Columns) -> Array:
@@ -443,7 +455,7 @@ def weight_of(body: Pieces, segments: Set[str], columns: Columns) -> Array:
     return evaluator(pieces_program(replace(body, curves=curves), list(columns)))(columns)[0]
 
 
-def cell_weights(x: Array, boundaries: Array, transition: Transition, z_s: float) -> Array:
+def cell_weights(x: Array, boundaries: Array, fusion: Fusion) -> Array:
     """Return the weight of every segment along one variable at x, (n, count); each row sums to one
     (M2 eq 10 and 11).
     """
@@ -457,7 +469,7 @@ def cell_weights(x: Array, boundaries: Array, transition: Transition, z_s: float
             m,
             [Name(f"{INPUT}x")],
             [boundaries],
-            Fusion(transition=transition, z_s=z_s, extrapolation={}),
+            fusion,
             of_cell,
         )
         return evaluator(m.program(["x"], value))({"x": x})[0]

@@ -22,16 +22,12 @@ from mapmore_cli.modelling.pieces.definition import (
     held_between,
     pieces_program,
     pieces_value,
-    zones,
+    rule_of_weights,
+    zones_of,
 )
 from mapmore_cli.modelling.program.values import evaluator
 from mapmore_cli.modelling.program.writing import Inputs, Writer, limit
 
-TRANSITION_WORDS = {
-    "linear": "w = t",
-    "quadratic": "w = 2*t^2 up to t = 1/2, then 1 - 2*(1 - t)^2",
-    "cubic": "w = 3*t^2 - 2*t^3",
-}
 OUTSIDE = {
     "continue": "the equations go on",
     "saturate": "it is held at the limit",
@@ -92,16 +88,16 @@ def _weight(
     """
     words = []
     held = held_between(segment, curve, body)
-    for name, boundaries, place in zip(body.variables, curve.boundaries, segment.cell, strict=True):
-        ways = np.array(zones(boundaries, body.fusion.z_s)).T / units.get(name, 1.0)
+    for (name, ends), place in zip(zones_of(curve, body).items(), segment.cell, strict=True):
+        ways = np.array(ends).T / units.get(name, 1.0)
         told = [
             f"{verb} {start:.6g} to {end:.6g}"
             for verb, at in (("rises", place - 2), ("falls", place - 1))
             if 0 <= at < len(ways)
             for start, end in [ways[at]]
         ]
-        ends = zip(("below", "above"), held.get(name, ()), strict=False)
-        told += [f"held {s} {v / units.get(name, 1.0):.6g}" for s, v in ends if v is not None]
+        sides = zip(("below", "above"), held.get(name, ()), strict=False)
+        told += [f"held {s} {v / units.get(name, 1.0):.6g}" for s, v in sides if v is not None]
         words += [f"{name} {', '.join(told)}"] if told else []
     return "; ".join(words)
 
@@ -109,28 +105,24 @@ def _weight(
 def rules(model: Model) -> Iterator[str]:
     """Yield how the pieces are put together, and what holds beyond the limits (M2 eq 9-12)."""
     body = _pieces_body(model)
-    fusion, level = body.fusion, body.level
+    level = body.level
     if not body.segments:
         return
     if body.backbone is not None:
         yield f"{model.output.name} is {body.backbone.name} plus the pieces."
     if any(len(ends) > 2 for curve in body.curves for ends in curve.boundaries):
-        yield (
-            f"The weight of a piece is w where it rises and 1 - w where it falls, 1 between and 0 "
-            f"beyond; {TRANSITION_WORDS[fusion.transition]}, t from 0 to 1 along the way "
-            f"(z_s = {fusion.z_s:g}). Pieces of one curve are multiplied by their weights and "
-            "added; of several variables the weights are multiplied."
-        )
+        yield rule_of_weights(body)
     if level is not None and len(body.curves) > 1:
         between = "(1 - t) times the lower curve plus t times the upper"
-        if fusion.levels == "pchip":
+        if body.fusion.levels == "pchip":
             between = "the cubic of Fritsch and Butland (PCHIP) through the values of the curves"
-        carried = f", all times {fusion.shrink:.6g} + {1 - fusion.shrink:.6g}*(1 - 2*t)^2"
+        shrink = body.fusion.shrink
+        carried = f", all times {shrink:.6g} + {1 - shrink:.6g}*(1 - 2*t)^2"
         yield (
             f"Between two levels of {level}, at the share t of the way: {between}"
-            f"{carried * (fusion.shrink < 1.0)}."
+            f"{carried * (shrink < 1.0)}."
         )
-    for name, sides in fusion.extrapolation.items():
+    for name, sides in body.fusion.extrapolation.items():
         known = OUTER_LEVEL if name == level else OUTSIDE
         below, above = (known.get(str(side), f"it is taken to be {side}") for side in sides)
         told = f"below its limits {below}, above {above}"

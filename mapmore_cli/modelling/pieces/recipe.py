@@ -15,11 +15,11 @@ from mapmore_cli.domain.declared import (
     Beyond,
     Contradiction,
     Either,
-    Joining,
     OfKey,
     Settings,
     of_sibling,
 )
+from mapmore_cli.domain.joining import Joining
 from mapmore_cli.modelling.selection import Fit
 
 USES = {

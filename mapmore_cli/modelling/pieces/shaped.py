@@ -129,7 +129,7 @@ def _of_coefficients(body: Pieces, names: Sequence[str]) -> Pieces:
         replace(c, segments=tuple(map(opened, c.segments)), limits={**c.limits, **everywhere})
         for c in body.curves
     ]
-    return replace(body, curves=tuple(curves), fusion=replace(body.fusion, extrapolation=sides))
+    return replace(body.joined(extrapolation=sides), curves=tuple(curves))
 
 
 def _fused_output(model: Model, body: Pieces, count: int) -> Values:

@@ -8,7 +8,7 @@ from bisect import bisect_right
 from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -21,6 +21,8 @@ from mapmore_cli.domain.arrays import (
     in_blocks,
     picked,
 )
+
+T = TypeVar("T", bound=np.ndarray[Any, Any])
 
 
 def correlation(first: Array, second: Array) -> float:
@@ -69,9 +71,11 @@ UNEVEN = 1e-3
 MANY = 20_000  # samples that stand for a longer record where all are not needed
 
 
-def even_share(values: Array) -> Array:
-    """Return at most `MANY` samples of a record, evenly chosen from all of it."""
-    share: Array = picked(values, np.arange(0, len(values), max(1, -(-len(values) // MANY))))
+def even_share(values: T, most: int = MANY) -> T:
+    """Return at most so many rows of a record, evenly spread from the first to the last."""
+    if len(values) <= most:
+        return values
+    share: T = picked(values, np.linspace(0, len(values) - 1, most).round().astype(int))
     return share
 
 

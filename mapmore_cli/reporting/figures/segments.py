@@ -9,7 +9,8 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from mapmore_cli.domain.arrays import Array, IntArray
-from mapmore_cli.domain.models import Fusion, Pieces
+from mapmore_cli.domain.joining import Fusion
+from mapmore_cli.domain.models import Pieces
 from mapmore_cli.domain.recording import DIRECTION
 from mapmore_cli.modelling.kinds import predict
 from mapmore_cli.modelling.pieces.definition import cell_weights, zones
@@ -79,7 +80,7 @@ def _variable_figure(inputs: ReportInputs, fusion: Fusion, variable: int, name: 
     along, target = (inputs.dataset.quantities[one] for one in (name, inputs.fitted))
     drawn = []
     for curve in shown:
-        weights = cell_weights(curve.x, curve.boundaries, fusion.transition, fusion.z_s).T
+        weights = cell_weights(curve.x, curve.boundaries, fusion).T
         data = {
             panels.heading(along): curve.x,
             panels.heading(target): curve.y,
@@ -104,10 +105,10 @@ def draw_segments(top: Axes, bottom: Axes, curve: SegmentCurve, fusion: Fusion) 
 
     Boundaries are vertical lines, transition zones are shaded (M2 eq 10 and 11).
     """
-    starts, ends = zones(curve.boundaries, fusion.z_s)
+    starts, ends = zones(curve.boundaries, fusion)
     x = np.linspace(curve.boundaries[0], curve.boundaries[-1], GRID)
     x = np.unique([*x, *starts, *ends])
-    weights = cell_weights(x, curve.boundaries, fusion.transition, fusion.z_s).T
+    weights = cell_weights(x, curve.boundaries, fusion).T
     for place, weight in enumerate(weights):
         colour, marker, line = LOOKS[place % len(LOOKS)]
         rows = curve.cell == place + 1

@@ -8,7 +8,7 @@ import operator
 import numpy as np
 from hypothesis import strategies as st
 
-from mapmore_cli.modelling.expressions.operator import FUNCTIONS
+from mapmore_cli.modelling.expressions.functions import FUNCTIONS
 
 NAMES = ("x", "y", "z")
 _NUMBERS = st.one_of(

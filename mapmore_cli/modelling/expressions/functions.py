@@ -1,0 +1,133 @@
+"""Functions of one argument, which expressions and recursions may call.
+
+A row says everything that is known of its function: how NumPy computes it, its derivative, and its
+text in every language that a model is written in. Nothing else knows of a function.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+
+LIBRARY: Mapping[str, str] = {
+    "numpy": "np.{}",
+    "python": "np._safe(math.{}, x)",
+    "c": "{}",
+    "matlab": "{}",
+    "javascript": "Math.{}",
+    "latex": r"\{}\left(#\right)",
+    "mathml": "<mi>{}</mi><mrow><mo>(</mo>#<mo>)</mo></mrow>",
+}
+"""What a function is in a language whose library has it under its own name.
+
+The text of code is a name of the library, or an expression of `x`, one number. `np._safe` is the
+export's own: infinite or not a number where Python raises. Markup has `#` for the argument.
+"""
+
+NAME = re.compile(r"[\w.]+")
+HELPER = "{}_of"
+
+
+class Function(NamedTuple):
+    """A function of one argument.
+
+    - `compute`: its values along columns, and of one number; any callable that keeps NaN.
+    - `slope`: its derivative by x, an expression.
+    - `texts`: what it is in each language of `LIBRARY`.
+    """
+
+    compute: Callable[[Any], Any]
+    slope: str
+    texts: Mapping[str, str]
+
+    def is_in_library(self, language: str) -> bool:
+        """Say whether the language has the function; else an export defines `HELPER`."""
+        return NAME.fullmatch(self.texts[language]) is not None
+
+
+def function(
+    name: str, compute: Callable[[Any], Any], slope: str, **texts: str
+) -> tuple[str, Function]:
+    """Return a row of `FUNCTIONS`; `texts` are those of the languages whose library has the
+    function under another name, or not at all.
+    """
+    if unknown := texts.keys() - LIBRARY.keys():
+        raise ValueError(f"{name}: there is no language {', '.join(unknown)}; see LIBRARY")
+    usual = {language: text.format(name) for language, text in LIBRARY.items()}
+    return name, Function(compute, slope, usual | texts)
+
+
+FUNCTIONS: Mapping[str, Function] = dict(
+    (
+        function("exp", np.exp, "exp(x)"),
+        function(
+            "log",
+            np.log,
+            "1/x",
+            python="-math.inf if x == 0 else np._safe(math.log, x)",
+            matlab="log(abs(x)) + 0 / (x >= 0)",  # MATLAB's own is complex below zero
+            latex=r"\ln\left(#\right)",
+        ),
+        function(
+            "sqrt",
+            np.sqrt,
+            "0.5/sqrt(x)",
+            matlab="sqrt(abs(x)) + 0 / (x >= 0)",
+            latex=r"\sqrt{#}",
+            mathml="<msqrt>#</msqrt>",
+        ),
+        function(
+            "abs",
+            np.abs,
+            "sign(x)",
+            python="abs(x)",
+            c="fabs",
+            latex=r"\left|#\right|",
+            mathml="<mo>|</mo>#<mo>|</mo>",
+        ),
+        function(
+            "sign",
+            np.sign,
+            "0",  # zero at the kink, too
+            python="(x > 0) - (x < 0) if x == x else x",
+            c="x != x ? x : (x > 0) - (x < 0)",
+            latex=r"\operatorname{sign}\left(#\right)",
+        ),
+        function("sin", np.sin, "cos(x)"),
+        function("cos", np.cos, "-sin(x)"),
+        function("tan", np.tan, "cos(x)^-2"),
+        function(
+            "atan",
+            np.arctan,
+            "1/(1 + x^2)",
+            numpy="np.arctan",
+            latex=r"\arctan\left(#\right)",
+        ),
+        function(
+            "sinh",
+            np.sinh,
+            "cosh(x)",
+            python="math.copysign(np._safe(math.sinh, abs(x)), x)",
+        ),
+        function("cosh", np.cosh, "sinh(x)"),
+        function("tanh", np.tanh, "cosh(x)^-2"),
+        function(
+            "expm1",
+            np.expm1,
+            "exp(x)",
+            latex=r"\left(\exp\left(#\right) - 1\right)",
+        ),
+        function(
+            "log1p",
+            np.log1p,
+            "1/(1 + x)",
+            python="-math.inf if x == -1 else np._safe(math.log1p, x)",
+            matlab="log1p(max(x, -1)) + 0 / (x >= -1)",
+            latex=r"\ln\left(1 + #\right)",
+        ),
+    )
+)
+"""A further function is a further row."""
