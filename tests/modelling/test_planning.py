@@ -60,6 +60,61 @@ def test_a_dear_quantity_is_changed_seldom():
     assert min(one.cost for one in dear) == 1.0
 
 
+@pytest.mark.parametrize("prices", [{}, {"strain": 5.0}, {"pressure": 0.5, "strain": 3.0}])
+def test_the_next_point_is_worth_most_for_its_cost(prices):
+    """A value of a quantity that no planned point has costs its price, 1 where none is named; a
+    point costs the lowest price at least.
+    """
+    measured = map_of()
+    free = np.arange(len(measured.grid(13))) % 3 > 0
+    names = measured.names
+    found, _ = points.next_points(committee_of(measured), names, 4, prices, free)
+    committee, planned = committee_of(measured), []
+    each = [prices.get(name, 1.0) for name in names]
+    for one in found:
+        new = [[all(place[i] != one[i] for one in planned) for i in (0, 1)]
+               for place in committee.places.tolist()]  # fmt: skip
+        cost = np.maximum(np.array(new) @ each, min(each)) if prices else np.ones(len(new))
+        best = int(np.argmax(np.where(free, committee.score / cost, -1)))
+        planned.append(committee.places[best].tolist())
+        assert [*one.at.values()] == planned[-1]
+        assert (one.cost, one.half_width) == (cost[best], committee.half[best])
+        assert one.error == committee.error[best]
+        committee.add(best)
+        assert one.after == committee.half[best]
+
+
+def test_what_a_place_is_worth():
+    """Spread times deviation, .15 of it where less than 2 % of the largest value is expected; of a
+    single process the variance.
+    """
+    measured = map_of()
+    for committee in (committee_of(measured), points.Committee(measured, measured.grid(13),
+            {"none": (0 * measured.y, np.zeros(len(measured.grid(13))))})):  # fmt: skip
+        largest = np.abs(measured.y).max()
+        spread = committee.spread if committee.spread.any() else committee.deviation
+        slack = np.where(np.abs(committee.expected) < 0.02 * largest, 0.15, 1.0)
+        assert set(slack) == {0.15, 1.0}
+        np.testing.assert_allclose(committee.score, spread * committee.deviation * slack)
+        np.testing.assert_allclose(committee.error**2, committee.spread**2 + committee.deviation**2)
+        np.testing.assert_allclose(
+            (committee.half / 1.959964) ** 2, committee.error**2 + committee.noise**2
+        )
+
+
+def test_many_samples_are_spread_out_and_grid_places_near_samples_are_measured(monkeypatch):
+    monkeypatch.setattr(points, "MOST_MEASURED", 3)
+    x = np.array([[0.0, 0.0], [10.0, 0.1], [10.0, 1.0], [9.0, 0.9]])
+    taken, y = points.spread_out(x, np.arange(4.0))
+    assert (taken.tolist(), y.tolist()) == (x[[0, 2, 1]].tolist(), [0, 2, 1])
+    assert points.spread_out(x[:3], y)[0] is not taken
+    assert len(points.spread_out(np.repeat(x[:2], 3, axis=0), np.arange(6.0))[1]) == 2
+    measured = points.MeasuredMap(("a", "b"), x, y)
+    at = np.array([[5.0, 0.5], [5.2, 0.5], [5.6, 0.5], [5.0, 0.57]])
+    near = measured.unmeasured(at, np.array([[5.0, 0.5]]), 11)
+    assert near.tolist() == [False, False, True, True]  # half a step is .5 and .05
+
+
 def test_places_lie_within_what_was_measured():
     x = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [0.2, 0.2]])
     grid = points.MeasuredMap(("a", "b"), x, x[:, 0]).grid(11)

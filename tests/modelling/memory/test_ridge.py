@@ -69,6 +69,9 @@ def test_selection_is_frols_on_data_with_rows_for_the_ridge(n, M, seed, ridge):
     np.testing.assert_allclose(found.err, expected.err, rtol=1e-6, atol=1e-12)
     np.testing.assert_allclose(found.theta, expected.theta, rtol=1e-6, atol=1e-9)
     np.testing.assert_allclose(found.g_all, expected.g_all, rtol=1e-5, atol=1e-9)
+    k = len(found.chosen)  # rows for the ridge are no samples
+    scale = np.sqrt((n + M - k) / (n - k))
+    np.testing.assert_allclose(found.theta_error, scale * expected.theta_error, rtol=1e-5)
     residual = z[:n] - Z[:n, found.chosen] @ found.theta
     assert found.sse == pytest.approx(residual @ residual, rel=1e-6, abs=1e-9 * n)
     assert (found.yy, found.samples) == (pytest.approx(n), n)

@@ -79,6 +79,15 @@ def test_a_row_is_the_sum_of_its_blocks(seed, cuts, exponent):
     assert one == pytest.approx(whole, rel=1e-11, abs=1e-13, nan_ok=True)
 
 
+def test_chi_square_is_by_the_uncertainty_and_the_numbers_that_were_fitted():
+    y, sigma = np.array([1.0, 2.0, 4.0]), np.array([0.5, 1.0, 2.0])
+    sums = Sums.of(y, Forecast.of(y + np.array([1.0, 1.0, -4.0])), sigma=sigma)
+    scale = normaliser("max", extremes(y), "force", "train")
+    by_free = [metrics.score("m", "t", "train", "all", sums, scale, n) for n in (0, 1, 3)]
+    assert [row.chi2_dof for row in by_free] == pytest.approx([9 / 3, 9 / 2, math.nan], nan_ok=True)
+    assert by_free[0].rmse_weighted == pytest.approx(math.sqrt(9 / (4 + 1 + 0.25)))
+
+
 def test_a_constant_has_no_r2_and_zeros_no_nrmse():
     row = score(np.zeros(3), np.ones(3))
     assert math.isnan(row.r2)
