@@ -126,25 +126,6 @@ def test_a_group_without_training_samples_has_no_offset(sessions, mapmore):
     )
 
 
-def test_gains_of_sessions_divide_the_held_out_error(tmp_path, mapmore):
-    """The levels of a second session, whose load cell reads 0.6 of the first's."""
-    write(tmp_path, "a", (0.0, 0.15))
-    write(tmp_path, "b", (0.05, 0.2), factor=0.6)
-    errors, runs = [], tmp_path / "runs"
-    for groups in ("groups: {of: specimen}", "groups: {of: specimen, gain: true}"):
-        spec = of_sessions(tmp_path, "  split: {validate: {pressure: [200]}}", groups)
-        errors.append(scored_run(mapmore, spec)[0]["mapmore"])
-    assert errors[0] > 3 * errors[1]
-    (note,) = (one for one in RunFiles(runs / "specimens").dataset().notes if "gains" in one)
-    first, second = (float(text) for text in re.findall(r"\d: ([\d.]+)", note))
-    assert (second / first, first * second) == pytest.approx((0.6, 1.0), rel=0.02)
-    of_sessions(tmp_path, "  split: {validate: {specimen: [2]}}", groups)
-    mapmore("run", spec, "--runs", runs, "--set", "report.formats=[html]", "-q", code=0)
-    assert "2, held out whole, counts as 1" in (runs / "specimens/report/index.html").read_text()
-    of_sessions(tmp_path, "  split: {leave_one_group_out: true}", groups)
-    mapmore("validate", spec, "--runs", runs, "-q", code=3, says="gain of a group that is left out")
-
-
 GROUP = np.repeat([1.0, 2.0, 5.0], 100)
 GAINS = {1.0: 1.25, 2.0: 1.0, 5.0: 0.8}
 

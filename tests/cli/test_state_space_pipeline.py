@@ -6,7 +6,7 @@ import json
 
 import numpy as np
 import pytest
-from cli_samples import PROJECT, by_place, csv_rows, held_out, write_lines
+from cli_samples import PROJECT, by_place, csv_rows, write_lines
 from common import rows_of
 
 import mapmore_cli
@@ -123,45 +123,6 @@ def test_the_page_shows_sections_and_errors(finished):
     rows = csv_rows((folder / "report" / "tables" / "sections.csv").read_text())
     assert [row["model"] for row in rows] == ["mapmore"] * 6 + ["one"] + ["joined"] * 3
     assert {row["solver"] for row in rows} == {"least squares"}
-
-
-def test_scores_follow_from_the_numbers_beside_the_figures(finished):
-    """The page's scores, made again from the CSVs beside its figures."""
-    folder, document = finished
-    told = held_out(document)
-    rows = [
-        row
-        for path in (folder / "report" / "panels").glob("fit.*.csv")
-        for row in csv_rows(path.read_text())
-        if row["data"] == "validate"
-    ]
-    for name in ("mapmore", "one", "joined"):
-        errors = [
-            float(row[f"{name} [cm]"]) - float(row["displacement [cm]"])
-            for row in rows
-            if f"{name} [cm]" in row
-        ]
-        assert len(errors) == told[name]["n"]
-        assert np.sqrt(np.mean(np.square(errors))) == pytest.approx(told[name]["rmse"], rel=1e-6)
-
-
-def test_table_3_follows_from_the_same_numbers(finished):
-    folder, _ = finished
-    rows = csv_rows((folder / "report" / "tables" / "waveforms.csv").read_text())
-    row = {(row["recording"], row["model"]): row for row in rows}["waveform_weighted", "mapmore"]
-    log = recording("waveform_weighted")
-    error = (simulate(read_fit(folder / "fit.h5").body.model, log) - log["displacement"])[-80:]
-    assert [float(row[key]) for key in ("samples", "RMSE [cm]", "max error [cm]")] == pytest.approx(
-        [80, np.sqrt(np.mean(error**2)), np.abs(error).max()], rel=1e-3
-    )
-
-
-def test_it_runs_again_to_the_same_bytes(finished, mapmore, tmp_path):
-    folder, _ = finished
-    (tmp_path / "spec.yaml").write_text(SPEC)
-    mapmore("validate", tmp_path / "spec.yaml", "-q", code=0)
-    for name in ("fit.h5", "model.h5", "scores.json"):
-        assert (tmp_path / "runs" / "moving" / name).read_bytes() == (folder / name).read_bytes()
 
 
 @pytest.mark.parametrize(

@@ -67,7 +67,7 @@ def test_out_of_reach_flat_and_the_nearest_rule():
         "several",
     )
     several = STATIC["straight beyond the levels"]
-    asked = np.full(12, 200.0), {"strain": np.linspace(0.02, 0.2, 12)}, "pressure"
+    asked = np.full(12, 150.0), {"strain": np.linspace(0.02, 0.2, 12)}, "pressure"
     every = [invert(several, *asked, *rule) for rule in (("nearest",), ())]
     before = None
     for row, (nearest, lowest) in enumerate(zip(*(one.picked for one in every), strict=True)):

@@ -8,6 +8,7 @@ from common import curve_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from memory_samples import STEP, recipe_of, record, resonance, slow, wandering
+from reading import refused
 
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.modelling.expressions import evaluate, parse
@@ -144,6 +145,8 @@ def test_pieces_of_curves_share_one_time_step():
         DataError, match=r"c: its samples are 0\.02 s apart, those of other recordings 0\.01 s"
     ):
         time_step([*curves, curve("c", np.arange(9) * 2 * STEP)])
+    with refused("a: sample 2 (at 0.015 s): only 0.005 s after", "add `resample: 0.01 s`"):
+        records_of([curve("a", [0.0, STEP, 1.5 * STEP])], STEP)
     with pytest.raises(DataError, match="there is no time step"):
         time_step([curve("single", [0.0])])
 

@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 from reading import refused
 from scipy.signal import savgol_filter
 
-from mapmore_cli.modelling.signals.rates import rate, running_median
 from mapmore_cli.modelling.signals import sampling
+from mapmore_cli.modelling.signals.rates import rate, running_median
 from mapmore_cli.modelling.signals.sampling import (
     align,
     average_repeated,
