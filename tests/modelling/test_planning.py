@@ -1,12 +1,20 @@
 """What to measure next: points of maps."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from reading import refused
 from sklearn.gaussian_process import GaussianProcessRegressor, kernels
+from surfaces import QUANTITIES, curves
 
-from mapmore_cli.annexes.planning import points
+from mapmore_cli.annexes.planning import planning, points
+from mapmore_cli.domain.errors import UsageError
+from mapmore_cli.domain.recording import Dataset
+from mapmore_cli.modelling import literature
+from mapmore_cli.modelling.literature.backbone import fit_formula
 from mapmore_cli.modelling.validation.gaussian_process import most_likely
 
 
@@ -113,6 +121,64 @@ def test_many_samples_are_spread_out_and_grid_places_near_samples_are_measured(m
     at = np.array([[5.0, 0.5], [5.2, 0.5], [5.6, 0.5], [5.0, 0.57]])
     near = measured.unmeasured(at, np.array([[5.0, 0.5]]), 11)
     assert near.tolist() == [False, False, True, True]  # half a step is .5 and .05
+
+
+def at_levels(*levels, held_out=()):
+    made = curves(levels=levels, held_out=held_out, n=20)
+    return Dataset("force", "pressure", QUANTITIES, (), made)
+
+
+def test_the_middle_of_the_widest_gap_comes_first():
+    """Of equal gaps the lower one; held-out levels are measured already."""
+    given = at_levels(100.0, 200.0, 300.0, 400.0, 700.0, held_out=(300.0,))
+    found, shown, forecast, (note,) = planning._of_levels("a", given, {"pressure": 3.0})
+    assert [(one.at["pressure"], one.gap) for one in found] == [
+        (550.0, 300.0),
+        (150.0, 100.0),
+        (250.0, 100.0),
+        (350.0, 100.0),
+    ]
+    assert "from 400 to 700" in note
+    assert (forecast, shown.places["pressure"].tolist()) == (None, [100, 200, 300, 400, 700])
+    assert len(planning._of_levels("a", at_levels(100.0, 200.0), {})[0]) == 1
+    with refused("a single level of pressure"):
+        planning._of_levels("a", at_levels(100.0), {})
+    with refused("--cost strain: the plan does not set it", error=UsageError):
+        planning._of_levels("a", given, {"pressure": 3.0, "strain": 1.0})
+
+
+def test_a_wanted_half_width_is_a_share_or_a_number():
+    assert planning._size_of(" 2% ", 400.0) == 8.0
+    assert planning._size_of("2", 400.0) == 2.0
+    for text in ("0", "-1%", "inf", "nan", "two", ""):
+        with refused("is no size", error=UsageError):
+            planning._size_of(text, 400.0)
+
+
+def test_formulas_that_stay_within_twice_the_measured_range_are_members():
+    given = at_levels(80.0, 150.0, 250.0)
+    columns = {name: np.concatenate([c.columns[name] for c in given.curves]) for name in QUANTITIES}
+    x, y = np.column_stack([columns["pressure"], columns["strain"]]), columns["force"]
+    measured, places = points.MeasuredMap(("pressure", "strain"), x, y), x[::7] * [1.0, 0.9]
+    said = planning.formulas_of(given, measured, places)
+    assert list(said) == ["none", "sarosi_hinged", "sarosi"]
+    assert [(not one.any(), len(one)) for one in said["none"]] == [(True, 60), (True, 9)]
+    fit = fit_formula("sarosi", given.curves, "force")
+    for at, values in zip((x, places), said["sarosi"], strict=True):
+        inputs = dict(zip(("pressure", "strain"), at.T, strict=True))
+        np.testing.assert_allclose(values, literature.of(fit).predict(fit.parameters, inputs))
+    for share, members in ((1.95, True), (2.05, False)):
+        low, high = y.min(), y.min() + share * np.ptp(y)
+        far = np.column_stack([np.linspace(250, 9000, 4000), np.zeros(4000)])
+        inputs = dict(zip(("pressure", "strain"), far.T, strict=True))
+        reached = literature.of(fit).predict(fit.parameters, inputs)
+        out = far[[int(np.argmin(np.abs(reached - high)))]]
+        assert low < high
+        assert ("sarosi" in planning.formulas_of(given, measured, out)) == members
+    other = replace(given, target="strain")
+    assert list(planning.formulas_of(other, measured, places)) == ["none"]
+    turned = replace(measured, names=("pressure", "load"))
+    assert list(planning.formulas_of(given, turned, places)) == ["none"]
 
 
 def test_places_lie_within_what_was_measured():
