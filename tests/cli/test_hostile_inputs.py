@@ -2,7 +2,6 @@
 says where.
 """
 
-import gzip
 import os
 import re
 import resource
@@ -71,14 +70,6 @@ def test_a_very_long_line_is_refused(tmp_path):
         read(path, "strain")
     with pytest.raises(DataError, match="row 1: is longer"):
         list(lines_of(Path("/dev/zero")))
-
-
-def test_a_packed_file_that_unpacks_to_hundreds_of_times_its_size_is_refused(tmp_path, monkeypatch):
-    monkeypatch.setattr("mapmore_cli.storage.tables.BOMB_SIZE", 1_000_000)
-    path = tmp_path / "a.csv.gz"
-    path.write_bytes(gzip.compress(b"strain,force\n" + b"0,1\n" * 1_000_000))
-    with pytest.raises(DataError, match="unpacks from"):
-        read(path, "strain")
 
 
 def test_lines_end_in_any_way(tmp_path):
@@ -326,20 +317,6 @@ def test_a_row_number_that_no_sheet_has_is_refused(tmp_path):
             )
     with pytest.raises(DataError, match="asks for more memory than its size explains"):
         READERS["xlsx"].read(tmp_path / "far.xlsx", TableRequest("far.xlsx", ("x",)))
-
-
-def test_a_packed_log_that_is_damaged_is_wrong_data_for_everybody(tmp_path):
-    """Also where its encoding is guessed, and where `init` looks at its first lines."""
-    whole = bytearray(gzip.compress("t,P\n1,2\n3,é\n".encode("latin-1")))
-    whole[-8] ^= 1  # of the checksum
-    reader = READERS["csv"]
-    assert reader.peek is not None
-    for name, content in (("a.csv", bytes(whole)), ("b.csv", bytes(whole[:-4]))):
-        (tmp_path / name).write_bytes(content)
-        with pytest.raises(DataError, match="the file is damaged"):
-            reader.read(tmp_path / name, TableRequest(name, ("t",)))
-        with pytest.raises(DataError, match="the file is damaged"):
-            reader.peek(tmp_path / name, 200)
 
 
 def test_whatever_a_library_raises_on_damage_is_wrong_data():

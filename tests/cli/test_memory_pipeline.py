@@ -190,39 +190,6 @@ def test_a_table_predicts_what_was_validated(name, finished, mapmore):
     assert np.isnan(wanted).sum() == {"narx": 12, "play": 0}[name]
 
 
-@pytest.mark.parametrize(
-    ("change", "words"),
-    [
-        (
-            lambda rows: [{**row, "time": repr(2 * float(row["time"]))} for row in rows],
-            ["row 3", "0.02 s after the one before", "0.01 s"],
-        ),
-        (
-            lambda rows: [*rows[:40], {**rows[40], "time": "0.395"}, *rows[41:]],
-            ["row 42", "only 0.005 s after", "even steps of 0.01 s"],
-        ),
-        (
-            lambda rows: [*rows[:1], {**rows[1], "displacement": ""}, *rows[2:]],
-            ["row 3", "displacement is missing", "first 2 samples"],
-        ),
-        (
-            lambda rows: [{k: v for k, v in row.items() if k != "displacement"} for row in rows],
-            ["no column 'displacement'"],
-        ),
-        (
-            lambda rows: [{k: v for k, v in row.items() if k != "time"} for row in rows],
-            ["no column 'time'"],
-        ),
-    ],
-    ids=["other steps", "uneven", "no first output", "no output", "no time"],
-)
-def test_a_table_that_no_run_can_follow_is_refused_with_its_row(change, words, narx_table):
-    rows, predict_rows = narx_table
-    _, result = predict_rows(change(rows[:GAP]))
-    assert result.exit_code == 4
-    assert all(word in result.stderr for word in ["stdin", *words]), result.stderr
-
-
 def test_the_row_of_a_mistake_counts_recordings_before_it(narx_table):
     rows, predict_rows = narx_table
     rows[5] = {**rows[5], "pressure": ""}

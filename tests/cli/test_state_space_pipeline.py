@@ -6,7 +6,7 @@ import json
 
 import numpy as np
 import pytest
-from cli_samples import PROJECT, by_place, csv_rows, write_lines
+from cli_samples import PROJECT, by_place, csv_rows
 from common import rows_of
 
 import mapmore_cli
@@ -73,46 +73,6 @@ def test_the_model_file_holds_sections_that_predict_what_was_scored(finished):
     loaded = mapmore_cli.load_model(folder / "model.h5")
     assert [quantity.name for quantity in loaded.inputs] == ["input"]
     np.testing.assert_allclose(loaded(time=log["time"], input=log["input"]), simulated, atol=1e-12)
-
-
-def test_show_tells_sections_poles_and_searches(finished, mapmore, document):
-    folder, _ = finished
-    shown = document("show", folder / "model.h5")
-    assert shown["kind"] == "state_space"
-    sections = shown["motion"]["sections"]
-    assert [section["id"] for section in sections] == [
-        f"{way} {place}" for place in (1, 2, 3) for way in ("rise", "fall")
-    ]
-    for section in sections:
-        one, other = (complex(*pole) for pole in section["poles"])
-        p1, p2 = section["p1"], section["p2"]
-        assert [one + other, -one * other] == pytest.approx([p2, p1], abs=1e-9)
-        assert section["gain"] == pytest.approx(section["weights"][0] / (1 - p1 - p2))
-    fit = document("show", folder / "fit.h5")["motion"]
-    assert fit["solver"] == "least_squares"
-    for search in fit["searches"]:
-        assert search["history"][-1] == pytest.approx(search["rmse"], rel=1e-6)
-    text = mapmore("show", folder / "model.h5").stdout
-    assert "displacement[k-2]" in text
-    assert "Sections meet at input 2.35, 3.95" in text
-
-
-def test_predict_needs_no_measured_output_and_begins_anew_after_a_gap(finished, mapmore, tmp_path):
-    folder, _ = finished
-    log = recording()
-    time, voltage = log["time"] + 2.0 * (np.arange(len(log["time"])) >= 100), log["input"]
-    lines = [f"{t:.2f},{u:.3f}" for t, u in zip(time, voltage, strict=True)]
-    write_lines(tmp_path / "table.csv", "time,input", *lines)
-    rows = csv_rows(mapmore("predict", folder / "model.h5", "table.csv", code=0).stdout)
-    motion = read_fit(folder / "fit.h5").body.model
-    expected = [
-        simulate(motion, {"time": time[part], "input": np.round(voltage[part], 3)})
-        for part in (slice(0, 100), slice(100, None))
-    ]
-    np.testing.assert_allclose(
-        [float(row["displacement_predicted"]) for row in rows], np.concatenate(expected), atol=1e-9
-    )
-    assert {row["outside_range"] for row in rows} == {"false"}
 
 
 def test_the_page_shows_sections_and_errors(finished):
