@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from reading import refused
+from scipy.stats import multivariate_normal
 from sklearn.gaussian_process import GaussianProcessRegressor, kernels
 from surfaces import QUANTITIES, curves
 
@@ -15,7 +16,7 @@ from mapmore_cli.domain.errors import UsageError
 from mapmore_cli.domain.recording import Dataset
 from mapmore_cli.modelling import literature
 from mapmore_cli.modelling.literature.backbone import fit_formula
-from mapmore_cli.modelling.validation.gaussian_process import most_likely
+from mapmore_cli.modelling.validation.gaussian_process import GaussianProcess, most_likely, smooth
 
 
 def test_a_fitted_process_agrees_with_scikit_learn():
@@ -28,6 +29,31 @@ def test_a_fitted_process_agrees_with_scikit_learn():
     ours = own.predict(at)
     assert ours[0] == pytest.approx(mean, abs=1e-8)
     assert ours[1] == pytest.approx(deviation, abs=1e-6)
+
+
+def test_a_fitted_process_is_likelier_than_its_neighbours_and_goes_by_the_range():
+    rng = np.random.default_rng(4)
+    x = rng.random((25, 2))
+    y = np.sin(6 * x[:, 0]) + x[:, 1] ** 2 + 0.2 * rng.normal(size=25)
+    y -= y.mean()
+    own = most_likely(x, y)
+    start = [*own.lengths, own.deviation, own.noise]
+
+    def likelihood(numbers):
+        *lengths, deviation, noise = numbers
+        made = GaussianProcess(x, y, np.array(lengths), deviation, noise)
+        return multivariate_normal(np.zeros(25), made.covariance).logpdf(y)
+
+    for place in range(4):
+        for factor in (0.9, 1.1):
+            other = [value * (factor if i == place else 1) for i, value in enumerate(start)]
+            assert likelihood(other) < likelihood(start)
+    held = np.column_stack([np.full(25, 7.0), 300 * x + 100])
+    at = held[:5] + np.array([0.0, 10.0, 20.0])
+    low, width = (300 * x + 100).min(axis=0), np.ptp(300 * x, axis=0)
+    same = most_likely((300 * x + 100 - low) / width, y).predict((at[:, 1:] - low) / width)[0]
+    assert smooth(held[:, 1:], y + 50)(at[:, 1:]) == pytest.approx(same + 50, rel=1e-6)
+    assert np.isfinite(smooth(held, y)(at)).all()
 
 
 def map_of(count=9):
