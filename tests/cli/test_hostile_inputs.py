@@ -37,19 +37,6 @@ def read(path, *columns, **keys):
 ROWS = [f"{i / 100},150,{i}" for i in range(40)]
 
 
-@pytest.mark.parametrize(
-    ("row", "broken"), [(12, '0.11,150,"11'), (12, '"0.11,150,11'), (40, '0.39,150,"39')]
-)  # to the end of the file
-@pytest.mark.parametrize("columns", [("strain",), ("strain", "force")])
-def test_a_quote_that_is_not_closed_is_told_with_its_row(row, broken, columns, tmp_path):
-    path = tmp_path / "a.csv"
-    lines = ["strain,pressure,force", *ROWS]
-    lines[row] = broken
-    write_lines(path, *lines)
-    with pytest.raises(DataError, match=rf"a\.csv:row {row + 1}: a quotation mark opens here"):
-        read(path, *columns)
-
-
 def test_two_quotes_that_swallow_rows_between_them_are_told(tmp_path):
     path = tmp_path / "a.csv"
     lines = ["strain,force,remark", *(f"{i / 100},{i},fine" for i in range(40))]

@@ -22,6 +22,7 @@ from mapmore_cli.modelling.pieces.cross_validation import (
     RESIDUAL,
     SHRUNKEN,
     LeftOutErrors,
+    _of_fewer_samples,
     choose_backbone,
     inner_folds,
     leave_out,
@@ -224,6 +225,12 @@ def test_the_choice_is_made_on_an_even_share_in_the_order_of_the_curve():
     assert thin(curve, None).columns["x"].tolist() == x[x < 601][::3].tolist()
     assert thinned.training.all()
     assert thin(curve_of({"x": x[:300]}), "x").size == 300
+
+
+@pytest.mark.parametrize(("least", "kept"), [(3, 5), (8, 8)])
+def test_folds_join_segments_that_only_lack_what_is_left_out(least, kept):
+    asked = recipe(cuts={"strain": Cuts("even", 4, min_samples=least)}, max_terms=4)
+    assert _of_fewer_samples(asked).cuts["strain"].min_samples == kept
 
 
 SURFACE = ("1", "pressure", "strain", "pressure^2", "pressure*strain", "strain^2")

@@ -157,6 +157,23 @@ def sse(samples, made):
     return sum(one.selection.sse * one.scaling.y_slope**2 for one in chosen)
 
 
+@pytest.mark.parametrize(
+    ("counts", "kept"),
+    [
+        ([5, 1, 5, 9], [0, 2, 3, 4]),  # the left one of equals
+        ([9, 1, 3, 9], [0, 1, 3, 4]),
+        ([1, 9, 3], [0, 2, 3]),
+        ([3, 9, 1], [0, 1, 3]),
+        ([2, 1, 2], [0, 3]),
+        ([4, 3, 5], [0, 1, 2, 3]),
+    ],
+)
+def test_the_segment_of_the_fewest_joins_the_neighbour_of_fewer(counts, kept):
+    x = np.repeat(np.arange(len(counts)) + 0.5, counts)
+    found = joined_segments(np.arange(len(counts) + 1.0), x, 3, np.ones(len(x), dtype=bool))
+    assert found.tolist() == kept
+
+
 def test_real_fits_equal_exhaustive_search():
     """Every boundary on the grid tried as a given breakpoint, through the fits that the model would
     have.
