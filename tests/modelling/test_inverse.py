@@ -89,6 +89,13 @@ def test_some_rows_at_a_time_give_what_all_give(monkeypatch):
     np.testing.assert_array_equal(parts.picked, whole.picked)
 
 
+def test_a_jump_across_the_wanted_output_is_no_solution():
+    model, pressure = STATIC["steps"], np.linspace(110, 480, 4)
+    found = invert(model, np.full(4, 100.0), {"pressure": pressure}, "strain")
+    said = predict(model, {"strain": found.values, "pressure": pressure[found.rows]})
+    np.testing.assert_allclose(said, 100.0, rtol=2e-6)
+
+
 def test_a_slack_range_is_flat_and_its_low_end_counts():
     flat = STATIC["widest zones, zero"]  # nothing beyond the curves: zero at every pressure
     found = invert(flat, np.array([0.0]), {"strain": np.array([0.9])}, "pressure")
