@@ -1,5 +1,6 @@
 """Logs that are longer than memory, read block by block."""
 
+import gc
 import hashlib
 import json
 from weakref import WeakKeyDictionary
