@@ -10,7 +10,7 @@ from ingest_samples import COLUMNS, csv_text
 from reading import refused
 
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.ingestion.clock import MOST_SAMPLES, _resampled
+from mapmore_cli.ingestion.clock import MOST_SAMPLES, _resampled, without_glitches
 from mapmore_cli.ingestion.samples import Samples
 
 SPLIT = {"longer_than": 0.15, "action": "split"}
@@ -149,6 +149,15 @@ def test_a_sample_on_even_steps_has_the_row_of_the_one_that_it_follows():
     assert MOST_SAMPLES == 10_000_000
     few = _resampled(replace(samples, columns=columns), 5.0)
     assert (few.size, next(iter(few.left_out.values())).tolist()) == (0, [7, 8, 12])
+
+
+@pytest.mark.parametrize(("wrong", "left"), [([50], 99), ([50, 70], 100)])
+def test_glitches_are_one_sample_in_a_hundred_at_most(wrong, left):
+    time = np.arange(100.0)
+    time[wrong] = 1.5
+    samples = Samples({"time": time}, np.arange(100), "a.csv")
+    assert without_glitches(samples, "drop").size == left
+    assert without_glitches(samples, "keep").size == 100
 
 
 def test_piece_shorter_than_a_step_is_left_out(ingest):
