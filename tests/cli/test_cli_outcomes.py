@@ -108,19 +108,6 @@ def test_a_hopeless_model_is_called_so_everywhere(study, tmp_path, mapmore, docu
     mapmore("run", study, "-q", "--set", "validate.require={r2: 0.5}", code=6)
 
 
-def test_extrapolation_is_told_with_its_share(study, document):
-    text = study.read_text()
-    for held, told in (
-        ("[[0.05, 1]]", "all held-out samples lie outside"),
-        ("[[0.03, 0.04], [0.05, 1]]", "held-out samples lie outside"),
-    ):
-        study.write_text(text.replace("{pressure: [200]}", f"{{strain: {{between: {held}}}}}"))
-        warnings = document("validate", study, "-q")["warnings"]
-        assert [
-            told in warning for warning in warnings if "outside of the training range" in warning
-        ] == [True]
-
-
 def test_a_good_model_is_not_warned_of(study, document):
     assert document("validate", study, "-q")["warnings"] == []
 

@@ -31,21 +31,6 @@ def planned(document):
 LEVELS = [0, 100, 200, 300, 400, 500, 600]
 
 
-def test_the_next_level_halves_the_widest_gap(tmp_path, planned):
-    found = planned(write(tmp_path, [0, 100, 200, 400, 500]))
-    assert [(one["pressure"], one["gap"]) for one in found["next"]] == [
-        (300, 200),
-        (50, 100),
-        (150, 100),
-        (450, 100),
-    ]
-    assert found["notes"][0].startswith("No gap between levels is wider than that from 200 to 400.")
-
-
-def test_a_held_out_level_is_measured(tmp_path, planned):
-    assert planned(write(tmp_path, [0, 100, 300], (100,)))["next"][0]["pressure"] == 200
-
-
 def test_a_single_level_says_nothing_and_levels_have_no_forecast(tmp_path, mapmore):
     mapmore(
         "plan", write(tmp_path, [100]), "--runs", tmp_path / "other", code=4, says="single level"

@@ -2,17 +2,15 @@
 predicts it.
 """
 
-import re
-
 import numpy as np
 import pytest
-from cli_samples import scored_run, write_lines, write_recording
+from cli_samples import write_lines, write_recording
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.recording import Curve
-from mapmore_cli.ingestion.groups import group_effects
+from mapmore_cli.ingestion.groups import GroupEffects, group_effects
 from mapmore_cli.storage.run_folder import RunFiles
 from mapmore_cli.study.sections.data import Groups
 
@@ -99,22 +97,6 @@ def of_sessions(folder, split, groups):
     return spec
 
 
-def test_offsets_of_sessions_are_taken_off_and_told(sessions, mapmore):
-    errors = {}
-    for groups in ("groups: {of: specimen}", "groups: {of: specimen, offset: true}"):
-        spec = of_sessions(sessions, "  split: {validate: {pressure: [200]}}", groups)
-        errors[groups] = scored_run(mapmore, spec)[0]["mapmore"]
-    assert max(errors.values()) > 2 > 0.5 > min(errors.values())
-    (note,) = (
-        note
-        for note in RunFiles(sessions / "runs" / "specimens").dataset().notes
-        if note.startswith("offsets")
-    )
-    told = [float(text) for text in re.findall(r": ([+-][\d.]+)", note)]
-    assert told == pytest.approx([4.0, -4.0], abs=0.2)
-    assert "[N] taken off force" in note
-
-
 def test_a_group_without_training_samples_has_no_offset(sessions, mapmore):
     groups, runs = "groups: {of: specimen, offset: true}", sessions / "runs"
     spec = of_sessions(sessions, "  split: {leave_one_group_out: true}", groups)
@@ -124,25 +106,6 @@ def test_a_group_without_training_samples_has_no_offset(sessions, mapmore):
     assert any(
         "none is known of 2" in note for note in RunFiles(runs / "specimens").dataset().notes
     )
-
-
-def test_gains_of_sessions_divide_the_held_out_error(tmp_path, mapmore):
-    """The levels of a second session, whose load cell reads 0.6 of the first's."""
-    write(tmp_path, "a", (0.0, 0.15))
-    write(tmp_path, "b", (0.05, 0.2), factor=0.6)
-    errors, runs = [], tmp_path / "runs"
-    for groups in ("groups: {of: specimen}", "groups: {of: specimen, gain: true}"):
-        spec = of_sessions(tmp_path, "  split: {validate: {pressure: [200]}}", groups)
-        errors.append(scored_run(mapmore, spec)[0]["mapmore"])
-    assert errors[0] > 3 * errors[1]
-    (note,) = (one for one in RunFiles(runs / "specimens").dataset().notes if "gains" in one)
-    first, second = (float(text) for text in re.findall(r"\d: ([\d.]+)", note))
-    assert (second / first, first * second) == pytest.approx((0.6, 1.0), rel=0.02)
-    of_sessions(tmp_path, "  split: {validate: {specimen: [2]}}", groups)
-    mapmore("run", spec, "--runs", runs, "--set", "report.formats=[html]", "-q", code=0)
-    assert "2, held out whole, counts as 1" in (runs / "specimens/report/index.html").read_text()
-    of_sessions(tmp_path, "  split: {leave_one_group_out: true}", groups)
-    mapmore("validate", spec, "--runs", runs, "-q", code=3, says="gain of a group that is left out")
 
 
 GROUP = np.repeat([1.0, 2.0, 5.0], 100)
@@ -174,6 +137,18 @@ def test_gains_are_found_and_do_not_depend_on_the_unit(unit, zero, noise):
     )
     alone = effects(of_groups(noise, (0, 0, 0)), gain=True)
     assert (alone.gains, alone.offsets) == (pytest.approx(GAINS, rel=0.005 + noise), {})
+
+
+def test_effects_are_taken_off_and_told():
+    columns = {"g": np.array([1.0, 2.0, 5.0]), "y": np.array([5.0, 7.0, 9.0])}
+    curve = Curve("all", None, columns, np.zeros(3, dtype=bool), ("a",))
+    of = GroupEffects("g", {1.0: 2.0}, {1.0: 3.0, 2.0: -3.0}, (5.0,))
+    assert of.taken_off(curve, "y").columns["y"].tolist() == [1.0, 10.0, 9.0]
+    assert curve.columns["y"].tolist() == [5.0, 7.0, 9.0]
+    assert list(of.describe("y", "N")) == [
+        "gains of g, by which y is divided: 1: 2; 5, held out whole, counts as 1",
+        "offsets of g [N] taken off y: 1: +3, 2: -3; none is known of 5, held out whole",
+    ]
 
 
 def test_gains_that_nothing_tells_are_near_one():

@@ -2,7 +2,6 @@
 says where.
 """
 
-import gzip
 import os
 import re
 import resource
@@ -38,19 +37,6 @@ def read(path, *columns, **keys):
 ROWS = [f"{i / 100},150,{i}" for i in range(40)]
 
 
-@pytest.mark.parametrize(
-    ("row", "broken"), [(12, '0.11,150,"11'), (12, '"0.11,150,11'), (40, '0.39,150,"39')]
-)  # to the end of the file
-@pytest.mark.parametrize("columns", [("strain",), ("strain", "force")])
-def test_a_quote_that_is_not_closed_is_told_with_its_row(row, broken, columns, tmp_path):
-    path = tmp_path / "a.csv"
-    lines = ["strain,pressure,force", *ROWS]
-    lines[row] = broken
-    write_lines(path, *lines)
-    with pytest.raises(DataError, match=rf"a\.csv:row {row + 1}: a quotation mark opens here"):
-        read(path, *columns)
-
-
 def test_two_quotes_that_swallow_rows_between_them_are_told(tmp_path):
     path = tmp_path / "a.csv"
     lines = ["strain,force,remark", *(f"{i / 100},{i},fine" for i in range(40))]
@@ -71,14 +57,6 @@ def test_a_very_long_line_is_refused(tmp_path):
         read(path, "strain")
     with pytest.raises(DataError, match="row 1: is longer"):
         list(lines_of(Path("/dev/zero")))
-
-
-def test_a_packed_file_that_unpacks_to_hundreds_of_times_its_size_is_refused(tmp_path, monkeypatch):
-    monkeypatch.setattr("mapmore_cli.storage.tables.BOMB_SIZE", 1_000_000)
-    path = tmp_path / "a.csv.gz"
-    path.write_bytes(gzip.compress(b"strain,force\n" + b"0,1\n" * 1_000_000))
-    with pytest.raises(DataError, match="unpacks from"):
-        read(path, "strain")
 
 
 def test_lines_end_in_any_way(tmp_path):
@@ -213,9 +191,9 @@ def cut_log(end, decimal="."):
 @pytest.mark.parametrize(
     ("text", "decimal", "doubt"),
     [
-        (cut_log("254.1"), ".", "its last number, 254.1, has fewer digits"),
-        (cut_log("2"), ".", "its last number, 2, has"),
-        (cut_log("2,1", ","), ",", "its last number, 2,1, has"),
+        (cut_log("254.1"), ".", "fewer digits in its last number, 254.1,"),
+        (cut_log("2"), ".", "fewer digits in its last number, 2,"),
+        (cut_log("2,1", ","), ",", "fewer digits in its last number, 2,1,"),
         (cut_log("254.12"), ".", None),
         (cut_log("2\n"), ".", None),
         ("n;F\n" + "".join(f"{i};{119 - i}\n" for i in range(20)) + "20;99", ".", None),
@@ -324,22 +302,8 @@ def test_a_row_number_that_no_sheet_has_is_refused(tmp_path):
                 .replace(b'r="3"', b'r="999999999999"')
                 .replace(b'"A3"', b'"A999999999999"'),
             )
-    with pytest.raises(DataError, match="asks for more memory than its size explains"):
+    with pytest.raises(DataError, match="more memory, or processor time, than its size explains"):
         READERS["xlsx"].read(tmp_path / "far.xlsx", TableRequest("far.xlsx", ("x",)))
-
-
-def test_a_packed_log_that_is_damaged_is_wrong_data_for_everybody(tmp_path):
-    """Also where its encoding is guessed, and where `init` looks at its first lines."""
-    whole = bytearray(gzip.compress("t,P\n1,2\n3,é\n".encode("latin-1")))
-    whole[-8] ^= 1  # of the checksum
-    reader = READERS["csv"]
-    assert reader.peek is not None
-    for name, content in (("a.csv", bytes(whole)), ("b.csv", bytes(whole[:-4]))):
-        (tmp_path / name).write_bytes(content)
-        with pytest.raises(DataError, match="the file is damaged"):
-            reader.read(tmp_path / name, TableRequest(name, ("t",)))
-        with pytest.raises(DataError, match="the file is damaged"):
-            reader.peek(tmp_path / name, 200)
 
 
 def test_whatever_a_library_raises_on_damage_is_wrong_data():

@@ -9,7 +9,6 @@ import pytest
 import test_memory_pipeline as memory
 from cli_samples import change_forces, csv_rows, edit, write_lines, write_study
 
-import mapmore_cli
 from mapmore_cli.domain.errors import SpecError
 from mapmore_cli.domain.recording import Curve, Dataset
 from mapmore_cli.fitting.kinds.choices import model_choices
@@ -197,27 +196,10 @@ def test_a_table_gains_the_ends(model_file, mapmore):
     assert rows[2]["force_by_strain"] != ""
 
 
-def test_a_notebook_has_them_too(model_file):
-    model = mapmore_cli.load_model(model_file)
-    low, high = model.interval(pressure=[[100.0, 150.0]], strain=0.02)
-    assert low.shape == (1, 2)
-    assert (low + high) / 2 == pytest.approx(model(pressure=[[100.0, 150.0]], strain=0.02))
-    assert (model.interval(0.99, pressure=100.0, strain=0.02)[1] > high[0, 0]).all()
-
-
 def test_the_page_shows_the_band(model_file):
     page = (model_file.parent / "report" / "index.html").read_text()
     assert "The band holds a sample of a new curve with a probability of 95%" in page
     assert "95% interval" in (model_file.parent / "report" / "fit.svg").read_text()
-
-
-def test_three_levels_of_one_recording_have_none_and_say_what_to_measure(study, mapmore):
-    asked(study, (HELD, ""))
-    told = mapmore("fuse", study, code=0).stderr
-    assert "Record every level at least twice, or four levels or more" in " ".join(told.split())
-    told = mapmore("predict", "runs/bench/model.h5", "-", "--interval", "0.9", stdin=TABLE, code=0)
-    assert csv_rows(told.stdout)[1]["force_low"] == ""
-    assert "Record every level at least twice" in " ".join(told.stderr.split())
 
 
 BAD = {

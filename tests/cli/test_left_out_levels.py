@@ -65,14 +65,6 @@ def test_models_over_time_have_no_levels_to_leave_out(study, mapmore):
     mapmore("run", study, code=3, says="neither a model with memory nor a sum")
 
 
-def test_the_run_tells_what_it_chose(study, tmp_path, mapmore, document):
-    """The study has three training levels: too few for a choice, which is said."""
-    runs = tmp_path / "runs"
-    mapmore("validate", study, "--set", "model.backbone=auto", "--set", "fit.max_terms=2", code=0)
-    shown = document("show", runs / "bench" / "model.h5")
-    assert "too few to choose a backbone by" in " ".join(shown["notes"])
-
-
 @pytest.mark.parametrize(
     ("settings", "words"),
     [

@@ -8,11 +8,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from cli_samples import csv_rows, edit, hand_model, write_lines
+from cli_samples import csv_rows, hand_model, write_lines
 from hypothesis import given
 from hypothesis import strategies as st
 
-import mapmore_cli
 from mapmore_cli.annexes.sums import Part, Sum
 from mapmore_cli.domain.fits import MemoryModel, StateSet
 from mapmore_cli.domain.models import CurveRange, Memory, Model
@@ -145,18 +144,6 @@ def test_a_planted_model_is_found_and_scored_on_the_recording_that_was_held_out(
     assert int(row["n"]) == samples
 
 
-def test_the_second_run_does_nothing_and_another_one_gives_the_same_bytes(
-    finished, tmp_path, mapmore, document
-):
-    spec, run_dir = finished["narx"]
-    assert set(document("run", spec, "--runs", run_dir.parent, "-q")["stages"].values()) == {
-        "up-to-date"
-    }
-    mapmore("run", spec, "--runs", tmp_path, "-q", code=0)
-    for name in ("fit.h5", "model.h5", "validate.h5", "scores.csv", "scores.json"):
-        assert (tmp_path / "narx" / name).read_bytes() == (run_dir / name).read_bytes(), name
-
-
 # predict
 # --------------------------------------------------------------------------------------------------
 
@@ -203,50 +190,6 @@ def test_a_table_predicts_what_was_validated(name, finished, mapmore):
     assert np.isnan(wanted).sum() == {"narx": 12, "play": 0}[name]
 
 
-def test_only_the_first_measured_outputs_are_used(narx_table):
-    rows, predict_rows = narx_table
-    found, _ = predict_rows(
-        [
-            {**row, "displacement": row["displacement"] if i % GAP < 2 else ""}
-            for i, row in enumerate(rows)
-        ]
-    )
-    np.testing.assert_array_equal(found, predict_rows(rows)[0])
-
-
-@pytest.mark.parametrize(
-    ("change", "words"),
-    [
-        (
-            lambda rows: [{**row, "time": repr(2 * float(row["time"]))} for row in rows],
-            ["row 3", "0.02 s after the one before", "0.01 s"],
-        ),
-        (
-            lambda rows: [*rows[:40], {**rows[40], "time": "0.395"}, *rows[41:]],
-            ["row 42", "only 0.005 s after", "even steps of 0.01 s"],
-        ),
-        (
-            lambda rows: [*rows[:1], {**rows[1], "displacement": ""}, *rows[2:]],
-            ["row 3", "displacement is missing", "first 2 samples"],
-        ),
-        (
-            lambda rows: [{k: v for k, v in row.items() if k != "displacement"} for row in rows],
-            ["no column 'displacement'"],
-        ),
-        (
-            lambda rows: [{k: v for k, v in row.items() if k != "time"} for row in rows],
-            ["no column 'time'"],
-        ),
-    ],
-    ids=["other steps", "uneven", "no first output", "no output", "no time"],
-)
-def test_a_table_that_no_run_can_follow_is_refused_with_its_row(change, words, narx_table):
-    rows, predict_rows = narx_table
-    _, result = predict_rows(change(rows[:GAP]))
-    assert result.exit_code == 4
-    assert all(word in result.stderr for word in ["stdin", *words]), result.stderr
-
-
 def test_the_row_of_a_mistake_counts_recordings_before_it(narx_table):
     rows, predict_rows = narx_table
     rows[5] = {**rows[5], "pressure": ""}
@@ -274,50 +217,8 @@ def test_a_grid_has_no_time(finished, mapmore):
     assert "time, load, pressure" in result.stderr
 
 
-def test_a_loaded_model_runs_along_a_recording(finished):
-    run_dir = finished["narx"][1]
-    curve = read_dataset(run_dir / "ingest.h5").curves[0]
-    model = mapmore_cli.load_model(run_dir / "model.h5")
-    values = model(
-        **{name: curve.columns[name] for name in ("time", "load", "pressure", "displacement")}
-    )
-    np.testing.assert_array_equal(
-        values, read_validation(run_dir / "validate.h5").predictions["mapmore"][0]
-    )
-    with pytest.raises(TypeError, match="a function of time, load, pressure, displacement"):
-        model(pressure=[1.0], load=[0.0])
-
-
 # what goes wrong
 # --------------------------------------------------------------------------------------------------
-
-
-def test_a_diverging_run_has_no_score_and_says_at_which_sample(tmp_path, mapmore):
-    def growing(pressure, load):
-        return 1.3 ** np.arange(len(pressure)) * (1e-15 if load[0] < 2 else 1.0)
-
-    feedback = "dictionary: [{lags: {of: [displacement], steps: [1], constant: false}}]"
-    spec = write_study(tmp_path, "growth", feedback, growing)
-    result = mapmore("run", spec, code=0)
-    run_dir = tmp_path / "runs" / "growth"
-    curves = read_dataset(run_dir / "ingest.h5").curves[4:]
-    predictions = read_validation(run_dir / "validate.h5").predictions["mapmore"][4:]
-    told = [line for line in result.stderr.splitlines() if "diverges" in line]
-    for line, curve, values in zip(told, curves, predictions, strict=True):
-        sample = 1 + int(np.argmax(np.isnan(values[1:])))
-        place = f"at sample {sample} ({curve.columns['time'][sample]:g} s)"
-        assert f"free run diverges on {curve.id} {place}" in line
-    row = scores(run_dir)["validate", "all"]
-    assert (row["rrse"], row["rmse"]) == ("", "")
-    assert float(row["rrse_one_step"]) < 1e-9
-
-
-def test_uneven_recordings_are_refused_with_the_remedy(tmp_path, mapmore):
-    spec = write_study(tmp_path, "uneven", PLAY, hysteresis)
-    edit(tmp_path / "uneven_b.csv", "\n0.2,", "\n0.195,")
-    told = "uneven_b#1: sample 20 (at 0.195 s): only 0.005 s after the one before"
-    mapmore("run", spec, "-q", code=4, says=[told, "add `resample: 0.01 s` to `data`"])
-    mapmore("run", spec, "-q", "--set", "data.resample=0.01 s", code=0)
 
 
 @pytest.mark.parametrize(
@@ -364,22 +265,6 @@ def test_show_tells_terms_coefficients_and_states(finished, mapmore, document):
         ("narx", "Runs free from the first 2 measured samples of displacement"),
     ):
         assert words in mapmore("show", finished[name][1] / "model.h5").stdout
-
-
-def test_show_tells_the_resonance(tmp_path, mapmore, document):
-    model = (
-        "dictionary: [{terms: [pressure, load]}, {resonance: {of: [pressure]}}]\nfit: "
-        "{max_terms: 2, ridge: 1e-6, scaling: range}"
-    )
-    mapmore("fuse", write_study(tmp_path, "ringing", model, hysteresis), "-q", code=0)
-    file = tmp_path / "runs/ringing/fit.h5"
-    shown = document("show", file)["memory"]
-    hertz, damping = shown["states"]["resonances"]["pressure"]
-    assert hertz > 0
-    assert len(shown["terms"]) == 2
-    text = mapmore("show", file).stdout
-    assert "oscillator it drives" in text
-    assert f"{damping:.4g}"[:4] in text
 
 
 STATES = StateSet(

@@ -6,7 +6,7 @@ import json
 
 import numpy as np
 import pytest
-from cli_samples import PROJECT, by_place, csv_rows, held_out, write_lines
+from cli_samples import PROJECT, by_place, csv_rows
 from common import rows_of
 
 import mapmore_cli
@@ -75,46 +75,6 @@ def test_the_model_file_holds_sections_that_predict_what_was_scored(finished):
     np.testing.assert_allclose(loaded(time=log["time"], input=log["input"]), simulated, atol=1e-12)
 
 
-def test_show_tells_sections_poles_and_searches(finished, mapmore, document):
-    folder, _ = finished
-    shown = document("show", folder / "model.h5")
-    assert shown["kind"] == "state_space"
-    sections = shown["motion"]["sections"]
-    assert [section["id"] for section in sections] == [
-        f"{way} {place}" for place in (1, 2, 3) for way in ("rise", "fall")
-    ]
-    for section in sections:
-        one, other = (complex(*pole) for pole in section["poles"])
-        p1, p2 = section["p1"], section["p2"]
-        assert [one + other, -one * other] == pytest.approx([p2, p1], abs=1e-9)
-        assert section["gain"] == pytest.approx(section["weights"][0] / (1 - p1 - p2))
-    fit = document("show", folder / "fit.h5")["motion"]
-    assert fit["solver"] == "least_squares"
-    for search in fit["searches"]:
-        assert search["history"][-1] == pytest.approx(search["rmse"], rel=1e-6)
-    text = mapmore("show", folder / "model.h5").stdout
-    assert "displacement[k-2]" in text
-    assert "Sections meet at input 2.35, 3.95" in text
-
-
-def test_predict_needs_no_measured_output_and_begins_anew_after_a_gap(finished, mapmore, tmp_path):
-    folder, _ = finished
-    log = recording()
-    time, voltage = log["time"] + 2.0 * (np.arange(len(log["time"])) >= 100), log["input"]
-    lines = [f"{t:.2f},{u:.3f}" for t, u in zip(time, voltage, strict=True)]
-    write_lines(tmp_path / "table.csv", "time,input", *lines)
-    rows = csv_rows(mapmore("predict", folder / "model.h5", "table.csv", code=0).stdout)
-    motion = read_fit(folder / "fit.h5").body.model
-    expected = [
-        simulate(motion, {"time": time[part], "input": np.round(voltage[part], 3)})
-        for part in (slice(0, 100), slice(100, None))
-    ]
-    np.testing.assert_allclose(
-        [float(row["displacement_predicted"]) for row in rows], np.concatenate(expected), atol=1e-9
-    )
-    assert {row["outside_range"] for row in rows} == {"false"}
-
-
 def test_the_page_shows_sections_and_errors(finished):
     folder, _ = finished
     page = (folder / "report" / "index.html").read_text()
@@ -123,45 +83,6 @@ def test_the_page_shows_sections_and_errors(finished):
     rows = csv_rows((folder / "report" / "tables" / "sections.csv").read_text())
     assert [row["model"] for row in rows] == ["mapmore"] * 6 + ["one"] + ["joined"] * 3
     assert {row["solver"] for row in rows} == {"least squares"}
-
-
-def test_scores_follow_from_the_numbers_beside_the_figures(finished):
-    """The page's scores, made again from the CSVs beside its figures."""
-    folder, document = finished
-    told = held_out(document)
-    rows = [
-        row
-        for path in (folder / "report" / "panels").glob("fit.*.csv")
-        for row in csv_rows(path.read_text())
-        if row["data"] == "validate"
-    ]
-    for name in ("mapmore", "one", "joined"):
-        errors = [
-            float(row[f"{name} [cm]"]) - float(row["displacement [cm]"])
-            for row in rows
-            if f"{name} [cm]" in row
-        ]
-        assert len(errors) == told[name]["n"]
-        assert np.sqrt(np.mean(np.square(errors))) == pytest.approx(told[name]["rmse"], rel=1e-6)
-
-
-def test_table_3_follows_from_the_same_numbers(finished):
-    folder, _ = finished
-    rows = csv_rows((folder / "report" / "tables" / "waveforms.csv").read_text())
-    row = {(row["recording"], row["model"]): row for row in rows}["waveform_weighted", "mapmore"]
-    log = recording("waveform_weighted")
-    error = (simulate(read_fit(folder / "fit.h5").body.model, log) - log["displacement"])[-80:]
-    assert [float(row[key]) for key in ("samples", "RMSE [cm]", "max error [cm]")] == pytest.approx(
-        [80, np.sqrt(np.mean(error**2)), np.abs(error).max()], rel=1e-3
-    )
-
-
-def test_it_runs_again_to_the_same_bytes(finished, mapmore, tmp_path):
-    folder, _ = finished
-    (tmp_path / "spec.yaml").write_text(SPEC)
-    mapmore("validate", tmp_path / "spec.yaml", "-q", code=0)
-    for name in ("fit.h5", "model.h5", "scores.json"):
-        assert (tmp_path / "runs" / "moving" / name).read_bytes() == (folder / name).read_bytes()
 
 
 @pytest.mark.parametrize(

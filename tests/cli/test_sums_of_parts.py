@@ -6,7 +6,7 @@ import json
 
 import numpy as np
 import pytest
-from cli_samples import CONFIGS, held_out, scored_run
+from cli_samples import CONFIGS, held_out
 from page_tables import DOCS, page_table
 
 SINGLE = """\
@@ -68,24 +68,6 @@ def joint(folder, summands, against=""):
     spec = folder / "joint.yaml"
     spec.write_text(JOINT.format(summands=summands, against=against))
     return spec
-
-
-@pytest.mark.parametrize("summands", [RUNS, FORMULAS], ids=["runs", "formulas"])
-def test_a_joint_is_the_difference_of_its_muscles(summands, tmp_path, mapmore, document):
-    spec = joint(tmp_path, summands, f"{{sum: [{FORMULAS}], as: pair}}")
-    rmse, _ = scored_run(mapmore, spec)
-    assert max(rmse["mapmore"], rmse["pair"]) < 1e-5
-    model = tmp_path / "runs" / "joint" / "model.h5"
-    assert "pressure = p1" in json.dumps(document("show", model))
-    table = tmp_path / "table.csv"
-    table.write_text("p1,p2,s\n300,200,0.05\n")
-    result = mapmore("predict", model, table, "-o", "-", code=0)
-    predicted = float(result.stdout.splitlines()[1].split(",")[3])
-    flexor, extensor = (
-        float(pull(name, np.array(p), np.array(0.05)))
-        for name, p in (("flexor", 300.0), ("extensor", 200.0))
-    )
-    assert predicted == pytest.approx(flexor - extensor)
 
 
 @pytest.mark.parametrize(

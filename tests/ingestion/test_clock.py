@@ -2,12 +2,16 @@
 says; second logs are joined.
 """
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from ingest_samples import COLUMNS, csv_text
 from reading import refused
 
 from mapmore_cli.domain.errors import DataError
+from mapmore_cli.ingestion.clock import MOST_SAMPLES, _resampled, without_glitches
+from mapmore_cli.ingestion.samples import Samples
 
 SPLIT = {"longer_than": 0.15, "action": "split"}
 
@@ -129,6 +133,31 @@ def test_resampling_goes_piece_by_piece_before_rates_are_taken(ingest):
         np.testing.assert_allclose(curve.columns["strain"], 0, atol=1e-6)
         np.testing.assert_allclose(curve.columns["pressure_rate"], 100, rtol=1e-4)
     assert [r.rows_read for r in dataset.recordings] == [1000, 505]
+
+
+def test_a_sample_on_even_steps_has_the_row_of_the_one_that_it_follows():
+    """A stamp right at a sample is that sample's."""
+    columns = {"time": np.array([0.0, 1.0, 2.0]), "force": np.array([0.0, 2.0, 6.0])}
+    samples = Samples(columns, np.array([7, 8, 12]), "a.csv")
+    found = _resampled(samples, 0.5)
+    assert found.rows.tolist() == [7, 7, 8, 8, 12]
+    assert found.columns["force"].tolist() == [0, 1, 2, 4, 6]
+    assert (found.size, found.merged) == (5, -2)
+    samples = replace(samples, columns={**columns, "time": np.array([0.0, 4.0, 1e9])})
+    with refused("a.csv: `resample` would make 1e+09 samples of 3", "3.33e+08 would keep"):
+        _resampled(samples, 1.0)
+    assert MOST_SAMPLES == 10_000_000
+    few = _resampled(replace(samples, columns=columns), 5.0)
+    assert (few.size, next(iter(few.left_out.values())).tolist()) == (0, [7, 8, 12])
+
+
+@pytest.mark.parametrize(("wrong", "left"), [([50], 99), ([50, 70], 100)])
+def test_glitches_are_one_sample_in_a_hundred_at_most(wrong, left):
+    time = np.arange(100.0)
+    time[wrong] = 1.5
+    samples = Samples({"time": time}, np.arange(100), "a.csv")
+    assert without_glitches(samples, "drop").size == left
+    assert without_glitches(samples, "keep").size == 100
 
 
 def test_piece_shorter_than_a_step_is_left_out(ingest):

@@ -3,6 +3,7 @@
 import gc
 import hashlib
 import json
+from weakref import WeakKeyDictionary
 
 import numpy as np
 import pytest
@@ -204,6 +205,7 @@ def test_a_long_log_takes_the_memory_of_its_blocks(tmp_path, spooled, monkeypatc
 
 
 def test_more_columns_than_files_may_be_open_stay_in_memory(spooled, monkeypatch):
+    monkeypatch.setattr(arrays, "_mapped", WeakKeyDictionary())  # not those of tests before
     monkeypatch.setattr(arrays, "ROWS", 4)
     monkeypatch.setattr(arrays, "LONG", 0)
     monkeypatch.setattr(arrays, "MOST", 2)

@@ -152,6 +152,22 @@ def test_samples_are_left_out_in_order_and_counted_by_reason(ingest):
     np.testing.assert_array_equal(recording.columns["time"], [3, 4, 7])
 
 
+@pytest.mark.parametrize(
+    ("condition", "kept"),
+    [
+        ({"below": 5.0}, [-5, 4]),
+        ({"above": 5.0}, [6]),
+        ({"abs_below": 5.0}, [4]),
+        ({"between": [4.0, 5.0]}, [4, 5]),
+        ({"outside": [4.0, 5.0]}, [-5, 6]),
+    ],
+)
+def test_the_limits_of_what_is_kept(ingest, condition, kept):
+    text = csv_text(t=[0, 1, 2, 3], P=80, eps=0, F=[-5, 4, 5, 6])
+    (curve,) = ingest({"a.csv": text}, keep=[{"quantity": "force", **condition}]).curves
+    assert curve.columns["force"].tolist() == kept
+
+
 def test_repeated_stamps(ingest):
     text = csv_text(t=[0, 1, 1, 2], P=80, eps=0, F=[0, 1, 3, 5])
     for way, time, force, dropped in (

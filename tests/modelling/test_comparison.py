@@ -128,6 +128,7 @@ class TestCompare:
         a, b = muscle("a"), muscle("b", 1.004, scatter=1e-5)
         assert not compare(a, b).changed
         assert compare(a, b, margin=0.002).changed
+        assert compare(a, muscle("b", 0.9, scatter=1e-5)).changed
 
     def test_the_grid_lies_inside_of_both_ranges(self):
         a, b = muscle("a", end=0.2), muscle("b", end=0.15)
@@ -256,6 +257,11 @@ RULES = {  # errors of structures on every fold, the numbers of their parameters
     "one stretch far from the others decides a mean": (FAR, (9, 9), (1, 1)),
     "and no median": (FAR, (9, 9), (0, 0), {"median": True}),
     "5 % of the logarithm of the number": (FAR, (90, 2), (1, 1), {"median": True}),
+    "and no more": ([[1.0, 1.0], [1.2, 1.2]], (9, 3), (0, 0), {"median": True}),
+    "a millionth of the range is an error": ([[2e-6] * 2, [8e-6] * 2], (9, 4), (0, 0)),
+    "less is none": ([[1e-9] * 2, [9e-7] * 2], (9, 4), (1, 1)),
+    "a million times the range is lost": ([[3e6] * 2, [np.inf] * 2], (9, 4), (1, 1)),
+    "and less is not": ([[2e5] * 2, [9e5] * 2], (9, 4), (0, 0)),
     "what may not be taken is ranked all the same": (
         [[1.0, 1.0], [2.0, 2.2]],
         (9, 3),

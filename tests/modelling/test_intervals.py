@@ -21,6 +21,7 @@ from mapmore_cli.modelling.validation.intervals import (
     interval_limits,
     left_out_summary,
     many_curves,
+    scatter_of_recordings,
     with_levels,
 )
 
@@ -171,6 +172,62 @@ def test_left_out_levels_tell_what_repeats_do_not(count, freedom):
     half = half_widths(few(count), np.array([100.0]), 0.95)
     of_curves = stats.t(freedom).ppf(0.975) ** 2 * (4 - 0.25) / 1.5 * 2
     assert half[0] ** 2 == pytest.approx(stats.norm.ppf(0.975) ** 2 * 0.25 + of_curves)
+
+
+@pytest.mark.parametrize("count", [7, 9])
+@pytest.mark.parametrize("error", [0.1, 0.58, 4.0])
+def test_many_levels_with_repeats(count, error):
+    """Uneven levels of one to three recordings, sample by sample: noise, what curves differ by, and
+    between levels what left-out ones are missed by beyond these; no less than their quantile.
+    """
+    rng = np.random.default_rng(count)
+    n = rng.integers(1, 4, count)
+    places = np.cumsum(rng.uniform(1, 3, count))
+    found = replace(
+        few(count, error),
+        places=tuple(places),
+        repeats=tuple(n),
+        apart=0.3,
+        smooth=0.35,
+        scatter=np.full(count - 2, 0.2),
+    )
+    own, z = 0.09, stats.norm.ppf(0.975)
+    noise, smooth = 0.25 - own * np.mean(1 - 1 / n), 0.35**2 - own * np.mean(1 - 1 / n)
+    shares = []
+    for i in range(1, count - 1):
+        t = (places[i] - places[i - 1]) / (places[i + 1] - places[i - 1])
+        shares.append(1 + (1 - t) ** 2 / n[i - 1] + t**2 / n[i + 1])
+    explained, missed = noise + own * np.mean(shares), error**2 + 0.04
+    curves, model = (stats.t(f).ppf(0.975) ** 2 for f in (np.sum(n - 1), 0.6 * (count - 1)))
+    assert np.sum(n - 1) >= 0.6 * (count - 1)
+    quantile = 50.0 if error == 0.1 else error
+    found = replace(found, sizes=found.sizes * quantile / error)
+    assert error != 0.58 or 1 < missed / explained < 1.25  # within what noise and curves explain
+    for gap in range(count - 1):
+        for t in (0.0, 0.019, 0.021, 0.4, 0.979, 0.981):
+            at = places[gap] + t * (places[gap + 1] - places[gap])
+            c = 1 + (1 - t) ** 2 / n[gap] + t**2 / n[gap + 1]
+            squares = z**2 * (noise - smooth) + curves * (own + smooth) * c
+            between = 0.02 < t < 0.98
+            squares += model * (missed - explained) * (between and missed > 1.25 * explained)
+            expected = max(np.sqrt(squares), quantile * between)
+            assert half_widths(found, np.array([at]), 0.95) == pytest.approx([expected])
+
+
+def test_what_neighbouring_residuals_share():
+    """The root of their mean product within recordings; zero where they alternate."""
+    e, d = np.tile([3.0, 1.0], 2000), np.full(4000, -4.0)
+    made = with_levels(few(4), {0.0: [e], 1.0: [d]}, 0)
+    assert made.smooth == pytest.approx(np.sqrt((3 + 16) / 2), rel=1e-3)
+    assert made.residual == pytest.approx(np.sqrt((5 + 16) / 2))
+    assert with_levels(few(4), {0.0: [np.array([1.0, -1.0, 1.0])]}, 0).smooth == 0.0
+
+
+def test_recordings_of_fewer_samples_than_stretches_are_taken_as_their_means():
+    first, second = np.array([1.0, 2.0, 4.5]), np.array([0.0, 1.0, -1.0, 0.0, 5.0])
+    noise = (first.var() / 3 + second.var() / 5) / 2
+    expected = np.sqrt((first.mean() - second.mean()) ** 2 / 2 - noise)
+    assert scatter_of_recordings([[first, second], [first]]) == pytest.approx(expected)
 
 
 def test_repeats_take_out_slopes_of_their_own_and_leave_noise_in():

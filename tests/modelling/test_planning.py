@@ -1,13 +1,22 @@
 """What to measure next: points of maps."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from reading import refused
+from scipy.stats import multivariate_normal
 from sklearn.gaussian_process import GaussianProcessRegressor, kernels
+from surfaces import QUANTITIES, curves
 
-from mapmore_cli.annexes.planning import points
-from mapmore_cli.modelling.validation.gaussian_process import most_likely
+from mapmore_cli.annexes.planning import planning, points
+from mapmore_cli.domain.errors import UsageError
+from mapmore_cli.domain.recording import Dataset
+from mapmore_cli.modelling import literature
+from mapmore_cli.modelling.literature.backbone import fit_formula
+from mapmore_cli.modelling.validation.gaussian_process import GaussianProcess, most_likely, smooth
 
 
 def test_a_fitted_process_agrees_with_scikit_learn():
@@ -20,6 +29,31 @@ def test_a_fitted_process_agrees_with_scikit_learn():
     ours = own.predict(at)
     assert ours[0] == pytest.approx(mean, abs=1e-8)
     assert ours[1] == pytest.approx(deviation, abs=1e-6)
+
+
+def test_a_fitted_process_is_likelier_than_its_neighbours_and_goes_by_the_range():
+    rng = np.random.default_rng(4)
+    x = rng.random((25, 2))
+    y = np.sin(6 * x[:, 0]) + x[:, 1] ** 2 + 0.2 * rng.normal(size=25)
+    y -= y.mean()
+    own = most_likely(x, y)
+    start = [*own.lengths, own.deviation, own.noise]
+
+    def likelihood(numbers):
+        *lengths, deviation, noise = numbers
+        made = GaussianProcess(x, y, np.array(lengths), deviation, noise)
+        return multivariate_normal(np.zeros(25), made.covariance).logpdf(y)
+
+    for place in range(4):
+        for factor in (0.9, 1.1):
+            other = [value * (factor if i == place else 1) for i, value in enumerate(start)]
+            assert likelihood(other) < likelihood(start)
+    held = np.column_stack([np.full(25, 7.0), 300 * x + 100])
+    at = held[:5] + np.array([0.0, 10.0, 20.0])
+    low, width = (300 * x + 100).min(axis=0), np.ptp(300 * x, axis=0)
+    same = most_likely((300 * x + 100 - low) / width, y).predict((at[:, 1:] - low) / width)[0]
+    assert smooth(held[:, 1:], y + 50)(at[:, 1:]) == pytest.approx(same + 50, rel=1e-6)
+    assert np.isfinite(smooth(held, y)(at)).all()
 
 
 def map_of(count=9):
@@ -58,6 +92,119 @@ def test_a_dear_quantity_is_changed_seldom():
     assert len({one.at["strain"] for one in dear}) < len({one.at["strain"] for one in free})
     assert dear[0].cost == 1001.0
     assert min(one.cost for one in dear) == 1.0
+
+
+@pytest.mark.parametrize("prices", [{}, {"strain": 5.0}, {"pressure": 0.5, "strain": 3.0}])
+def test_the_next_point_is_worth_most_for_its_cost(prices):
+    """A value of a quantity that no planned point has costs its price, 1 where none is named; a
+    point costs the lowest price at least.
+    """
+    measured = map_of()
+    free = np.arange(len(measured.grid(13))) % 3 > 0
+    names = measured.names
+    found, _ = points.next_points(committee_of(measured), names, 4, prices, free)
+    committee, planned = committee_of(measured), []
+    each = [prices.get(name, 1.0) for name in names]
+    for one in found:
+        new = [[all(place[i] != one[i] for one in planned) for i in (0, 1)]
+               for place in committee.places.tolist()]  # fmt: skip
+        cost = np.maximum(np.array(new) @ each, min(each)) if prices else np.ones(len(new))
+        best = int(np.argmax(np.where(free, committee.score / cost, -1)))
+        planned.append(committee.places[best].tolist())
+        assert [*one.at.values()] == planned[-1]
+        assert (one.cost, one.half_width) == (cost[best], committee.half[best])
+        assert one.error == committee.error[best]
+        committee.add(best)
+        assert one.after == committee.half[best]
+
+
+def test_what_a_place_is_worth():
+    """Spread times deviation, .15 of it where less than 2 % of the largest value is expected; of a
+    single process the variance.
+    """
+    measured = map_of()
+    for committee in (committee_of(measured), points.Committee(measured, measured.grid(13),
+            {"none": (0 * measured.y, np.zeros(len(measured.grid(13))))})):  # fmt: skip
+        largest = np.abs(measured.y).max()
+        spread = committee.spread if committee.spread.any() else committee.deviation
+        slack = np.where(np.abs(committee.expected) < 0.02 * largest, 0.15, 1.0)
+        assert set(slack) == {0.15, 1.0}
+        np.testing.assert_allclose(committee.score, spread * committee.deviation * slack)
+        np.testing.assert_allclose(committee.error**2, committee.spread**2 + committee.deviation**2)
+        np.testing.assert_allclose(
+            (committee.half / 1.959964) ** 2, committee.error**2 + committee.noise**2
+        )
+
+
+def test_many_samples_are_spread_out_and_grid_places_near_samples_are_measured(monkeypatch):
+    monkeypatch.setattr(points, "MOST_MEASURED", 3)
+    x = np.array([[0.0, 0.0], [10.0, 0.1], [10.0, 1.0], [9.0, 0.9]])
+    taken, y = points.spread_out(x, np.arange(4.0))
+    assert (taken.tolist(), y.tolist()) == (x[[0, 2, 1]].tolist(), [0, 2, 1])
+    assert points.spread_out(x[:3], y)[0] is not taken
+    assert len(points.spread_out(np.repeat(x[:2], 3, axis=0), np.arange(6.0))[1]) == 2
+    measured = points.MeasuredMap(("a", "b"), x, y)
+    at = np.array([[5.0, 0.5], [5.2, 0.5], [5.6, 0.5], [5.0, 0.57]])
+    near = measured.unmeasured(at, np.array([[5.0, 0.5]]), 11)
+    assert near.tolist() == [False, False, True, True]  # half a step is .5 and .05
+
+
+def at_levels(*levels, held_out=()):
+    made = curves(levels=levels, held_out=held_out, n=20)
+    return Dataset("force", "pressure", QUANTITIES, (), made)
+
+
+def test_the_middle_of_the_widest_gap_comes_first():
+    """Of equal gaps the lower one; held-out levels are measured already."""
+    given = at_levels(100.0, 200.0, 300.0, 400.0, 700.0, held_out=(300.0,))
+    found, shown, forecast, (note,) = planning._of_levels("a", given, {"pressure": 3.0})
+    assert [(one.at["pressure"], one.gap) for one in found] == [
+        (550.0, 300.0),
+        (150.0, 100.0),
+        (250.0, 100.0),
+        (350.0, 100.0),
+    ]
+    assert "from 400 to 700" in note
+    assert (forecast, shown.places["pressure"].tolist()) == (None, [100, 200, 300, 400, 700])
+    assert len(planning._of_levels("a", at_levels(100.0, 200.0), {})[0]) == 1
+    with refused("a single level of pressure"):
+        planning._of_levels("a", at_levels(100.0), {})
+    with refused("--cost strain: the plan does not set it", error=UsageError):
+        planning._of_levels("a", given, {"pressure": 3.0, "strain": 1.0})
+
+
+def test_a_wanted_half_width_is_a_share_or_a_number():
+    assert planning._size_of(" 2% ", 400.0) == 8.0
+    assert planning._size_of("2", 400.0) == 2.0
+    for text in ("0", "-1%", "inf", "nan", "two", ""):
+        with refused("is no size", error=UsageError):
+            planning._size_of(text, 400.0)
+
+
+def test_formulas_that_stay_within_twice_the_measured_range_are_members():
+    given = at_levels(80.0, 150.0, 250.0)
+    columns = {name: np.concatenate([c.columns[name] for c in given.curves]) for name in QUANTITIES}
+    x, y = np.column_stack([columns["pressure"], columns["strain"]]), columns["force"]
+    measured, places = points.MeasuredMap(("pressure", "strain"), x, y), x[::7] * [1.0, 0.9]
+    said = planning.formulas_of(given, measured, places)
+    assert list(said) == ["none", "sarosi_hinged", "sarosi"]
+    assert [(not one.any(), len(one)) for one in said["none"]] == [(True, 60), (True, 9)]
+    fit = fit_formula("sarosi", given.curves, "force")
+    for at, values in zip((x, places), said["sarosi"], strict=True):
+        inputs = dict(zip(("pressure", "strain"), at.T, strict=True))
+        np.testing.assert_allclose(values, literature.of(fit).predict(fit.parameters, inputs))
+    for share, members in ((1.95, True), (2.05, False)):
+        low, high = y.min(), y.min() + share * np.ptp(y)
+        far = np.column_stack([np.linspace(250, 9000, 4000), np.zeros(4000)])
+        inputs = dict(zip(("pressure", "strain"), far.T, strict=True))
+        reached = literature.of(fit).predict(fit.parameters, inputs)
+        out = far[[int(np.argmin(np.abs(reached - high)))]]
+        assert low < high
+        assert ("sarosi" in planning.formulas_of(given, measured, out)) == members
+    other = replace(given, target="strain")
+    assert list(planning.formulas_of(other, measured, places)) == ["none"]
+    turned = replace(measured, names=("pressure", "load"))
+    assert list(planning.formulas_of(given, turned, places)) == ["none"]
 
 
 def test_places_lie_within_what_was_measured():

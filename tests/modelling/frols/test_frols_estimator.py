@@ -65,6 +65,13 @@ def test_columns_far_from_zero_are_as_good_as_columns_about_zero(offset):
     assert model.err_.sum() == pytest.approx(1)
 
 
+def test_what_the_shift_of_columns_makes_and_takes_again_is_no_term():
+    x = 1024 + np.random.default_rng(0).integers(0, 64, (50, 2)) / 64
+    model = mm.FROLS(order=2, tolerance=0.0).fit(x, x[:, 0] ** 2 - 3 * x[:, 0] * x[:, 1])
+    found = dict(zip(model.terms_, model.coef_, strict=True))
+    assert found == pytest.approx({"x0^2": 1.0, "x0*x1": -3.0}, rel=1e-6)
+
+
 def test_a_target_whose_square_is_no_number_is_fitted():
     x = np.linspace(0, 1, 50)
     model = mm.FROLS().fit(x[:, None], 1e200 * (1 + 2 * x))

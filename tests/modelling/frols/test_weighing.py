@@ -88,6 +88,18 @@ def test_intervals_by_curve_cover_what_residuals_of_a_curve_hide():
     assert hits[1].mean() < 0.75
 
 
+def test_errors_by_curve_are_the_sandwich_of_few_samples():
+    """`(P'P)^-1 (sum s_c s_c') (P'P)^-1 G/(G-1) (n-1)/(n-k)`: 24 samples of six curves."""
+    rng, curve = np.random.default_rng(3), np.repeat(np.arange(6), 4)
+    P = columns(rng.uniform(-1, 1, 24))
+    y = P @ TRUE + rng.normal(size=6)[curve]
+    left = y - P @ np.linalg.lstsq(P, y, rcond=None)[0]
+    sums = np.array([P[curve == c].T @ left[curve == c] for c in range(6)])
+    inverse = np.linalg.inv(P.T @ P)
+    cov = inverse @ sums.T @ sums @ inverse * 6 / 5 * 23 / 21
+    assert fitted(P, y, curves=curve)[1] == pytest.approx(np.sqrt(np.diag(cov)))
+
+
 def test_four_curves_are_too_few_for_sums_and_curves_may_count_alike():
     P, y = with_outliers(0)
     curve = np.repeat([0, 1, 2, 3, 4], [80, 60, 40, 19, 1])

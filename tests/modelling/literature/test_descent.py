@@ -1,9 +1,21 @@
-"""Descents from several starts: minima, bounds, starts without a value."""
+"""Least squares: descents from several starts, their ends, errors of parameters, and means of
+neighbouring samples.
+"""
 
 import numpy as np
 import pytest
 
-from mapmore_cli.modelling.literature.solvers import descend
+from mapmore_cli.modelling.literature import family
+from mapmore_cli.modelling.literature.linear import parameter_errors, solve_linear
+from mapmore_cli.modelling.literature.own import FamilySettings
+from mapmore_cli.modelling.literature.problem import condensed
+from mapmore_cli.modelling.literature.solvers import (
+    End,
+    agreement,
+    descend,
+    onto_bounds,
+    rivals,
+)
 
 
 @pytest.mark.parametrize("method", ["trf", "lm"])
@@ -20,3 +32,76 @@ def test_a_coordinate_on_which_nothing_depends_stays():
     target = np.array([1.0, -2.0])
     (end,) = descend(lambda x: (x[:2] - target, np.eye(2, 3)), [np.array([0.0, 0.0, 7.0])])
     assert end.x == pytest.approx([1.0, -2.0, 7.0])
+
+
+def test_rivals_are_other_minima_nearly_as_deep_and_ends_agree_to_a_millionth():
+    costs = {1.0: True, 1.0005: True, 1.1: False, 1.2: True, 1.2001: True, 1.25: True, 1.26: True}
+    ends = [End(np.zeros(1), cost, done) for cost, done in costs.items()]
+    assert [end.cost for end in rivals(ends[::-1], ends[0])] == [1.2, 1.25]
+    near = [End(np.zeros(1), cost, True) for cost in (1.0, 1 + 5e-7, 1 + 2e-6)]
+    assert agreement(near, near[0], 5) == "2 of 5 starts agree on the sum of squares"
+    assert [end.status for end in ends[1:3]] == ["converged", "stopped_by_limit"]
+
+
+def test_coordinates_that_touch_a_bound_lie_on_it():
+    bounds = np.array([0.0, -np.inf, 1.0, 1.0, -5.0]), np.array([10.0, np.inf, 2.0, 2.0, np.inf])
+    moved, touched = onto_bounds(np.array([10 - 9e-6, 3.0, 1 + 2e-6, 1 + 9e-7, -5 + 9e-7]), bounds)
+    assert moved.tolist() == [10.0, 3.0, 1 + 2e-6, 1.0, -5.0]
+    assert touched == [0, 3, 4]
+
+
+@pytest.mark.parametrize("unit", [1.0, 1e-200, 1e160])
+def test_errors_of_parameters_are_those_of_the_inverse(unit):
+    rng = np.random.default_rng(0)
+    J = rng.normal(size=(20, 3))
+    units = np.array([1.0, unit, 1.0])
+    errors, rank, condition = parameter_errors(J * units, 4.0)
+    np.testing.assert_allclose(errors * units, 2 * np.sqrt(np.diag(np.linalg.inv(J.T @ J))))
+    singular = np.linalg.svd(J / np.linalg.norm(J, axis=0))[1]
+    assert (rank, condition) == (3, pytest.approx(singular[0] / singular[-1]))
+    y = rng.normal(size=20)
+    fit, theta = solve_linear(J * units, y), np.linalg.lstsq(J, y, rcond=None)[0]
+    np.testing.assert_allclose(fit.beta * units, theta)
+    np.testing.assert_allclose(fit.residual, J @ theta - y, atol=1e-12)
+
+
+def test_parameters_that_the_data_do_not_tell_apart_have_no_errors():
+    x = np.linspace(-1, 1, 9)
+    J = np.column_stack([x, -2 * x, x**2, 0 * x])
+    errors, rank, condition = parameter_errors(J, 1.0)
+    assert np.isnan(errors).tolist() == [True, True, False, True]
+    assert errors[2] == pytest.approx(1 / np.linalg.norm(x**2))
+    assert (rank, condition) == (2, pytest.approx(2**0.5))  # two alike, and one across
+    assert parameter_errors(0 * J, 1.0)[1:] == (0, 1.0)
+
+
+def test_means_of_neighbours_keep_sums():
+    rng = np.random.default_rng(0)
+    columns, y = {"a": rng.random(5000), "b": 7 * rng.random(5000)}, rng.random(5000)
+    found, means, counts = condensed(columns, y)
+    assert len(y) / 4 < len(means) <= 4096
+    for mean, every in ((means, y), *((found[name], columns[name]) for name in columns)):
+        assert counts @ mean == pytest.approx(every.sum())
+    few = {name: x[:4096] for name, x in columns.items()}
+    assert condensed(few, y[:4096])[0] is few
+
+
+@pytest.mark.parametrize(("scale", "centre"), [("saturating", 19.03), ("power", 2.0)])
+def test_the_law_of_a_family_is_least_squares_with_a_prior(scale, centre):
+    """`sum (ln S - ln s(b) - mean)^2/.05^2 + (ln(b/centre)/.3)^2` over a fine grid of b."""
+    made = family.family_of(FamilySettings(of="length", scale=scale).definition(1.0))
+    lengths, largest = np.array([0.1, 0.2, 0.4]), np.array([100.0, 150.0, 240.0])
+    tried = centre * np.exp(np.linspace(-2, 2, 40_001))
+    law = {"power": lambda b: lengths**b, "saturating": lambda b: np.arctan(b * (lengths - 0.0075))}
+    left = np.log(largest) - np.log(law[scale](tried[:, None]))
+    cost = np.sum((left - left.mean(axis=1, keepdims=True)) ** 2, axis=1) / 0.05**2
+    best = int(np.argmin(cost + (np.log(tried / centre) / 0.3) ** 2))
+    a, b = made._law(lengths, largest)
+    assert (a, b) == pytest.approx((np.exp(left[best].mean()), tried[best]), rel=1e-3)
+
+
+def test_slack_and_largest_forces_are_quantiles():
+    y = np.linspace(0.0, 1000.0, 1001)
+    assert family._slack_and_largest(y) == pytest.approx((20.0, 975.0))
+    assert family._slack_and_largest(y - 40) == pytest.approx((-20.0, 975.0))
+    assert family._slack_and_largest(y + 100) == pytest.approx((0.0, 1095.0))

@@ -99,6 +99,30 @@ def test_few_points_find_the_scales_of_a_specimen():
     assert own.errors["q_force"] < family.PRIOR
 
 
+def test_samples_of_one_strain_count_as_one_of_five_per_cent():
+    """`sum (missed/(.05 F))^2/n_e + sum ((q - 1)/.15)^2` is least, n_e samples at each hundredth of
+    the range of the strain.
+    """
+    fit = fitted()
+    strain = np.repeat([0.0, 0.082, 0.086, 0.2], [3, 1, 5, 2])  # 41 and 43 hundredths
+    columns = {"pressure": np.linspace(300, 600, 11), "strain": strain}
+    y = force(columns["pressure"], strain, 0.2, scale=1.2, stretch=1.1) + 9 * (strain == 0.086)
+    own = family.adapted(fit, columns, y, 0.2)
+    n = np.repeat([3, 1, 5, 2], [3, 1, 5, 2])
+
+    def cost(q):
+        said = literature.of(own).predict({**own.parameters, **q}, columns)
+        squares = ((said - y) / (0.05 * np.abs(y).max())) ** 2
+        return np.sum(squares / n) + sum(((value - 1) / 0.15) ** 2 for value in q.values())
+
+    best = {name: own.parameters[name] for name in ("q_force", "q_strain")}
+    slopes = [
+        cost({**best, name: best[name] + 1e-5}) - cost({**best, name: best[name] - 1e-5})
+        for name in best
+    ]
+    assert slopes == pytest.approx([0, 0], abs=1e-6)
+
+
 def test_without_points_a_specimen_is_the_family_at_its_length():
     fit = fitted()
     columns, _ = measured((0.2,))

@@ -25,3 +25,8 @@ def test_the_same_data_are_fitted_once_and_others_anew():
         ("polynomial_2", replace(whole, columns=shifted)),
     ):
         assert fit_formula(name, [other], "force") is not first
+    thin, wide = (
+        fit_formula("tondu_lopez_fixed_area", [whole], "force", lengths={"diameter": diameter})
+        for diameter in (0.01, 0.02)
+    )
+    assert thin is not wide

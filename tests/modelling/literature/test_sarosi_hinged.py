@@ -70,6 +70,29 @@ def test_parameters_and_equation_are_the_whole_prediction():
     assert not np.isfinite(evaluate(HINGED.equation(fit), far)).all()
 
 
+def test_sums_of_squares_and_errors_of_a_hinge_are_with_the_priors():
+    """`s^2 (J'J)^-1` of the rows and the priors, s^2 of the rows alone; that of w follows from that
+    of its logarithm.
+    """
+    columns, y = slack_muscle(0, FOUR)
+    fit = hinge.fit_hinge(columns, y)
+    scales = [float(np.abs(x).max()) for x in (columns["pressure"], columns["strain"], y)]
+    problem = hinge._normalised(columns, y, *scales)
+    p, x, f = scales
+    units = np.array([f / p, f, 1 / x, f / p / x, f / p, f, f, f / p, f / x, f])
+    q = np.array([*fit.parameters.values()]) / units
+    q[9] = np.log(q[9])
+    residual, J = problem.system(q)
+    assert fit.sse == pytest.approx(residual @ residual * f**2, rel=1e-6)
+    own = problem.of_data(q)[0]
+    assert problem.root @ problem.root == pytest.approx(min(len(y), 300))
+    variance = own @ own / (min(len(y), 300) - 10)
+    expected = np.sqrt(variance * np.diag(np.linalg.inv(J.T @ J))) * units
+    expected[9] *= np.exp(q[9])
+    assert [*fit.errors.values()] == pytest.approx(expected.tolist(), rel=1e-4)
+    assert problem.centre[[2, 9]] == pytest.approx([max(-33.0 * x, -12.0), np.log(0.03)])
+
+
 def test_a_plain_fit_that_ran_away_has_no_share():
     """Three levels do not show its curvature: past them exp(+-400 strain) would swamp the blend,
     whatever the share.

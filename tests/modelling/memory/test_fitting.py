@@ -37,6 +37,25 @@ def narx_records(noise=0.0, count=3, n=200):
     ]
 
 
+def test_gross_errors_of_the_output_do_not_pull_the_pole_down():
+    """`y[k] = 0.9 y[k-1] + 0.2 x`; one step after a gross error the model is off as well."""
+    rng, y = np.random.default_rng(2), np.zeros(800)
+    x = np.repeat(rng.uniform(0, 5, 40), 20)
+    for k in range(1, 800):
+        y[k] = 0.9 * y[k - 1] + 0.2 * x[k] + 0.01 * rng.normal()
+    y[rng.choice(800, 24, replace=False)] += 8.0
+    poles = {}
+    for loss in ("squares", "bisquare"):
+        recipe = recipe_of("y", ("y[k-1]", "x"), STEP, max_terms=2, loss=loss)
+        model = fit_with_memory([record(x=x, y=y)], recipe).model
+        place = model.terms.index("y[k-1]")
+        poles[loss] = model.theta[place], model.theta_error[place]
+    pole, error = poles["bisquare"]
+    assert pole == pytest.approx(0.9, abs=3 * error)
+    assert error < 1e-3
+    assert poles["squares"][0] < 0.8
+
+
 def test_the_terms_of_a_simulated_record_are_found():
     fit = fit_with_memory(narx_records(), LAGGED)
     found = dict(zip(fit.model.terms, fit.model.theta, strict=True))

@@ -6,7 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from memory_samples import STEP, memory_model, narx_truth, state_set
 
-from mapmore_cli.modelling.memory.free_run import Along
+from mapmore_cli.modelling.memory.free_run import Along, _refuse_other_steps
+from mapmore_cli.modelling.memory.records import AtSample
 
 LAGS = state_set("x[k-1]", "x[k-2]", "y[k-1]", "y[k-2]")
 TRUTH = memory_model(["x[k-2]", "y[k-2]", "x[k-1]*y[k-1]", "y[k-1]^2"], [0.6, -0.5, 0.7, 0.2], LAGS)
@@ -134,6 +135,28 @@ def test_every_piece_diverges_by_itself():
     explosive = memory_model(["y[k-1]"], [3.0], state_set("y[k-1]"), limits=(0.0, 1.0))
     time = np.arange(300) * STEP + np.where(np.arange(300) >= 120, 0.5, 0.0)
     assert Along(explosive)({"y": np.ones(300), "time": time}).diverged == (5, 125)
+
+
+@pytest.mark.parametrize(
+    ("time", "rows", "sample"),
+    [
+        ([0, 2, 4, 6], [0, 1, 2, 3], 1),
+        ([0, 1, 3, 5], [0, 1, 2, 3], 2),
+        ([0, 1, 3], [0, 1, 2], None),  # half of the steps are longer, and may be gaps
+        ([0, 2], [0, 1], None),
+        ([0, 2, 4], [0, 1, 2], 1),
+        ([0, 3, 6, 7, 8], [0, 2, 4, 5, 6], None),  # a row is missing between samples
+        ([0, 1.0009, 2.0018], [0, 1, 2], None),
+    ],
+)
+def test_a_record_of_longer_steps_is_refused_where_most_are(time, rows, sample):
+    stamps = STEP * np.array(time, dtype=float)
+    if sample is None:
+        _refuse_other_steps(stamps, np.array(rows), STEP)
+        return
+    with pytest.raises(AtSample, match=r"0.02 s after the one before, as most are") as told:
+        _refuse_other_steps(stamps, np.array(rows), STEP)
+    assert told.value.sample == sample
 
 
 def test_a_piece_shorter_than_its_history_has_no_prediction():

@@ -79,6 +79,29 @@ def test_runs_that_begin_anew_follow_the_measured_output():
     )
 
 
+@pytest.mark.parametrize("horizon", [1, 4, 5])
+def test_a_run_begins_anew_where_all_that_it_recalls_is_known(horizon):
+    """At multiples of the horizon, counted from the first sample that has a history, unless one of
+    the two samples before is missing there.
+    """
+    x, y = np.random.default_rng(2).uniform(-1, 1, (2, 40))
+    y[[9, 21, 30]] = np.nan
+    ready = course(["x", "y[k-2]"], ["x", "y[k-2]"], x, y)
+    expected, begin = [], 0
+    for k in range(38):
+        if k % horizon == 0 and np.isfinite(y[k : k + 2]).all():  # rows k + 2 - 2 and k + 2 - 1
+            begin = k
+        expected.append(begin)
+    assert (ready.start, ready.begins(horizon).tolist()) == (2, expected)
+    assert ready.begins(None).tolist() == [0] * 38
+    run = ready.run(np.array([0.5, 0.8]), 0.0, WIDE, horizon)
+    back = np.arange(38) - 2  # measured before its stretch, else simulated
+    measured = back < expected
+    past = np.where(measured, y[:38], run.output[np.maximum(back, 0)])
+    (recalled,) = ready.recalled(run).values()
+    np.testing.assert_array_equal(recalled, past)
+
+
 NARX = ("x[k-2]", "y[k-2]", "x[k-1]*y[k-1]", "y[k-1]^2")
 TRUTH = np.array([0.6, -0.5, 0.7, 0.2])
 

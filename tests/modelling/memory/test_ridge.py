@@ -1,12 +1,15 @@
 """Regularised selection: against problems written out in full."""
 
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from memory_samples import recipe_of
 
+from mapmore_cli.modelling.expressions import parse
 from mapmore_cli.modelling.frols import frols
 from mapmore_cli.modelling.frols.moments import moments, standard, standardised
 from mapmore_cli.modelling.frols.ridge import (
@@ -17,6 +20,7 @@ from mapmore_cli.modelling.frols.ridge import (
     ridge_press,
     select,
 )
+from mapmore_cli.modelling.memory.selectors import Regressors, selector
 
 
 def blocks_of(P, y, *cuts):
@@ -69,9 +73,43 @@ def test_selection_is_frols_on_data_with_rows_for_the_ridge(n, M, seed, ridge):
     np.testing.assert_allclose(found.err, expected.err, rtol=1e-6, atol=1e-12)
     np.testing.assert_allclose(found.theta, expected.theta, rtol=1e-6, atol=1e-9)
     np.testing.assert_allclose(found.g_all, expected.g_all, rtol=1e-5, atol=1e-9)
+    k = len(found.chosen)  # rows for the ridge are no samples
+    scale = np.sqrt((n + M - k) / (n - k))
+    np.testing.assert_allclose(found.theta_error, scale * expected.theta_error, rtol=1e-5)
     residual = z[:n] - Z[:n, found.chosen] @ found.theta
     assert found.sse == pytest.approx(residual @ residual, rel=1e-6, abs=1e-9 * n)
     assert (found.yy, found.samples) == (pytest.approx(n), n)
+
+
+@pytest.mark.parametrize("stop", ["press", "bic", "tolerance", "none of it"])
+def test_coefficients_are_those_of_the_squares_and_the_penalty(stop):
+    """In the units of the candidates, and as many terms as the rule prefers."""
+    P, y = problem(40, 5, 3)
+    names = [f"x{i}" for i in range(5)]
+    given = Regressors(tuple(map(parse, names)), dict(zip(names, P.T, strict=True)), y)
+    rule = stop if stop in ("press", "bic") else "tolerance"
+    asked = recipe_of("y", names, max_terms=4, ridge=0.01, stop=rule)
+    subsets, data = (own := selector(given, asked)).sizes, own.data
+    shares = np.array([data.unexplained(one, data.coefficients(one)) for one in subsets])
+    if stop == "tolerance":
+        own = selector(given, replace(asked, tolerance=shares[1]))
+    found = own.best()
+    chosen, theta = found.selection.chosen, found.selection.theta
+    Z = P[:, chosen] - P[:, chosen].mean(axis=0)
+    penalty = own.penalty(chosen)
+    assert penalty == pytest.approx(0.01 * 40 * P[:, chosen].var(axis=0))
+    normal = Z.T @ Z + np.diag(penalty)
+    assert theta == pytest.approx(np.linalg.solve(normal, Z.T @ (y - y.mean())))
+    assert found.constant == pytest.approx(y.mean() - theta @ P[:, chosen].mean(axis=0))
+    k = np.arange(1, 5)
+    expected = {
+        "press": np.argmin(ridge_press(own.blocks, data, subsets)),
+        "bic": np.argmin(40 * np.log(shares) + k * np.log(40)),
+        "tolerance": 1,
+        "none of it": 3,
+    }
+    assert len(chosen) == expected[stop] + 1
+    assert (len(subsets), own.forward.size) == (4, 5)
 
 
 @given(**CASES, power=st.sampled_from([-1000, -600, 600, 900]))

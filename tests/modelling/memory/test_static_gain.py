@@ -51,6 +51,8 @@ def test_coefficients_are_those_of_another_solver():
     assert np.diff(settled(found.model, {"u": np.linspace(0, 1, 5000)})).min() > -1e-11
     assert held[np.argmin(slopes @ other.x)] == pytest.approx(shape.kept[0].binds["u"][0], abs=0.01)
     assert shape.training > shape.training_without
+    assert np.isnan(kept.theta_error).all()  # those of other coefficients
+    assert np.isfinite(fitted(TERMS[:2]).model.body.model.theta_error).all()
     assert [row["coefficient"] for row in found.summary().records] == [*kept.theta]
 
 

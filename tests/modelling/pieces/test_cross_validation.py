@@ -22,11 +22,13 @@ from mapmore_cli.modelling.pieces.cross_validation import (
     RESIDUAL,
     SHRUNKEN,
     LeftOutErrors,
+    _of_fewer_samples,
     choose_backbone,
     inner_folds,
     leave_out,
     possible_backbones,
     simplest_backbone,
+    thin,
     with_trusted_residual,
 )
 from mapmore_cli.modelling.pieces.recipe import Cuts
@@ -192,6 +194,7 @@ def test_candidates_are_the_static_formulas_of_the_inputs():
     names = possible_backbones(curves(), "force")
     assert {None, "sarosi", "polynomial_5", FEW} <= set(names)
     assert not {"reynolds", "none", "muscle_like", "polynomial_3"} & set(names)
+    assert not any(literature.get(name).dimensions for name in names if name)
     without = [
         replace(c, columns={"load": c.columns["pressure"], "force": c.columns["force"]})
         for c in curves()
@@ -211,6 +214,23 @@ def test_the_simplest_within_the_margin_is_taken(errors):
     sizes = {name: len(literature.get(name).parameters) if name else 0 for name in errors}
     assert errors[chosen] <= near
     assert all(errors[name] > near for name in errors if sizes[name] < sizes[chosen])
+
+
+def test_the_choice_is_made_on_an_even_share_in_the_order_of_the_curve():
+    x = np.random.default_rng(0).permutation(900) / 1.0
+    curve = curve_of({"x": x, "y": -x}, x >= 601)
+    thinned = thin(curve, "x")  # 601 that train, every third of them
+    assert sorted(thinned.columns["x"]) == [3.0 * k for k in range(201)]
+    assert thinned.columns["x"].tolist() == [v for v in x if v < 601 and v % 3 == 0]
+    assert thin(curve, None).columns["x"].tolist() == x[x < 601][::3].tolist()
+    assert thinned.training.all()
+    assert thin(curve_of({"x": x[:300]}), "x").size == 300
+
+
+@pytest.mark.parametrize(("least", "kept"), [(3, 5), (8, 8)])
+def test_folds_join_segments_that_only_lack_what_is_left_out(least, kept):
+    asked = recipe(cuts={"strain": Cuts("even", 4, min_samples=least)}, max_terms=4)
+    assert _of_fewer_samples(asked).cuts["strain"].min_samples == kept
 
 
 SURFACE = ("1", "pressure", "strain", "pressure^2", "pressure*strain", "strain^2")

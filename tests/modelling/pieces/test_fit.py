@@ -46,6 +46,16 @@ def test_unit_square_spans_one_unit_from_the_anchor(seed):
         assert np.ptp(y_scaled) == pytest.approx(1)
 
 
+@given(seeds)
+def test_of_placements_that_err_alike_the_first_is_taken(seed):
+    """All terms span the same functions from either end, so that only rounding tells them apart."""
+    x, y = falling(seed)
+    made = recipe(dictionary=("1", "strain", "strain^2"), max_terms=3, tolerance=0.0)
+    own = Segment("all/all", "all", (), np.arange(60))
+    (found,) = fit_together(own, {"strain": x, "force": y}, products(["strain"], 2), [made])
+    assert found.scaling.placement == "left"
+
+
 def test_the_anchor_does_not_hang_on_one_noisy_sample():
     x = np.linspace(0, 1, 100)
     y = 5 - 3 * x

@@ -75,6 +75,20 @@ def test_a_segment_without_samples_is_refused_with_its_name():
         cut(changed(curve, strain=strain), {"strain": Cuts("even", 4)})
 
 
+def test_optimal_cuts_of_several_outputs_do_not_hang_on_their_units():
+    """The first has a kink at 0.1, the other at 0.2: the cut of both lies between."""
+    x, found = np.linspace(0, 0.3, 31), []
+    cuts = {"strain": Cuts("optimal", 2)}
+    asked = recipe(level=None, cuts=cuts, dictionary=("1", "strain"), max_terms=2)
+    for unit, also in ((1.0, ()), (1e-2, ("other",)), (1e2, ("other",))):
+        columns = {"strain": x, "force": np.abs(x - 0.1), "other": unit * np.abs(x - 0.2)}
+        (cut,) = segment([curve_of(columns)], asked, also=also)
+        found.append(cut.boundaries[0][1])
+    assert found[0] == pytest.approx(0.1, abs=0.01)
+    assert 0.12 < found[1] < 0.18
+    assert found[1] == found[2]
+
+
 def test_a_grid_of_two_variables():
     rng = np.random.default_rng(0)
     curve = changed(curves(n=400, held_out=())[0], load=rng.uniform(0, 10, 400))
@@ -141,6 +155,23 @@ def sse(samples, made):
     """Summed squared errors of the segments' fits, in the unit of the target."""
     (chosen,) = fit(samples, segment(samples, made), made)
     return sum(one.selection.sse * one.scaling.y_slope**2 for one in chosen)
+
+
+@pytest.mark.parametrize(
+    ("counts", "kept"),
+    [
+        ([5, 1, 5, 9], [0, 2, 3, 4]),  # the left one of equals
+        ([9, 1, 3, 9], [0, 1, 3, 4]),
+        ([1, 9, 3], [0, 2, 3]),
+        ([3, 9, 1], [0, 1, 3]),
+        ([2, 1, 2], [0, 3]),
+        ([4, 3, 5], [0, 1, 2, 3]),
+    ],
+)
+def test_the_segment_of_the_fewest_joins_the_neighbour_of_fewer(counts, kept):
+    x = np.repeat(np.arange(len(counts)) + 0.5, counts)
+    found = joined_segments(np.arange(len(counts) + 1.0), x, 3, np.ones(len(x), dtype=bool))
+    assert found.tolist() == kept
 
 
 def test_real_fits_equal_exhaustive_search():

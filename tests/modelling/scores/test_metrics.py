@@ -3,6 +3,7 @@ errors whose cause is known.
 """
 
 import math
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -77,6 +78,76 @@ def test_a_row_is_the_sum_of_its_blocks(seed, cuts, exponent):
     ]
     one, whole = ([getattr(row, name) for name in NUMBERS] for row in rows)
     assert one == pytest.approx(whole, rel=1e-11, abs=1e-13, nan_ok=True)
+
+
+def test_chi_square_is_by_the_uncertainty_and_the_numbers_that_were_fitted():
+    y, sigma = np.array([1.0, 2.0, 4.0]), np.array([0.5, 1.0, 2.0])
+    sums = Sums.of(y, Forecast.of(y + np.array([1.0, 1.0, -4.0])), sigma=sigma)
+    scale = normaliser("max", extremes(y), "force", "train")
+    by_free = [metrics.score("m", "t", "train", "all", sums, scale, n) for n in (0, 1, 3)]
+    assert [row.chi2_dof for row in by_free] == pytest.approx([9 / 3, 9 / 2, math.nan], nan_ok=True)
+    assert by_free[0].rmse_weighted == pytest.approx(math.sqrt(9 / (4 + 1 + 0.25)))
+
+
+def test_rows_are_of_splits_curves_directions_and_groups():
+    """Numbers that were fitted count in the row of all training samples alone."""
+    nothing, ways = np.zeros(6, dtype=bool), np.array([1.0, 1, -1, -1, 1, -1])
+    first = {"force": np.arange(6.0), "direction": ways, "day": np.array([1.0, 2, 1, 2, 1, 2])}
+    first["force_uncertainty"] = np.ones(6)
+    second = {name: x[:3] for name, x in first.items()}
+    curves = (
+        Curve("b", None, first, np.arange(6) == 5, ("b",)),
+        Curve("a", None, second, nothing[:3], ("a",)),
+    )
+    given = replace(forces(np.zeros(1)), curves=curves)
+    ready = ~nothing
+    ready[0] = False
+    errors = np.array([9.0, 1, -2, 3, 4, -5])
+    said = [Forecast(first["force"] + errors, ready), Forecast.of(second["force"] + 1)]
+    scale = metrics.divisor(given, "max")
+    assert (scale.value, scale.name) == (5.0, "max|force| over validate")
+
+    def rows(**more):
+        found = metrics.score_rows("m", "t", said, given, scale, **more)
+        return {(row.split, row.curve): (row.n, round(row.rmse**2, 9)) for row in found}
+
+    expected = {
+        ("train", "all"): (7, round((1 + 4 + 9 + 16 + 3) / 7, 9)),
+        ("train", "b"): (4, 7.5),
+        ("train", "a"): (3, 1.0),
+        ("train", "b;direction=rise"): (2, 8.5),
+        ("train", "b;direction=fall"): (2, 6.5),
+        ("train", "a;direction=rise"): (2, 1.0),
+        ("train", "a;direction=fall"): (1, 1.0),
+        ("train", "day=1"): (4, round((4 + 16 + 1 + 1) / 4, 9)),
+        ("train", "day=2"): (3, round((1 + 9 + 1) / 3, 9)),
+        ("validate", "all"): (1, 25.0),
+        ("validate", "b"): (1, 25.0),
+        ("validate", "b;direction=fall"): (1, 25.0),
+        ("validate", "day=2"): (1, 25.0),
+    }
+    found = rows(group="day")
+    assert (found, list(found)) == (expected, list(expected))
+    free = list(metrics.score_rows("m", "t", said, given, scale, free=3))
+    assert {row.curve: row.chi2_dof for row in free if row.split == "train"} == {
+        "all": (1 + 4 + 9 + 16 + 3) / 4,
+        "b": 7.5,
+        "a": 1.0,
+        "b;direction=rise": 8.5,
+        "b;direction=fall": 6.5,
+        "a;direction=rise": 1.0,
+        "a;direction=fall": 1.0,
+    }
+
+
+def test_information_criteria_and_normalisers_by_hand():
+    assert metrics.information_criteria(10, 0.5, 3) == pytest.approx(
+        (10 * math.log(0.25) + 6, 10 * math.log(0.25) + 3 * math.log(10))
+    )
+    assert metrics.information_criteria(10, 0.0, 3) == (-math.inf, -math.inf)
+    assert [
+        normaliser(kind, (-30.0, 10.0), "force", "train").value for kind in ("max", "range")
+    ] == [30.0, 40.0]
 
 
 def test_a_constant_has_no_r2_and_zeros_no_nrmse():

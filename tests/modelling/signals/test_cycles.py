@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.modelling.signals.cycles import (
+    _trimmed_runs,
     cycle_starts,
     last_cycles,
     split_cycles,
@@ -100,7 +101,22 @@ def test_rest_at_the_end_of_the_stroke_belongs_to_no_branch():
 def test_range_is_the_one_that_both_branches_cover():
     over = np.concatenate([np.linspace(0, 0.2, 300), np.linspace(0.2, 0.05, 300)])
     branches = split_cycles(over, {"force": over}, 50)
-    assert 0.05 <= branches.over[0] < 0.055
+    first = (over >= 0.05) & (over < 0.053)  # of fifty bins, by both branches
+    means = over[:300][first[:300]].mean(), over[300:][first[300:]].mean()
+    assert branches.over[0] == pytest.approx(max(means))
+
+
+@pytest.mark.parametrize("ripple", [1.0, 3.0])
+def test_rests_end_where_the_noise_is_left(ripple):
+    """Noise of +-a bends by 4 a, so its standard deviation is told as 1.4826 4 a/sqrt(6); twice
+    that is trimmed, but no more than a hundredth of the range.
+    """
+    over = np.concatenate([np.zeros(60), np.arange(0.5, 1000, 0.5), np.full(60, 999.5)])
+    over += ripple * np.where(np.arange(len(over)) % 2, -1, 1)
+    (rows,) = _trimmed_runs(over)[1]
+    trimmed = min(2 * 1.4826 * 4 * ripple / 6**0.5, np.ptp(over) / 100)
+    assert rows[0] == np.flatnonzero(over <= over.min() + trimmed)[-1]
+    assert rows[-1] == np.flatnonzero(over >= over.max() - trimmed)[0]
 
 
 @given(seed=st.integers(0, 2**31), swing=st.floats(0.05, 3))

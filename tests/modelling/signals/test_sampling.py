@@ -1,5 +1,7 @@
 """Stamps of a clock as loggers write them: repeats, gaps, resets, other stamps, rates."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -7,17 +9,74 @@ from hypothesis import strategies as st
 from reading import refused
 from scipy.signal import savgol_filter
 
-from mapmore_cli.modelling.signals.rates import rate
+from mapmore_cli.modelling.signals import sampling
+from mapmore_cli.modelling.signals.rates import rate, running_median
 from mapmore_cli.modelling.signals.sampling import (
     align,
     average_repeated,
+    correlation,
     cut_after,
+    envelope,
+    even_parts,
+    even_share,
     find_gaps,
     find_resets,
     resample,
     spread_repeated,
     typical_step,
 )
+
+
+@given(st.lists(st.floats(-9, 9), min_size=1, max_size=60), st.integers(2, 12), st.booleans())
+def test_an_envelope_has_the_ends_of_every_run(values, limit, less):
+    y = np.array(values)
+    y[::7] = np.nan
+    drawn = y - np.arange(len(y)) if less else y
+    rows = envelope(y, limit, 1.0 * np.arange(len(y)) if less else None).tolist()
+    if len(y) <= limit:
+        assert rows == [*range(len(y))]
+        return
+    assert len(rows) <= limit
+    edges = np.linspace(0, len(y), limit // 2 + 1).astype(int).tolist()
+    for start, end in pairwise(edges):
+        own = [row for row in rows if start <= row < end]
+        known = drawn[start:end][np.isfinite(drawn[start:end])]
+        if not len(known):
+            assert own == [start]
+        else:
+            assert {min(drawn[own]), max(drawn[own])} == {known.min(), known.max()}
+            assert len(own) == 2 - (known.min() == known.max() or own[0] == own[-1])
+
+
+def test_shares_and_parts_of_long_records_are_even(monkeypatch):
+    monkeypatch.setattr(sampling, "MANY", 10)
+    assert [len(even_share(np.arange(n))) for n in (10, 11, 20, 21, 100)] == [10, 6, 10, 7, 10]
+    assert even_share(np.arange(21.0)).tolist() == [0, 3, 6, 9, 12, 15, 18]
+    monkeypatch.setattr(sampling, "PARTS", 3)
+    monkeypatch.setattr(sampling, "PART", 4)
+    assert even_parts(12) == [slice(0, 12)]
+    assert even_parts(20) == [slice(0, 4), slice(8, 12), slice(16, 20)]
+
+
+def test_the_correlation_does_not_hang_on_the_size():
+    rng = np.random.default_rng(0)
+    u, v = rng.normal(size=(2, 30))
+    expected = np.corrcoef(u, v)[0, 1]
+    for size in (1.0, 1e-200, 1e200):
+        assert correlation(size * u, size * v) == pytest.approx(expected)
+    assert correlation(u, np.ones(30)) == correlation(np.ones(30), u) == 0.0
+
+
+def test_from_one_and_a_half_samples_a_step_they_are_averaged():
+    time, x = np.arange(7.0), np.array([0.0, 1, 5, 2, 8, 3, 1])
+    assert resample(time, {"x": x}, 1.49)[1]["x"].tolist() == pytest.approx(
+        np.interp(1.49 * np.arange(5), time, x).tolist()
+    )
+    stamps, columns = resample(time, {"x": x}, 1.5)  # blocks of two and one samples
+    middles, means = [0.5, 2.0, 3.5, 5.0], [0.5, 5.0, 5.0, 3.0]
+    assert stamps.tolist() == [0.25, 1.75, 3.25, 4.75]
+    np.testing.assert_allclose(columns["x"], np.interp(stamps, middles, means))
+
 
 stamps = st.lists(st.integers(0, 3), min_size=1, max_size=40).map(
     lambda steps: np.cumsum(steps) * 0.001
@@ -146,6 +205,20 @@ def test_uneven_stamps_give_the_slope_of_a_fit_to_the_window(seed, row, order):
     inside = (time >= begin - 1e-9) & (time <= begin + 0.04 + 1e-9)
     slope = np.polyfit(time[inside] - time[row], values[inside], order)[-2]
     assert rate(time, values, 0.04, order)[row] == pytest.approx(slope, rel=1e-6, abs=1e-6)
+
+
+@given(st.integers(0, 2**31), st.sampled_from([0.4, 1.0, 2.0]))
+def test_running_medians_are_of_half_a_window_around_each_point(seed, window):
+    """Samples lie on a grid of 0.1, so that some stand right on the rim, and in no order."""
+    rng = np.random.default_rng(seed)
+    x, y = np.append([0.0, 4.0], rng.integers(0, 40, 30) / 10), rng.normal(size=32)
+    found = running_median(x, y, window)
+    points = np.arange(round(40 / window) + 1) * window / 10
+    near = [np.abs(x - point) < window / 4 + 1e-6 for point in points]
+    known = [at.any() for at in near]
+    for values, medians in zip((x, y), found, strict=True):
+        own = [np.median(values[at]) for at in near if at.any()]
+        np.testing.assert_allclose(medians, np.interp(points, points[known], own), atol=1e-9)
 
 
 def test_blocks_do_not_show(monkeypatch):

@@ -301,6 +301,13 @@ def test_what_is_wrong_is_one_clear_message(tmp_path, case):
     assert len(message) < 300
 
 
+def test_a_packed_file_that_unpacks_to_hundreds_of_times_its_size_is_refused(tmp_path, monkeypatch):
+    monkeypatch.setattr("mapmore_cli.storage.tables.BOMB_SIZE", 1_000_000)
+    path = tmp_path / "a.csv.gz"
+    path.write_bytes(gzip.compress(b"strain,force\n" + b"0,1\n" * 1_000_000))
+    refusal(["unpacks from"], "csv", path, "strain")
+
+
 def test_every_cut_of_a_gz_file_is_noticed(tmp_path):
     whole = gzip.compress(GOOD, mtime=0)
     for end in range(2, len(whole)):

@@ -81,14 +81,18 @@ def test_what_unpacks_to_far_more_than_it_has_is_not_unpacked(tmp_path, monkeypa
     )
 
 
-@pytest.mark.parametrize("key", ["unit", "units", "Unit", "UNITS", "attrs"])
-def test_units_that_a_table_in_parquet_notes(tmp_path, key):
-    schema = pa.schema([pa.field("P", pa.float64(), metadata={key: "psi"})])
-    if key == "attrs":
-        pandas = b'{"columns": [], "attributes": {"units": {"P": "psi"}}}'
-        schema = pa.schema([pa.field("P", pa.float64())], metadata={b"pandas": pandas})
-    parquet.write_table(pa.table({"P": T}, schema=schema), tmp_path / "a.parquet")
-    assert table_of("parquet", tmp_path / "a.parquet", "P").noted["P"].unit == "psi"
+@pytest.mark.parametrize("of_frame", [False, True])
+@pytest.mark.parametrize("key", ["unit", "units", "Unit", "UNITS"])
+def test_units_that_a_table_in_parquet_notes(tmp_path, key, of_frame):
+    """In the metadata of a column, or by its name in the `attrs` of a frame of pandas."""
+    key = key.lower() if of_frame else key
+    attributes = f'{{"columns": [], "attributes": {{"{key}": {{"P": "psi"}}}}}}'
+    own, other = None if of_frame else {key: "psi"}, pa.field("F", pa.float64())
+    schema = pa.schema([pa.field("P", pa.float64(), metadata=own), other])
+    schema = schema.with_metadata({"pandas": attributes} if of_frame else None)
+    parquet.write_table(pa.table({"P": T, "F": T}, schema=schema), tmp_path / "a.parquet")
+    noted = table_of("parquet", tmp_path / "a.parquet", "P", "F").noted
+    assert (noted["P"].unit, noted["F"].unit) == ("psi", "")
 
 
 @pytest.mark.parametrize("kind", ["npz", "parquet"])
