@@ -699,6 +699,16 @@ def units(spec: ExperimentSpec) -> Iterator[Finding]:
         ):
             wrong.add(name)
             yield finding
+    for name, unit in spec.report.units.items():
+        own = default_unit(name, spec.units)
+        faults = _unit_findings(("report", "units", name), unit, own)
+        yield from faults
+        if not faults and name not in wrong and convert(0.0, unit, own) != 0:
+            yield Finding(
+                ("report", "units", name),
+                f"the zero of `{unit}` is not that of `{own}`, and equations are only scaled",
+                f"use it in the whole study, as `units: {{{name}: {unit}}}`",
+            )
     tables: list[tuple[Loc, Logs]] = [(("data",), spec.data)]
     tables += [(("data", "join", i), join) for i, join in enumerate(spec.data.join)]
     for loc, table in tables:

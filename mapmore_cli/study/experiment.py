@@ -28,7 +28,7 @@ from pydantic import (
     model_validator,
 )
 
-from mapmore_cli.domain.declared import Contradiction, Either, Name, Settings
+from mapmore_cli.domain.declared import Contradiction, Either, Name, OfTarget, Settings
 from mapmore_cli.domain.scores import FIGURES, Published
 from mapmore_cli.modelling.pieces.recipe import CutByDirection, Fuse, Segmented
 from mapmore_cli.modelling.selection import TERMS_OF_ONE_MODEL, Fit
@@ -36,7 +36,6 @@ from mapmore_cli.study.fields import (
     Context,
     Metres,
     Metric,
-    OfTarget,
     PathOrName,
     Quantity,
     Section,
