@@ -20,22 +20,6 @@ error, and no model itself.
 """
 
 
-BASELINES: Mapping[str, str] = MappingProxyType(
-    {
-        "gaussian_process": "Gaussian process",
-        "gradient_boosting": "Gradient boosting",
-        "mlp": "Neural network",
-    }
-)
-"""Competitors that are black boxes of scikit-learn: their names, and their titles."""
-
-SIMPLE: Mapping[str, str] = MappingProxyType(
-    {name: name.capitalize() for name in ("plane", "quadratic", "cubic", "backbone")}
-    | {"arx": "ARX"}
-)
-"""Competitors that need no muscle, likewise; every validation has those that its model allows."""
-
-
 @dataclass(frozen=True)
 class Score:
     """One row of the score table.

@@ -138,8 +138,8 @@ class Competitor(Section):
     """A competitor with settings of its own: a `model`, a `run`, this spec with other settings
     (`set`), a `sum`, or `static` with `damping`.
 
-    - `model`: a formula of the literature, a black box (`gaussian_process`, `gradient_boosting`,
-      `mlp`), or a frozen model (a path that ends in `.h5`, with `as`), as `sarosi`
+    - `model`: a formula of the literature, a black box (`gaussian_process` and others), or a frozen
+      model (a path that ends in `.h5`, with `as`), as `sarosi`
     - `run`: the path of the spec whose model is compared, as `other.yaml`
     - `set`: keys of this spec with other values, in a run called `<name>.<as>`, as `{fit.max_terms:
       1}`
