@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field, replace
-from types import MappingProxyType
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field, fields, replace
 from typing import Annotated, Any, get_type_hints
 
+import numpy as np
+
+from mapmore_cli.domain.compared import Compared, ratio
 from mapmore_cli.domain.declared import Label
 from mapmore_cli.domain.plugins import points
 
@@ -18,6 +20,34 @@ REPEATABILITY = "repeatability"
 """Name of the rows that say how far repeated measurements lie apart: the floor of every model's
 error, and no model itself.
 """
+
+
+@dataclass(frozen=True)
+class Measure:
+    """How a number of a score row is made and shown.
+
+    - `of`: its formula, of the samples of the row.
+    - `heading`: its column on pages, `UNIT` for the unit of the target; in per cent where it says
+      so, and none where it is empty.
+    - `shown`: whether a row has something to say in that column, where not every row has.
+    - `at_least`: whether a limit is a lower one, as of what is no error.
+    """
+
+    of: Callable[[Compared], float]
+    heading: str
+    shown: Callable[[Score], bool] | None
+    at_least: bool
+
+
+def measure(
+    of: Callable[[Compared], float],
+    heading: str = "",
+    *,
+    shown: Callable[[Score], bool] | None = None,
+    at_least: bool = False,
+) -> Mapping[str, Measure]:
+    """Return what a field of `Score` says of itself beside its text and unit."""
+    return {"measure": Measure(of, heading, shown, at_least)}
 
 
 @dataclass(frozen=True)
@@ -42,57 +72,135 @@ class Score:
         Label, "`train` or `validate`; `seen` of held-out data that the model was trained on"
     ]
     curve: Annotated[Label, "`all`, or the identifier of a curve"]
-    n: Annotated[int, "samples"]
-    rmse: Annotated[float, "root of the mean squared error", "[target]"]
-    nrmse: Annotated[float, "rmse / normaliser, a fraction"]
-    normaliser: Annotated[float, "what the error is divided by", "[target]"]
+    n: Annotated[int, "samples"] = field(
+        metadata=measure(lambda row: row.n, "samples", at_least=True)
+    )
+    rmse: Annotated[float, "root of the mean squared error", "[target]"] = field(
+        metadata=measure(lambda row: row.rmse, "RMSE [UNIT]")
+    )
+    nrmse: Annotated[float, "rmse / normaliser, a fraction"] = field(
+        metadata=measure(lambda row: row.scale.fraction(row.rmse), "NRMSE [%] .2f")
+    )
+    normaliser: Annotated[float, "what the error is divided by", "[target]"] = field(
+        metadata=measure(lambda row: row.scale.value)
+    )
     normaliser_name: Annotated[Label, "what the normaliser is"]
-    max_abs_error: Annotated[float, "greatest absolute error", "[target]"]
-    max_abs_error_fs: Annotated[float, "greatest absolute error as a fraction of the normaliser"]
-    r2: Annotated[float, "coefficient of determination"]
-    rrse: Annotated[float, "root relative squared error"] = math.nan
+    max_abs_error: Annotated[float, "greatest absolute error", "[target]"] = field(
+        metadata=measure(lambda row: row.worst, "max error [UNIT]")
+    )
+    max_abs_error_fs: Annotated[
+        float, "greatest absolute error as a fraction of the normaliser"
+    ] = field(metadata=measure(lambda row: row.scale.fraction(row.worst), "max error [% FS] .2f"))
+    r2: Annotated[float, "coefficient of determination"] = field(
+        metadata=measure(
+            lambda row: 1 - ratio(row.squared_error, row.spread(lambda block: block.measured)),
+            "R² .4f",
+            at_least=True,
+        )
+    )
+    rrse: Annotated[float, "root relative squared error"] = field(
+        default=math.nan,
+        metadata=measure(
+            lambda row: math.sqrt(ratio(row.squared_error, row.recorded_spread)),
+            "RRSE, free run .5f",
+            shown=lambda score: score.runs_free,
+        ),
+    )
     rrse_one_step: Annotated[
         float, "the same of predictions from the measured past; NaN without memory"
-    ] = math.nan
+    ] = field(
+        default=math.nan,
+        metadata=measure(
+            lambda row: math.sqrt(
+                ratio(
+                    row.total(lambda block: (block.one_step - block.measured) ** 2),
+                    row.recorded_spread,
+                )
+            ),
+            "RRSE, one step .5f",
+            shown=lambda score: score.runs_free,
+        ),
+    )
     r_uncentred: Annotated[float, "correlation of measured and predicted about zero, W's index"] = (
-        math.nan
+        field(default=math.nan, metadata=measure(lambda row: row.correlation))
     )
     interval_coverage: Annotated[
         float, "share of the samples within their 95 % interval; NaN without intervals"
-    ] = math.nan
+    ] = field(
+        default=math.nan,
+        metadata=measure(
+            lambda row: ratio(
+                row.total(lambda block: block.inside),
+                row.total(lambda block: np.isfinite(block.half)),
+            ),
+            at_least=True,
+        ),
+    )
     interval_half_width: Annotated[
         float, "half of the width of that interval, the median over the samples", "[target]"
-    ] = math.nan
-    nrmse_range: Annotated[float, "rmse / range of the measured target, a fraction"] = math.nan
+    ] = field(default=math.nan, metadata=measure(lambda row: row.median(lambda block: block.half)))
+    nrmse_range: Annotated[float, "rmse / range of the measured target, a fraction"] = field(
+        default=math.nan,
+        metadata=measure(
+            lambda row: ratio(row.rmse, row.scale.extent),
+            "by range [%] .2f",
+            shown=lambda score: score.far,
+        ),
+    )
     rmse_weighted: Annotated[
         float, "rmse with samples weighted by their uncertainty; NaN without one", "[target]"
-    ] = math.nan
+    ] = field(
+        default=math.nan,
+        metadata=measure(
+            lambda row: math.sqrt(row.chi2 / row.total(lambda block: block.sigma**-2.0)),
+            "weighted RMSE [UNIT]",
+            shown=lambda score: math.isfinite(score.chi2_dof),
+        ),
+    )
     chi2_dof: Annotated[
         float, "chi-square per degree of freedom, near 1 where only noise is left; NaN without one"
-    ] = math.nan
+    ] = field(
+        default=math.nan,
+        metadata=measure(
+            lambda row: ratio(row.chi2, row.n - row.free),
+            "chi²/dof .3g",
+            shown=lambda score: math.isfinite(score.chi2_dof),
+        ),
+    )
+
+    @classmethod
+    def of(cls, model: str, target: str, split: str, curve: str, row: Compared) -> Score:
+        """Compute a row from its samples."""
+        numbers = {name: one.of(row) for name, one in MEASURES.items()}
+        return cls(model, target, split, curve, normaliser_name=row.scale.name, **numbers)  # type: ignore[arg-type]
 
     @property
     def far(self) -> bool:
         """Whether the full scale is mostly how far the target lies from zero."""
         return self.nrmse_range > FAR_FROM_ZERO * self.nrmse
 
+    @property
+    def runs_free(self) -> bool:
+        """Whether the model feeds its own output back, so that the measured past would have told it
+        more.
+        """
+        return math.isfinite(self.rrse_one_step) and self.rrse_one_step != self.rrse
+
 
 FAR_FROM_ZERO = 3.0
 """A target lies far from zero where its mean is more than so many times its range."""
 
-
-NUMBERS = {
-    name: hint
-    for name, hint in get_type_hints(Score, include_extras=True).items()
-    if hint.__origin__ in (int, float)
+_HINTS = get_type_hints(Score, include_extras=True)
+MEASURES: Mapping[str, Measure] = {
+    one.name: one.metadata["measure"]
+    for one in fields(Score)
+    if _HINTS[one.name].__origin__ in (int, float)
 }
-METRICS: Mapping[str, str] = MappingProxyType(
-    {name: hint.__metadata__[0] for name, hint in NUMBERS.items()}
-)
-"""What the numbers of a score row mean."""
-
-AT_LEAST = frozenset({"r2", "n", "interval_coverage"})
-"""Metrics whose limit is a lower one; all others are errors."""
+"""The numbers of a score row; one that is declared without a formula fails here."""
+METRICS: Mapping[str, str] = {name: _HINTS[name].__metadata__[0] for name in MEASURES}
+"""What they mean."""
+OF_TARGET = frozenset(name for name in METRICS if "[target]" in _HINTS[name].__metadata__)
+"""Those in the unit of the target."""
 
 
 @dataclass(frozen=True)
@@ -108,7 +216,9 @@ class Limit:
     @property
     def kept(self) -> bool:
         """False also where there is no number."""
-        return self.value >= self.limit if self.metric in AT_LEAST else self.value <= self.limit
+        return (
+            self.value >= self.limit if MEASURES[self.metric].at_least else self.value <= self.limit
+        )
 
     @property
     def sentence(self) -> str:

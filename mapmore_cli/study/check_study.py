@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, get_args
 
 from mapmore_cli.domain.errors import SpecError
 from mapmore_cli.domain.recording import DIRECTION
-from mapmore_cli.domain.scores import METRICS, OWN, REPEATABILITY
+from mapmore_cli.domain.scores import METRICS, OF_TARGET, OWN, REPEATABILITY
 from mapmore_cli.modelling import literature
 from mapmore_cli.modelling.expressions import ExpressionError
 from mapmore_cli.modelling.kinds import kinds
@@ -25,7 +25,7 @@ from mapmore_cli.modelling.simple import SIMPLE
 from mapmore_cli.study.check_names import DERIVED, OF_NOTHING, unknown_quantity
 from mapmore_cli.study.diagnostics import Finding, did_you_mean, refused, told
 from mapmore_cli.study.experiment import Competitor, ExperimentSpec, TargetColumn
-from mapmore_cli.study.fields import OF_TARGET, TargetKind
+from mapmore_cli.study.fields import TargetKind
 from mapmore_cli.study.sections.data import STEP_OF
 from mapmore_cli.study.sections.dictionary import (
     AlongRange,

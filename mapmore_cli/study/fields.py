@@ -26,6 +26,7 @@ from pydantic import (
 
 from mapmore_cli.domain.declared import Contradiction, Difference, Either, always_in
 from mapmore_cli.domain.errors import SpecError
+from mapmore_cli.domain.scores import OF_TARGET
 from mapmore_cli.modelling.literature.own import is_definition
 from mapmore_cli.study.tree import Loc, Node, Written, values_at, written
 from mapmore_cli.study.units import (
@@ -204,9 +205,6 @@ def _metric_unit(place: Place) -> str | None:
         return place.unit_of(place.target)
     return place.unit_of(place.quantity) if place.text.way[-2] in OF_TARGET else "1"
 
-
-OF_TARGET = ("rmse", "rmse_weighted", "normaliser", "max_abs_error")
-"""Metrics in the unit of the target."""
 
 Metres = Annotated[float, Field(gt=0), always_in("m")]
 SignedSeconds = Annotated[float, always_in("s")]
