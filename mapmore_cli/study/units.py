@@ -18,13 +18,15 @@ from contextlib import suppress
 from difflib import get_close_matches
 from fractions import Fraction
 from types import MappingProxyType
-from typing import Any, overload
+from typing import Any, TypeVar
 
 import numpy as np
 
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import SpecError
 from mapmore_cli.domain.recording import BaseUnits
+
+N = TypeVar("N", float, Array)
 
 CANONICAL: Mapping[str, str] = MappingProxyType(
     {
@@ -162,17 +164,7 @@ def is_canonical(name: str) -> bool:
     )
 
 
-@overload
-def convert(
-    values: float, source_unit: str, target_unit: str, *, difference: bool = False
-) -> float: ...
-@overload
-def convert(
-    values: Array, source_unit: str, target_unit: str, *, difference: bool = False
-) -> Array: ...
-def convert(
-    values: float | Array, source_unit: str, target_unit: str, *, difference: bool = False
-) -> float | Array:
+def convert(values: N, source_unit: str, target_unit: str, *, difference: bool = False) -> N:
     """Convert values, or a `difference` of two values: 1 K is -272.15 degC as a value, and 1 degC
     as a difference.
 
@@ -196,11 +188,9 @@ def convert(
     if difference:
         source, target = _without_zero(source), _without_zero(target)
     converted = _registry().Quantity(values, source).to(target).magnitude
-    return (
-        np.asarray(converted, dtype=np.float64)
-        if isinstance(values, np.ndarray)
-        else float(converted)
-    )
+    if isinstance(values, np.ndarray):
+        return np.asarray(converted, dtype=np.float64)
+    return float(converted)
 
 
 def _spelt(unit: str) -> str:
