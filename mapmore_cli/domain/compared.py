@@ -43,12 +43,6 @@ class Block(NamedTuple):
         """Return what the model says too much."""
         return self.predicted - self.measured
 
-    @property
-    def inside(self) -> BoolArray:
-        """Return which samples lie within their interval."""
-        inside: BoolArray = np.abs(self.error) <= self.half
-        return inside
-
 
 @dataclass(frozen=True)
 class Compared:
@@ -71,10 +65,6 @@ class Compared:
         """Return the sum of squares about the mean."""
         mean = self.total(of) / max(self.total(lambda block: np.ones(len(of(block)))), 1)
         return self.total(lambda block: (of(block) - mean) ** 2)
-
-    def largest(self, of: Callable[[Block], Array]) -> float:
-        """Return the largest of all values; NaN where one is."""
-        return float(np.max([of(block).max(initial=0.0) for block in self.blocks()]))
 
     def median(self, of: Callable[[Block], Array]) -> float:
         """Return the median of the known values, of many of an even share; NaN where there are
@@ -103,7 +93,7 @@ class Compared:
     @cached_property
     def worst(self) -> float:
         """Return the largest absolute error."""
-        return self.largest(lambda block: np.abs(block.error))
+        return float(np.max([np.abs(block.error).max(initial=0.0) for block in self.blocks()]))
 
     @cached_property
     def recorded_spread(self) -> float:

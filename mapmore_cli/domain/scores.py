@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from typing import Annotated, Any, get_type_hints
 
 import numpy as np
@@ -34,20 +34,9 @@ class Measure:
     """
 
     of: Callable[[Compared], float]
-    heading: str
-    shown: Callable[[Score], bool] | None
-    at_least: bool
-
-
-def measure(
-    of: Callable[[Compared], float],
-    heading: str = "",
-    *,
-    shown: Callable[[Score], bool] | None = None,
-    at_least: bool = False,
-) -> Mapping[str, Measure]:
-    """Return what a field of `Score` says of itself beside its text and unit."""
-    return {"measure": Measure(of, heading, shown, at_least)}
+    heading: str = ""
+    shown: Callable[[Score], bool] | None = None
+    at_least: bool = False
 
 
 @dataclass(frozen=True)
@@ -72,45 +61,55 @@ class Score:
         Label, "`train` or `validate`; `seen` of held-out data that the model was trained on"
     ]
     curve: Annotated[Label, "`all`, or the identifier of a curve"]
-    n: Annotated[int, "samples"] = field(
-        metadata=measure(lambda row: row.n, "samples", at_least=True)
-    )
-    rmse: Annotated[float, "root of the mean squared error", "[target]"] = field(
-        metadata=measure(lambda row: row.rmse, "RMSE [UNIT]")
-    )
-    nrmse: Annotated[float, "rmse / normaliser, a fraction"] = field(
-        metadata=measure(lambda row: row.scale.fraction(row.rmse), "NRMSE [%] .2f")
-    )
-    normaliser: Annotated[float, "what the error is divided by", "[target]"] = field(
-        metadata=measure(lambda row: row.scale.value)
-    )
+    n: Annotated[int, "samples", Measure(lambda row: row.n, "samples", at_least=True)]
+    rmse: Annotated[
+        float,
+        "root of the mean squared error",
+        "[target]",
+        Measure(lambda row: row.rmse, "RMSE [UNIT]"),
+    ]
+    nrmse: Annotated[
+        float,
+        "rmse / normaliser, a fraction",
+        Measure(lambda row: row.scale.fraction(row.rmse), "NRMSE [%] .2f"),
+    ]
+    normaliser: Annotated[
+        float, "what the error is divided by", "[target]", Measure(lambda row: row.scale.value)
+    ]
     normaliser_name: Annotated[Label, "what the normaliser is"]
-    max_abs_error: Annotated[float, "greatest absolute error", "[target]"] = field(
-        metadata=measure(lambda row: row.worst, "max error [UNIT]")
-    )
+    max_abs_error: Annotated[
+        float,
+        "greatest absolute error",
+        "[target]",
+        Measure(lambda row: row.worst, "max error [UNIT]"),
+    ]
     max_abs_error_fs: Annotated[
-        float, "greatest absolute error as a fraction of the normaliser"
-    ] = field(metadata=measure(lambda row: row.scale.fraction(row.worst), "max error [% FS] .2f"))
-    r2: Annotated[float, "coefficient of determination"] = field(
-        metadata=measure(
+        float,
+        "greatest absolute error as a fraction of the normaliser",
+        Measure(lambda row: row.scale.fraction(row.worst), "max error [% FS] .2f"),
+    ]
+    r2: Annotated[
+        float,
+        "coefficient of determination",
+        Measure(
             lambda row: 1 - ratio(row.squared_error, row.spread(lambda block: block.measured)),
             "R² .4f",
             at_least=True,
-        )
-    )
-    rrse: Annotated[float, "root relative squared error"] = field(
-        default=math.nan,
-        metadata=measure(
+        ),
+    ]
+    rrse: Annotated[
+        float,
+        "root relative squared error",
+        Measure(
             lambda row: math.sqrt(ratio(row.squared_error, row.recorded_spread)),
             "RRSE, free run .5f",
             shown=lambda score: score.runs_free,
         ),
-    )
+    ] = math.nan
     rrse_one_step: Annotated[
-        float, "the same of predictions from the measured past; NaN without memory"
-    ] = field(
-        default=math.nan,
-        metadata=measure(
+        float,
+        "the same of predictions from the measured past; NaN without memory",
+        Measure(
             lambda row: math.sqrt(
                 ratio(
                     row.total(lambda block: (block.one_step - block.measured) ** 2),
@@ -120,53 +119,57 @@ class Score:
             "RRSE, one step .5f",
             shown=lambda score: score.runs_free,
         ),
-    )
-    r_uncentred: Annotated[float, "correlation of measured and predicted about zero, W's index"] = (
-        field(default=math.nan, metadata=measure(lambda row: row.correlation))
-    )
+    ] = math.nan
+    r_uncentred: Annotated[
+        float,
+        "correlation of measured and predicted about zero, W's index",
+        Measure(lambda row: row.correlation),
+    ] = math.nan
     interval_coverage: Annotated[
-        float, "share of the samples within their 95 % interval; NaN without intervals"
-    ] = field(
-        default=math.nan,
-        metadata=measure(
+        float,
+        "share of the samples within their 95 % interval; NaN without intervals",
+        Measure(
             lambda row: ratio(
-                row.total(lambda block: block.inside),
+                row.total(lambda block: np.abs(block.error) <= block.half),
                 row.total(lambda block: np.isfinite(block.half)),
             ),
             at_least=True,
         ),
-    )
+    ] = math.nan
     interval_half_width: Annotated[
-        float, "half of the width of that interval, the median over the samples", "[target]"
-    ] = field(default=math.nan, metadata=measure(lambda row: row.median(lambda block: block.half)))
-    nrmse_range: Annotated[float, "rmse / range of the measured target, a fraction"] = field(
-        default=math.nan,
-        metadata=measure(
+        float,
+        "half of the width of that interval, the median over the samples",
+        "[target]",
+        Measure(lambda row: row.median(lambda block: block.half)),
+    ] = math.nan
+    nrmse_range: Annotated[
+        float,
+        "rmse / range of the measured target, a fraction",
+        Measure(
             lambda row: ratio(row.rmse, row.scale.extent),
             "by range [%] .2f",
             shown=lambda score: score.far,
         ),
-    )
+    ] = math.nan
     rmse_weighted: Annotated[
-        float, "rmse with samples weighted by their uncertainty; NaN without one", "[target]"
-    ] = field(
-        default=math.nan,
-        metadata=measure(
+        float,
+        "rmse with samples weighted by their uncertainty; NaN without one",
+        "[target]",
+        Measure(
             lambda row: math.sqrt(row.chi2 / row.total(lambda block: block.sigma**-2.0)),
             "weighted RMSE [UNIT]",
             shown=lambda score: math.isfinite(score.chi2_dof),
         ),
-    )
+    ] = math.nan
     chi2_dof: Annotated[
-        float, "chi-square per degree of freedom, near 1 where only noise is left; NaN without one"
-    ] = field(
-        default=math.nan,
-        metadata=measure(
+        float,
+        "chi-square per degree of freedom, near 1 where only noise is left; NaN without one",
+        Measure(
             lambda row: ratio(row.chi2, row.n - row.free),
             "chi²/dof .3g",
             shown=lambda score: math.isfinite(score.chi2_dof),
         ),
-    )
+    ] = math.nan
 
     @classmethod
     def of(cls, model: str, target: str, split: str, curve: str, row: Compared) -> Score:
@@ -190,16 +193,17 @@ class Score:
 FAR_FROM_ZERO = 3.0
 """A target lies far from zero where its mean is more than so many times its range."""
 
-_HINTS = get_type_hints(Score, include_extras=True)
-MEASURES: Mapping[str, Measure] = {
-    one.name: one.metadata["measure"]
-    for one in fields(Score)
-    if _HINTS[one.name].__origin__ in (int, float)
+_NUMBERS = {
+    name: hint.__metadata__
+    for name, hint in get_type_hints(Score, globals(), include_extras=True).items()
+    if hint.__origin__ in (int, float)
 }
-"""The numbers of a score row; one that is declared without a formula fails here."""
-METRICS: Mapping[str, str] = {name: _HINTS[name].__metadata__[0] for name in MEASURES}
+MEASURES: Mapping[str, Measure] = {name: marks[-1] for name, marks in _NUMBERS.items()}
+"""The numbers of a score row."""
+assert all(isinstance(one, Measure) for one in MEASURES.values()), "a score has no formula"
+METRICS: Mapping[str, str] = {name: marks[0] for name, marks in _NUMBERS.items()}
 """What they mean."""
-OF_TARGET = frozenset(name for name in METRICS if "[target]" in _HINTS[name].__metadata__)
+OF_TARGET = frozenset(name for name, marks in _NUMBERS.items() if "[target]" in marks)
 """Those in the unit of the target."""
 
 

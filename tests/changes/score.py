@@ -2,16 +2,13 @@
 
 SCORES = "domain/scores.py"
 END = "    @classmethod\n    def of(cls, model: str"
-WORDS = '    mape: Annotated[float, "mean absolute error as a fraction of what was measured"]'
-FORMULA = """ = field(
-        default=math.nan,
-        metadata=measure(
-            lambda row: row.total(lambda block: np.abs(block.error / block.measured)) / row.n,
-            "MAPE [%] .2f",
-        ),
-    )
-"""
-PATCH = {SCORES: [(END, f"{WORDS}{FORMULA}\n{END}")]}
+BEGIN = '    mape: Annotated[float, "mean absolute error as a fraction of what was measured"'
+FORMULA = """, Measure(
+        lambda row: row.total(lambda block: np.abs(block.error / block.measured)) / row.n,
+        "MAPE [%] .2f",
+    )"""
+REST = f"] = math.nan\n\n{END}"
+PATCH = {SCORES: [(END, BEGIN + FORMULA + REST)]}
 WORKS = """
 from mapmore_cli.domain.compared import Block, Compared, Normaliser
 from mapmore_cli.domain.scores import METRICS, Score
@@ -25,7 +22,7 @@ assert "MAPE [%]" in [column.heading for column in score_table([row], {"force": 
 assert "| `mape` | mean absolute error as a fraction" in reference()
 """
 HALVES = {
-    "without its formula": ({SCORES: [(END, f"{WORDS} = math.nan\n\n{END}")]}, "an import"),
+    "without its formula": ({SCORES: [(END, BEGIN + REST)]}, "an import"),
     "which no test knows": (PATCH, "modelling/scores/test_metrics.py::"
         "test_numbers_of_long_recordings_are_those_of_whole_arrays"),
 }  # fmt: skip
