@@ -10,7 +10,9 @@ from pathlib import Path
 
 from pages import CONFIGS, run, scores, write_page
 
-from mapmore_cli.domain.scores import BASELINES, OWN, REPEATABILITY, SIMPLE
+from mapmore_cli.domain.scores import OWN, REPEATABILITY
+from mapmore_cli.modelling.learners import LEARNERS
+from mapmore_cli.modelling.simple import SIMPLE
 from mapmore_cli.reporting.table import Cell, Table
 from mapmore_cli.study.loader import load
 
@@ -24,7 +26,7 @@ STUDIES = (
 )
 """Shipped studies of static force, and what each holds out."""
 
-RIVALS = ("sarosi", *BASELINES)
+RIVALS = ("sarosi", *LEARNERS)
 
 
 def row(study: str, runs: Path) -> tuple[float | int, ...]:

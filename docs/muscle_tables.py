@@ -16,10 +16,9 @@ from pages import printed, r2, rms, run, scores, write_page
 from scipy.optimize import brentq, least_squares
 
 from mapmore_cli.domain.arrays import Array, Columns
-from mapmore_cli.domain.results import Forecast
+from mapmore_cli.domain.compared import Block, Compared, Normaliser
 from mapmore_cli.modelling import literature
 from mapmore_cli.modelling.literature.linear import half_width
-from mapmore_cli.modelling.validation.metrics import Sums
 from mapmore_cli.reporting.table import Cell, Table
 
 Predict = Callable[[Mapping[str, float], Columns], Array]
@@ -103,7 +102,8 @@ def rebuilt_table(_runs: Path) -> Table:
 
 def correlation(measured: Array, predicted: Array) -> float:
     """W's index, about zero."""
-    return Sums.of(measured, Forecast.of(predicted)).correlation
+    samples = Block(measured, measured, *[predicted] * 4)
+    return Compared(lambda: [samples], Normaliser("", 1.0)).correlation
 
 
 def inert_table(_runs: Path) -> Table:

@@ -19,7 +19,9 @@ from pages import DOCS, read_rows, run, scores, write_tables
 
 from mapmore_cli.annexes.search.searching import formulas_beside
 from mapmore_cli.domain.recording import Quantity
-from mapmore_cli.domain.scores import BASELINES, OWN, SIMPLE, Score
+from mapmore_cli.domain.scores import OWN, Score
+from mapmore_cli.modelling.learners import LEARNERS
+from mapmore_cli.modelling.simple import SIMPLE
 from mapmore_cli.reporting.score_tables import verdict_sentence
 from mapmore_cli.reporting.table import Cell, Table
 from mapmore_cli.storage.run_folder import RunFiles
@@ -36,8 +38,8 @@ BARE = (
 )
 """What leaves `data`, `split` and `target` of a study."""
 
-OF_FORCE = (*BASELINES, "sarosi", "sarosi_hinged", "kerscher", "polynomial_5")
-LEARNERS = tuple(name for name in BASELINES if name != "gaussian_process")
+OF_FORCE = (*LEARNERS, "sarosi", "sarosi_hinged", "kerscher", "polynomial_5")
+QUICK = tuple(name for name in LEARNERS if name != "gaussian_process")
 """Against models with a past, whose delayed inputs are too many for a Gaussian process."""
 
 WORSE = 1.5
@@ -100,80 +102,80 @@ SETS = {
     ),
     "fmax_by_length": Set(
         "../docs/search/fmax_by_length",
-        tuple(BASELINES),
+        tuple(LEARNERS),
         "{pressure: [300, 500]}",
         "{length: {between: [[233 mm, 298 mm], [509 mm, 574 mm]]}}",
     ),
     "printed_cylinder": Set(
         "../docs/search/printed_cylinder",
-        LEARNERS,
+        QUICK,
         "{pressure: [2 bar, 6 bar]}",
         "{pressure: [2 bar, 4 bar]}",
     ),
     "textile_arm": Set(
         "../docs/search/textile_arm",
-        LEARNERS,
+        QUICK,
         "{files: [1009_data_collect_2.txt.gz]}",
         "{time: {between: [[28.6 s, 48.8 s]]}}",
     ),
     "coiled_loops": Set(
         "coiled/coiled_loops",
-        LEARNERS,
+        QUICK,
         "",
         "{time: {between: [[6.9 s, 27.2 s]]}}",
         ("data.derive=null",),
     ),
     "coiled_steps": Set(
         "coiled/coiled_steps",
-        LEARNERS,
+        QUICK,
         "",
         "{time: {between: [[6.3 s, 10.8 s]]}}",
         ("data.derive=null",),
     ),
     "cascaded_tanks": Set(
         "identification/cascaded_tanks",
-        LEARNERS,
+        QUICK,
         "{time: {between: [[1000 s, 1800 s]]}}",
         "{time: {between: [[1340 s, 2567 s]]}}",
         own="{last: 0.3}",
     ),
     "buck": Set(
         "identification/buck",
-        LEARNERS,
+        QUICK,
         "{files: [buck_id.csv]}",
         "{time: {between: [[0.004 s, 0.007 s]]}}",
     ),
     "motor_generator": Set(
-        "identification/motor_generator", LEARNERS, "", "{time: {between: [[224710 s, 324610 s]]}}"
+        "identification/motor_generator", QUICK, "", "{time: {between: [[224710 s, 324610 s]]}}"
     ),
     "emps": Set(
         "identification/emps",
-        LEARNERS,
+        QUICK,
         "{time: {between: [[5 s, 8 s], [15 s, 18 s]]}}",
         "{time: {between: [[7.6 s, 20 s]]}}",
     ),
     "antagonist_pam": Set(
         "identification/antagonist_pam",
-        LEARNERS,
+        QUICK,
         "{last: 0.3}",
         "{time: {between: [[1.17 s, 2.07 s], [6.71 s, 7.61 s], [12.2 s, 13.1 s], [15.5 s, "
         "16.4 s]]}}",
     ),
     "mr_damper": Set(
         "identification/mr_damper",
-        LEARNERS,
+        QUICK,
         "{last: 0.3}",
         "{time: {between: [[1.35 s, 2.1 s], [6.2 s, 6.95 s], [9.33 s, 10.1 s], [11.9 s, 12.7 s]]}}",
     ),
     "pwm_finger": Set(
         "../docs/search/pwm_finger",
-        LEARNERS,
+        QUICK,
         "{files: [flex_60_q.csv, flex_180_q.csv]}",
         "{files: [flex_20_q.csv, flex_60_q.csv]}",
     ),
-    "bender": Set("../docs/search/bender", LEARNERS, "", "{time: {between: [[108 s, 163 s]]}}"),
+    "bender": Set("../docs/search/bender", QUICK, "", "{time: {between: [[108 s, 163 s]]}}"),
     "single_bellows": Set(
-        "../docs/search/single_bellows", LEARNERS, "", "{time: {between: [[116 s, 179 s]]}}"
+        "../docs/search/single_bellows", QUICK, "", "{time: {between: [[116 s, 179 s]]}}"
     ),
 }
 """Measured sets. The splits in `new` hold out the same kind of thing elsewhere: places, levels or
@@ -265,9 +267,9 @@ def row(name: str, runs: Path) -> tuple[Cell, ...]:
     search = files.search()
     assert search is not None
     errors = {model: 100 * score.nrmse for model, score in scores(files).items()}
-    box = min((model for model in BASELINES if model in errors), key=lambda model: errors[model])
+    box = min((model for model in LEARNERS if model in errors), key=lambda model: errors[model])
     simple = min(
-        (model for model in errors if model not in (*BASELINES, OWN, "repeatability")),
+        (model for model in errors if model not in (*LEARNERS, OWN, "repeatability")),
         key=lambda model: errors[model],
     )
     best = min(errors[box], errors[simple])

@@ -248,22 +248,39 @@ Label = Annotated[
 class InUnit:
     """Marks a number that may be written with a unit; `unit` says which one it is converted to,
     given the place of the number (`spec.fields.Place`), and `words` say it to a reader.
+
+    The number is a value of its quantity. A width, a tolerance, an error or what is added is a
+    `Difference` of two values: 1 K more is 1 degC more.
     """
 
     unit: Callable[[Any], str | None]
     words: str
+
+    is_difference: ClassVar[bool] = False
 
     def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
         """Return the number's schema, and the conversion before it."""
         return before(handler(source), self._converted)
 
     def _converted(self, given: Any, info: Any) -> Any:
-        return given if info.context is None else info.context.converted(given, self.unit)
+        if info.context is None:
+            return given
+        return info.context.converted(given, self.unit, self.is_difference)
 
     def __get_pydantic_json_schema__(self, schema: Any, handler: Any) -> Any:
         """Return the schema of a number, or of text that starts with one (or with a variable)."""
         written = {"type": "string", "pattern": r"^\s*[-+]?[0-9.]|\$\{"}
-        return {"anyOf": [handler(schema), written], "unit": self.words}
+        unit = f"{self.words}, as a difference" if self.is_difference else self.words
+        return {"anyOf": [handler(schema), written], "unit": unit}
+
+
+@dataclass(frozen=True)
+class Difference(InUnit):
+    """Marks a difference of two values of a quantity likewise; where the zero of its unit lies does
+    not matter.
+    """
+
+    is_difference: ClassVar[bool] = True
 
 
 def always_in(unit: str) -> InUnit:
@@ -271,9 +288,9 @@ def always_in(unit: str) -> InUnit:
     return InUnit(lambda _: unit, unit)
 
 
-def of_sibling(name: str) -> InUnit:
+def of_sibling(name: str, mark: type[InUnit] = InUnit) -> InUnit:
     """Mark a number in the unit of the quantity that another key of the section names."""
-    return InUnit(lambda place: place.unit_of(place.siblings.get(name)), f"that of `{name}`")
+    return mark(lambda place: place.unit_of(place.siblings.get(name)), f"that of `{name}`")
 
 
 Positive = Annotated[float, Gt(0)]
@@ -283,6 +300,10 @@ OfKey = Annotated[
     float, InUnit(lambda place: place.unit_of(place.quantity), "that of the quantity")
 ]
 """In the unit of the quantity that the key above names."""
+OfTarget = Annotated[
+    float, Difference(lambda place: place.unit_of(place.target), "that of the target")
+]
+"""An error, a residual or a coefficient: what is added to the target."""
 OfHeld = Annotated[float, InUnit(lambda place: place.unit_of(place.level), "that of `levels.of`")]
 """In the unit of the quantity that is constant within a curve."""
 

@@ -252,11 +252,6 @@ class Forecast:
         """Predictions that need no history; what is NaN among them is none."""
         return cls(values, np.broadcast_to(np.True_, len(values)))
 
-    def at(self, rows: slice | BoolArray) -> Forecast:
-        """Return the forecast of some samples."""
-        more = (None if x is None else x[rows] for x in (self.one_step, self.half))
-        return Forecast(self.values[rows], self.ready[rows], *more)
-
     @property
     def diverged(self) -> tuple[int, ...]:
         """Rows at which a free run diverges."""

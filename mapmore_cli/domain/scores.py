@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
-from types import MappingProxyType
 from typing import Annotated, Any, get_type_hints
 
+import numpy as np
+
+from mapmore_cli.domain.compared import Compared, ratio
 from mapmore_cli.domain.declared import Label
 from mapmore_cli.domain.plugins import points
 
@@ -20,20 +22,21 @@ error, and no model itself.
 """
 
 
-BASELINES: Mapping[str, str] = MappingProxyType(
-    {
-        "gaussian_process": "Gaussian process",
-        "gradient_boosting": "Gradient boosting",
-        "mlp": "Neural network",
-    }
-)
-"""Competitors that are black boxes of scikit-learn: their names, and their titles."""
+@dataclass(frozen=True)
+class Measure:
+    """How a number of a score row is made and shown.
 
-SIMPLE: Mapping[str, str] = MappingProxyType(
-    {name: name.capitalize() for name in ("plane", "quadratic", "cubic", "backbone")}
-    | {"arx": "ARX"}
-)
-"""Competitors that need no muscle, likewise; every validation has those that its model allows."""
+    - `of`: its formula, of the samples of the row.
+    - `heading`: its column on pages, `UNIT` for the unit of the target; in per cent where it says
+      so, and none where it is empty.
+    - `shown`: whether a row has something to say in that column, where not every row has.
+    - `at_least`: whether a limit is a lower one, as of what is no error.
+    """
+
+    of: Callable[[Compared], float]
+    heading: str = ""
+    shown: Callable[[Score], bool] | None = None
+    at_least: bool = False
 
 
 @dataclass(frozen=True)
@@ -58,57 +61,150 @@ class Score:
         Label, "`train` or `validate`; `seen` of held-out data that the model was trained on"
     ]
     curve: Annotated[Label, "`all`, or the identifier of a curve"]
-    n: Annotated[int, "samples"]
-    rmse: Annotated[float, "root of the mean squared error", "[target]"]
-    nrmse: Annotated[float, "rmse / normaliser, a fraction"]
-    normaliser: Annotated[float, "what the error is divided by", "[target]"]
+    n: Annotated[int, "samples", Measure(lambda row: row.n, "samples", at_least=True)]
+    rmse: Annotated[
+        float,
+        "root of the mean squared error",
+        "[target]",
+        Measure(lambda row: row.rmse, "RMSE [UNIT]"),
+    ]
+    nrmse: Annotated[
+        float,
+        "rmse / normaliser, a fraction",
+        Measure(lambda row: row.scale.fraction(row.rmse), "NRMSE [%] .2f"),
+    ]
+    normaliser: Annotated[
+        float, "what the error is divided by", "[target]", Measure(lambda row: row.scale.value)
+    ]
     normaliser_name: Annotated[Label, "what the normaliser is"]
-    max_abs_error: Annotated[float, "greatest absolute error", "[target]"]
-    max_abs_error_fs: Annotated[float, "greatest absolute error as a fraction of the normaliser"]
-    r2: Annotated[float, "coefficient of determination"]
-    rrse: Annotated[float, "root relative squared error"] = math.nan
-    rrse_one_step: Annotated[
-        float, "the same of predictions from the measured past; NaN without memory"
+    max_abs_error: Annotated[
+        float,
+        "greatest absolute error",
+        "[target]",
+        Measure(lambda row: row.worst, "max error [UNIT]"),
+    ]
+    max_abs_error_fs: Annotated[
+        float,
+        "greatest absolute error as a fraction of the normaliser",
+        Measure(lambda row: row.scale.fraction(row.worst), "max error [% FS] .2f"),
+    ]
+    r2: Annotated[
+        float,
+        "coefficient of determination",
+        Measure(
+            lambda row: 1 - ratio(row.squared_error, row.spread(lambda block: block.measured)),
+            "R² .4f",
+            at_least=True,
+        ),
+    ]
+    rrse: Annotated[
+        float,
+        "root relative squared error",
+        Measure(
+            lambda row: math.sqrt(ratio(row.squared_error, row.recorded_spread)),
+            "RRSE, free run .5f",
+            shown=lambda score: score.runs_free,
+        ),
     ] = math.nan
-    r_uncentred: Annotated[float, "correlation of measured and predicted about zero, W's index"] = (
-        math.nan
-    )
+    rrse_one_step: Annotated[
+        float,
+        "the same of predictions from the measured past; NaN without memory",
+        Measure(
+            lambda row: math.sqrt(
+                ratio(
+                    row.total(lambda block: (block.one_step - block.measured) ** 2),
+                    row.recorded_spread,
+                )
+            ),
+            "RRSE, one step .5f",
+            shown=lambda score: score.runs_free,
+        ),
+    ] = math.nan
+    r_uncentred: Annotated[
+        float,
+        "correlation of measured and predicted about zero, W's index",
+        Measure(lambda row: row.correlation),
+    ] = math.nan
     interval_coverage: Annotated[
-        float, "share of the samples within their 95 % interval; NaN without intervals"
+        float,
+        "share of the samples within their 95 % interval; NaN without intervals",
+        Measure(
+            lambda row: ratio(
+                row.total(lambda block: np.abs(block.error) <= block.half),
+                row.total(lambda block: np.isfinite(block.half)),
+            ),
+            at_least=True,
+        ),
     ] = math.nan
     interval_half_width: Annotated[
-        float, "half of the width of that interval, the median over the samples", "[target]"
+        float,
+        "half of the width of that interval, the median over the samples",
+        "[target]",
+        Measure(lambda row: row.median(lambda block: block.half)),
     ] = math.nan
-    nrmse_range: Annotated[float, "rmse / range of the measured target, a fraction"] = math.nan
+    nrmse_range: Annotated[
+        float,
+        "rmse / range of the measured target, a fraction",
+        Measure(
+            lambda row: ratio(row.rmse, row.scale.extent),
+            "by range [%] .2f",
+            shown=lambda score: score.far,
+        ),
+    ] = math.nan
     rmse_weighted: Annotated[
-        float, "rmse with samples weighted by their uncertainty; NaN without one", "[target]"
+        float,
+        "rmse with samples weighted by their uncertainty; NaN without one",
+        "[target]",
+        Measure(
+            lambda row: math.sqrt(row.chi2 / row.total(lambda block: block.sigma**-2.0)),
+            "weighted RMSE [UNIT]",
+            shown=lambda score: math.isfinite(score.chi2_dof),
+        ),
     ] = math.nan
     chi2_dof: Annotated[
-        float, "chi-square per degree of freedom, near 1 where only noise is left; NaN without one"
+        float,
+        "chi-square per degree of freedom, near 1 where only noise is left; NaN without one",
+        Measure(
+            lambda row: ratio(row.chi2, row.n - row.free),
+            "chi²/dof .3g",
+            shown=lambda score: math.isfinite(score.chi2_dof),
+        ),
     ] = math.nan
+
+    @classmethod
+    def of(cls, model: str, target: str, split: str, curve: str, row: Compared) -> Score:
+        """Compute a row from its samples."""
+        numbers = {name: one.of(row) for name, one in MEASURES.items()}
+        return cls(model, target, split, curve, normaliser_name=row.scale.name, **numbers)  # type: ignore[arg-type]
 
     @property
     def far(self) -> bool:
         """Whether the full scale is mostly how far the target lies from zero."""
         return self.nrmse_range > FAR_FROM_ZERO * self.nrmse
 
+    @property
+    def runs_free(self) -> bool:
+        """Whether the model feeds its own output back, so that the measured past would have told it
+        more.
+        """
+        return math.isfinite(self.rrse_one_step) and self.rrse_one_step != self.rrse
+
 
 FAR_FROM_ZERO = 3.0
 """A target lies far from zero where its mean is more than so many times its range."""
 
-
-NUMBERS = {
-    name: hint
-    for name, hint in get_type_hints(Score, include_extras=True).items()
+_NUMBERS = {
+    name: hint.__metadata__
+    for name, hint in get_type_hints(Score, globals(), include_extras=True).items()
     if hint.__origin__ in (int, float)
 }
-METRICS: Mapping[str, str] = MappingProxyType(
-    {name: hint.__metadata__[0] for name, hint in NUMBERS.items()}
-)
-"""What the numbers of a score row mean."""
-
-AT_LEAST = frozenset({"r2", "n", "interval_coverage"})
-"""Metrics whose limit is a lower one; all others are errors."""
+MEASURES: Mapping[str, Measure] = {name: marks[-1] for name, marks in _NUMBERS.items()}
+"""The numbers of a score row."""
+assert all(isinstance(one, Measure) for one in MEASURES.values()), "a score has no formula"
+METRICS: Mapping[str, str] = {name: marks[0] for name, marks in _NUMBERS.items()}
+"""What they mean."""
+OF_TARGET = frozenset(name for name, marks in _NUMBERS.items() if "[target]" in marks)
+"""Those in the unit of the target."""
 
 
 @dataclass(frozen=True)
@@ -124,7 +220,9 @@ class Limit:
     @property
     def kept(self) -> bool:
         """False also where there is no number."""
-        return self.value >= self.limit if self.metric in AT_LEAST else self.value <= self.limit
+        return (
+            self.value >= self.limit if MEASURES[self.metric].at_least else self.value <= self.limit
+        )
 
     @property
     def sentence(self) -> str:

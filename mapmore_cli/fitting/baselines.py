@@ -1,10 +1,8 @@
-"""Black boxes as competitors: what a learner that knows nothing of muscles makes of the same
-samples.
+"""Black boxes (`modelling/learners.py`) as competitors: how they are fitted, and what they predict.
 
-They come from scikit-learn (extra `baselines`), which is imported when one is fitted. Inputs are
-those of the run's own model, scaled to mean 0 and deviation 1 on the training samples. Against a
-model that runs along recordings they also get every input some samples before (`DELAYS`), since
-without a past they could not compete; the output is never fed back.
+Inputs are those of the run's own model, scaled to mean 0 and deviation 1 on the training samples.
+Against a model that runs along recordings they also get every input some samples before (`DELAYS`),
+since without a past they could not compete; the output is never fed back.
 """
 
 from __future__ import annotations
@@ -19,22 +17,18 @@ from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.recording import Curve, Dataset
 from mapmore_cli.modelling.kinds import runs_over_time
+from mapmore_cli.modelling.learners import LEARNERS
 from mapmore_cli.modelling.signals.sampling import even_share
 
 DELAYS = (0, 1, 2, 4, 8, 16, 32)
 """Samples by which inputs are delayed where the run's own model has a past."""
-
-MOST_SAMPLES = {"gaussian_process": 400, "gradient_boosting": 20_000, "mlp": 5_000}
-"""Training samples of each at most, an even share: a Gaussian process costs the cube of their
-number.
-"""
 
 
 def predictions(name: str, dataset: Dataset, model: Model) -> list[Array]:
     """Fit the baseline to the training samples, and predict every sample of every curve, (n_c,)
     each.
 
-    - `name`: one of `domain.scores.BASELINES`.
+    - `name`: one of `LEARNERS`.
     - `model`: the run's own model, for the names of the inputs.
     """
     names = [quantity.name for quantity in model.inputs if quantity.name != dataset.target]
@@ -45,7 +39,8 @@ def predictions(name: str, dataset: Dataset, model: Model) -> list[Array]:
     )
     y = np.concatenate([curve.columns[dataset.target][curve.training] for curve in dataset.curves])
     known = np.isfinite(x).all(axis=1) & np.isfinite(y)
-    x, y = even_share(x[known], MOST_SAMPLES[name]), even_share(y[known], MOST_SAMPLES[name])
+    most = LEARNERS[name].most_samples
+    x, y = even_share(x[known], most), even_share(y[known], most)
     predict = learned(name, x, y)
     return [predict(of) for of in inputs]
 
@@ -56,7 +51,7 @@ def learned(name: str, x: Array, y: Array) -> Callable[[Array], Array]:
     """
     centre, width = x.mean(axis=0), _width(x)
     middle, height = float(y.mean()), float(_width(y))
-    learner = _learner(name, x.shape[1])
+    learner = LEARNERS[name].make(x.shape[1])
     with warnings.catch_warnings():
         # a search that stopped early: its score says what it is worth
         warnings.filterwarnings("ignore", module="sklearn")
@@ -93,24 +88,3 @@ def _learner_says(learner: Any, inputs: Array) -> Array:
     if known.any():
         said[known] = learner.predict(inputs[known])
     return said
-
-
-def _learner(name: str, inputs: int) -> Any:
-    """Return the learner with its settings, the same for every study."""
-    if name == "gaussian_process":
-        from sklearn.gaussian_process import GaussianProcessRegressor
-        from sklearn.gaussian_process.kernels import RBF, ConstantKernel, WhiteKernel
-
-        kernel = ConstantKernel(1.0) * RBF(np.ones(inputs)) + WhiteKernel(1e-2)
-        return GaussianProcessRegressor(kernel, n_restarts_optimizer=1, random_state=0)
-    if name == "gradient_boosting":
-        from sklearn.ensemble import HistGradientBoostingRegressor
-
-        return HistGradientBoostingRegressor(
-            max_iter=300, min_samples_leaf=5, early_stopping=False, random_state=0
-        )
-    from sklearn.neural_network import MLPRegressor
-
-    return MLPRegressor(
-        hidden_layer_sizes=(32, 32), solver="lbfgs", alpha=1e-3, max_iter=500, random_state=0
-    )

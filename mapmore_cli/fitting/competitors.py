@@ -19,10 +19,11 @@ from mapmore_cli.domain.fits import FormulaFit
 from mapmore_cli.domain.models import Formula, Model
 from mapmore_cli.domain.recording import DAMPING, STATIC_FORCE, Curve, Dataset
 from mapmore_cli.domain.results import Forecast
-from mapmore_cli.domain.scores import BASELINES, OWN, SIMPLE
+from mapmore_cli.domain.scores import OWN
 from mapmore_cli.modelling import kinds, literature, simple
 from mapmore_cli.modelling.forecast import forecast, forecast_each
 from mapmore_cli.modelling.kinds import runs_over_time
+from mapmore_cli.modelling.learners import LEARNERS
 from mapmore_cli.modelling.literature.backbone import fit_formula, pooled_training
 from mapmore_cli.modelling.literature.formulas.sarosi_hysteresis_loss import HysteresisLoss
 from mapmore_cli.modelling.signals.plateau import damping_component
@@ -98,9 +99,9 @@ class Contest:
         if competitor.sum is not None:
             return self._sum(competitor)
         assert name is not None
-        if name in SIMPLE:
+        if name in simple.SIMPLE:
             return Rival(label, _forecasts(self._of_simple(name)))
-        if name in BASELINES:
+        if name in LEARNERS:
             from mapmore_cli.fitting.baselines import predictions
 
             return Rival(label, _forecasts(predictions(name, dataset, self.model)))

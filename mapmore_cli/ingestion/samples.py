@@ -133,7 +133,7 @@ def read_tables(
         second=_second(table, units),
     )
     return [
-        _in_model_units(raw, table, data.missing_rule.numbers, units)
+        _in_model_units(raw, table, data, units)
         for raw in READERS[table.reader].read(log.path, request)
     ]
 
@@ -147,12 +147,11 @@ def _second(table: Logs, units: Mapping[str, str]) -> float:
     )
 
 
-def _in_model_units(
-    raw: RawTable, table: Logs, missing: Sequence[float], units: Mapping[str, str]
-) -> Samples:
+def _in_model_units(raw: RawTable, table: Logs, data: Data, units: Mapping[str, str]) -> Samples:
     """Return `value * scale + offset` in the model's unit, less its mean at rest; NaN for the
-    numbers that stand for `missing` values.
+    numbers that stand for missing values. A column of standard deviations has differences.
     """
+    missing, deviations = data.missing_rule.numbers, [*data.uncertainty.values()]
     doubts = [*raw.doubts, *_against_the_file(raw, table, units)]
     taken, second = slice(None, None, table.every), _second(table, units)
     columns: dict[str, Array] = {}
@@ -173,7 +172,14 @@ def _in_model_units(
             values
             if as_is
             else by_blocks(
-                partial(_converted, column=column, missing=missing, unit=units[name]), values
+                partial(
+                    _converted,
+                    column=column,
+                    missing=missing,
+                    unit=units[name],
+                    difference=name in deviations,
+                ),
+                values,
             )
         )
     if table.sample_time is not None:
@@ -243,12 +249,16 @@ def _against_the_file(raw: RawTable, table: Logs, units: Mapping[str, str]) -> I
         yield f"{what}, which is believed: LabVIEW notes 1 s where nobody says"
 
 
-def _converted(values: Array, column: SourceColumn, missing: Sequence[float], unit: str) -> Array:
+def _converted(
+    values: Array, column: SourceColumn, missing: Sequence[float], unit: str, difference: bool
+) -> Array:
     if missing:
         values = np.where(np.isin(values, missing), np.nan, values)
     if (column.scale, column.offset) != (1.0, 0.0):
         values = values * column.scale + column.offset
-    return values if column.unit is None else convert(values, column.unit, unit)
+    if column.unit is None:
+        return values
+    return convert(values, column.unit, unit, difference=difference)
 
 
 def unwrapped(values: Array, period: float) -> Array:

@@ -74,4 +74,4 @@ def _deviation(curve: Curve, name: str, rule: Rule, data: Data, units: Mapping[s
         return np.abs(curve.columns[name]) * convert(split_quantity(rule)[0], "%", "1")
     # a column of one's own, whose unit nobody says, is in that of the quantity
     unit = units[name] if units[rule] == "1" else units[rule]
-    return convert(curve.columns[rule], unit, units[name])
+    return convert(curve.columns[rule], unit, units[name], difference=True)

@@ -11,8 +11,8 @@ from annotated_types import Gt, Interval, Len
 from mapmore_cli.domain.declared import (
     Contradiction,
     Either,
-    InUnit,
     OfHeld,
+    OfTarget,
     Settings,
     Word,
     always_in,
@@ -80,13 +80,7 @@ class Fit(Settings):
     ridge: Annotated[Literal["auto"] | Annotated[float, Interval(ge=0)], Either()] = 0.0
     forward: Annotated[int, Interval(ge=1)] | None = None
     loss: Loss = "squares"
-    scale: Annotated[
-        Literal["auto"]
-        | Annotated[
-            float, Gt(0), InUnit(lambda place: place.unit_of(place.target), "that of the target")
-        ],
-        Either(),
-    ] = "auto"
+    scale: Annotated[Literal["auto"] | Annotated[OfTarget, Gt(0)], Either()] = "auto"
     weight: Literal["sample", "curve"] = "sample"
     shape: (
         Annotated[dict[str, Annotated[Word | Annotated[Sequence[Word], Len(1)], Either()]], Len(1)]

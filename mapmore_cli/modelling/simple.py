@@ -6,7 +6,7 @@ A reviewer asks for them first: whatever a study models, a plane through its inp
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import combinations_with_replacement
 from math import comb
 
@@ -22,6 +22,11 @@ DEGREES = {
     "quadratic": 2,
     "cubic": 3,
 }
+SIMPLE: Mapping[str, str] = {name: name.capitalize() for name in (*DEGREES, "backbone")} | {
+    "arx": "ARX"
+}
+"""The simple competitors with their titles; every validation has those that its model allows."""
+
 ORDERS = (1, 2, 4, 8)  # samples that an ARX looks back; the free run on training data chooses
 MOST_ROWS = 50_000  # training rows that a fit takes, an even share
 LARGEST = 1e3  # times the largest measured output, from which a free run has diverged

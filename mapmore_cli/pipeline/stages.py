@@ -67,7 +67,7 @@ def static_run(spec: ExperimentSpec) -> list[Need]:
 
 INGEST = Stage(
     name="ingest",
-    revision=6,
+    revision=7,
     outputs=(DATASET,),
     reads=slice_of,
     run=ingest,

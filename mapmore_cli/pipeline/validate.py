@@ -20,12 +20,12 @@ from mapmore_cli.study.experiment import Competitor, ExperimentSpec
 from mapmore_cli.study.yaml_loader import as_overrides
 
 if TYPE_CHECKING:
+    from mapmore_cli.domain.compared import Normaliser
     from mapmore_cli.domain.models import Model
     from mapmore_cli.domain.recording import Curve, Dataset
     from mapmore_cli.domain.results import Forecast, Validation
     from mapmore_cli.domain.scores import Score
     from mapmore_cli.fitting.competitors import Contest, Forecasts, Rival
-    from mapmore_cli.modelling.validation.metrics import Normaliser
 
 
 @dataclass(frozen=True)
@@ -327,7 +327,7 @@ def frozen_models(spec: ExperimentSpec, folder: Path) -> list[Path]:
 
 STAGE = Stage(
     name="validate",
-    revision=11,
+    revision=12,
     outputs=(VALIDATION, "scores.csv", "scores.json"),
     reads=scores_slice,
     run=score,

@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 from mapmore_cli.domain.recording import Dataset, Quantity
 from mapmore_cli.domain.results import Search
 from mapmore_cli.domain.scores import (
+    MEASURES,
     REPEATABILITY,
     STRUCTURE_SEEN,
     Published,
@@ -57,7 +58,7 @@ def score_table(
     notes = [full_scale(pooled, unit)] if pooled else []
     notes += [FAR_NOTE] if any(s.far for s in pooled) else []
     notes += [FLOOR_NOTE] if any(s.model == REPEATABILITY for s in pooled) else []
-    notes += [FREE_RUN_NOTE] if _run_free(pooled) else []
+    notes += [FREE_RUN_NOTE] if any(s.runs_free for s in pooled) else []
     if published is not None and pooled and pooled[0].split == "validate":
         percent = {model: 100 * value for model, value in published.nrmse.items()}
         models = [*published.rmse, *published.rmse_at_least]
@@ -96,47 +97,20 @@ def curve_scores_table(scores: Sequence[Score], units: Mapping[str, str]) -> Tab
     return Table.of("curve_scores", "Scores by curve", ("curve", *columns), cells)
 
 
-def _run_free(scores: Sequence[Score]) -> bool:
-    """Whether any model feeds its own output back, so that the measured past would have told it
-    more.
-    """
-    return any(math.isfinite(s.rrse_one_step) and s.rrse_one_step != s.rrse for s in scores)
-
-
 def _metrics(
     scores: Sequence[Score], unit: str
 ) -> tuple[list[Column | str], list[tuple[Cell, ...]]]:
     """Return the columns of scores and their rows, those columns alone that have something to
     say.
     """
-    said = {
-        "nrmse_range": any(s.far for s in scores),
-        **dict.fromkeys(
-            ("rmse_weighted", "chi2_dof"), any(math.isfinite(s.chi2_dof) for s in scores)
-        ),
-        **dict.fromkeys(("rrse", "rrse_one_step"), _run_free(scores)),
+    shown = {
+        one.heading.replace("UNIT", unit): name
+        for name, one in MEASURES.items()
+        if one.heading and (one.shown is None or any(map(one.shown, scores)))
     }
-    shown = {column: name for column, name in METRICS.items() if said.get(name, True)}
     rows: list[tuple[Cell, ...]] = [(s.model, s.split, *cells_of(s, shown)) for s in scores]
-    return [MODEL, "data", *(column.replace("UNIT", unit) for column in shown)], rows
+    return [MODEL, "data", *shown], rows
 
-
-METRICS = {
-    "samples": "n",
-    "RMSE [UNIT]": "rmse",
-    "NRMSE [%] .2f": "nrmse",
-    "by range [%] .2f": "nrmse_range",
-    "max error [UNIT]": "max_abs_error",
-    "max error [% FS] .2f": "max_abs_error_fs",
-    "R² .4f": "r2",
-    "weighted RMSE [UNIT]": "rmse_weighted",
-    "chi²/dof .3g": "chi2_dof",
-    "RRSE, free run .5f": "rrse",
-    "RRSE, one step .5f": "rrse_one_step",
-}
-"""Columns of a score table, and the numbers of a score that stand there, in per cent where the
-column says so.
-"""
 
 EQUAL_WITHIN = 0.01
 """Relative difference of two errors below which neither model is called better."""

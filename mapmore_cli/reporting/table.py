@@ -15,7 +15,8 @@ from operator import attrgetter
 from typing import TYPE_CHECKING, Any, Literal
 
 from mapmore_cli.domain.foreign import csv_cell, printable, tex_comment, tex_text
-from mapmore_cli.domain.scores import BASELINES, SIMPLE
+from mapmore_cli.modelling.learners import LEARNERS
+from mapmore_cli.modelling.simple import SIMPLE
 
 if TYPE_CHECKING:
     from jinja2 import Environment
@@ -260,7 +261,7 @@ def to_html(table: Table) -> str:
     return environment().get_template("table.html").render(table=table, title_of=title_of).strip()
 
 
-OTHERS = {**BASELINES, **SIMPLE}
+OTHERS = {**{name: learner.title for name, learner in LEARNERS.items()}, **SIMPLE}
 
 
 @lru_cache(maxsize=10_000)

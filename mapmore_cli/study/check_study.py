@@ -13,17 +13,19 @@ from typing import TYPE_CHECKING, get_args
 
 from mapmore_cli.domain.errors import SpecError
 from mapmore_cli.domain.recording import DIRECTION
-from mapmore_cli.domain.scores import BASELINES, METRICS, OWN, REPEATABILITY, SIMPLE
+from mapmore_cli.domain.scores import METRICS, OF_TARGET, OWN, REPEATABILITY
 from mapmore_cli.modelling import literature
 from mapmore_cli.modelling.expressions import ExpressionError
 from mapmore_cli.modelling.kinds import kinds
+from mapmore_cli.modelling.learners import LEARNERS
 from mapmore_cli.modelling.literature.own import formula_of
 from mapmore_cli.modelling.pieces.recipe import CutByDirection, Cuts
 from mapmore_cli.modelling.selection import AUTO
+from mapmore_cli.modelling.simple import SIMPLE
 from mapmore_cli.study.check_names import DERIVED, OF_NOTHING, unknown_quantity
 from mapmore_cli.study.diagnostics import Finding, did_you_mean, refused, told
 from mapmore_cli.study.experiment import Competitor, ExperimentSpec, TargetColumn
-from mapmore_cli.study.fields import OF_TARGET, TargetKind
+from mapmore_cli.study.fields import TargetKind
 from mapmore_cli.study.sections.data import STEP_OF
 from mapmore_cli.study.sections.dictionary import (
     AlongRange,
@@ -425,7 +427,7 @@ def formulas(spec: ExperimentSpec) -> Iterator[Finding]:
         (("model", "backbone"), None if model.backbone == AUTO else model.backbone),
     ]
     for loc, rival in rivals_of(spec):
-        if rival.model in (*SIMPLE, *BASELINES):
+        if rival.model in (*SIMPLE, *LEARNERS):
             yield from _other_rival(spec, rival.model, rival, loc)
         elif rival.as_ is None or not rival.is_file:
             uses += [((*loc, "model"), rival.model)]
@@ -435,7 +437,7 @@ def formulas(spec: ExperimentSpec) -> Iterator[Finding]:
         formula = formula_called(spec, name)
         if name is None or formula is None:
             is_rival = loc[0] == "validate" and loc[-1] == "model"
-            yield from unknown_formula(spec, name, loc, (*BASELINES, *SIMPLE) if is_rival else ())
+            yield from unknown_formula(spec, name, loc, (*LEARNERS, *SIMPLE) if is_rival else ())
         else:
             yield from _needs(spec, name, formula, loc)
 
@@ -488,7 +490,7 @@ def _needs(spec: ExperimentSpec, name: str, formula: Formula, loc: Loc) -> Itera
 
 
 def _other_rival(spec: ExperimentSpec, name: str, rival: Competitor, loc: Loc) -> Iterator[Finding]:
-    is_box = name in BASELINES
+    is_box = name in LEARNERS
     yield from told(
         (
             name == "backbone" and spec.model.backbone is None,
@@ -567,7 +569,7 @@ def own_formulas(spec: ExperimentSpec) -> Iterator[Finding]:
     """Require that a formula of the spec's own has a name of its own, is an expression, and is
     linear in what has no bounds.
     """
-    taken = {*literature.names(), *BASELINES, *SIMPLE, OWN, REPEATABILITY, AUTO}
+    taken = {*literature.names(), *LEARNERS, *SIMPLE, OWN, REPEATABILITY, AUTO}
     for i, one in enumerate(spec.formulas):
         if isinstance(one, str):
             what, remedy = "this is no formula", "write `formulas: [my_formula.yaml]`"
@@ -699,6 +701,16 @@ def units(spec: ExperimentSpec) -> Iterator[Finding]:
         ):
             wrong.add(name)
             yield finding
+    for name, unit in spec.report.units.items():
+        own = default_unit(name, spec.units)
+        faults = _unit_findings(("report", "units", name), unit, own)
+        yield from faults
+        if not faults and name not in wrong and convert(0.0, unit, own) != 0:
+            yield Finding(
+                ("report", "units", name),
+                f"the zero of `{unit}` is not that of `{own}`, and equations are only scaled",
+                f"use it in the whole study, as `units: {{{name}: {unit}}}`",
+            )
     tables: list[tuple[Loc, Logs]] = [(("data",), spec.data)]
     tables += [(("data", "join", i), join) for i, join in enumerate(spec.data.join)]
     for loc, table in tables:

@@ -28,7 +28,7 @@ from pydantic import (
     model_validator,
 )
 
-from mapmore_cli.domain.declared import Contradiction, Either, Name, Settings
+from mapmore_cli.domain.declared import Contradiction, Either, Name, OfTarget, Settings
 from mapmore_cli.domain.scores import FIGURES, Published
 from mapmore_cli.modelling.pieces.recipe import CutByDirection, Fuse, Segmented
 from mapmore_cli.modelling.selection import TERMS_OF_ONE_MODEL, Fit
@@ -36,7 +36,6 @@ from mapmore_cli.study.fields import (
     Context,
     Metres,
     Metric,
-    OfTarget,
     PathOrName,
     Quantity,
     Section,
@@ -139,8 +138,8 @@ class Competitor(Section):
     """A competitor with settings of its own: a `model`, a `run`, this spec with other settings
     (`set`), a `sum`, or `static` with `damping`.
 
-    - `model`: a formula of the literature, a black box (`gaussian_process`, `gradient_boosting`,
-      `mlp`), or a frozen model (a path that ends in `.h5`, with `as`), as `sarosi`
+    - `model`: a formula of the literature, a black box (`gaussian_process` and others), or a frozen
+      model (a path that ends in `.h5`, with `as`), as `sarosi`
     - `run`: the path of the spec whose model is compared, as `other.yaml`
     - `set`: keys of this spec with other values, in a run called `<name>.<as>`, as `{fit.max_terms:
       1}`

@@ -24,14 +24,14 @@ from pydantic import (
     model_validator,
 )
 
-from mapmore_cli.domain.declared import Contradiction, Either, InUnit, OfKey, always_in
+from mapmore_cli.domain.declared import Contradiction, Difference, Either, always_in
 from mapmore_cli.domain.errors import SpecError
+from mapmore_cli.domain.scores import OF_TARGET
 from mapmore_cli.modelling.literature.own import is_definition
 from mapmore_cli.study.tree import Loc, Node, Written, values_at, written
 from mapmore_cli.study.units import (
     CANONICAL,
     default_unit,
-    of_difference,
     parse_quantity,
     split_quantity,
 )
@@ -130,8 +130,11 @@ class Context:
             given = given[step]
         return tuple(dict.fromkeys(self.known.get(id(given), ({}, []))[1]))
 
-    def converted(self, given: Any, unit_of: Callable[[Place], str | None]) -> Any:
-        """Return the number that a text with a unit stands for; any other value as it is.
+    def converted(
+        self, given: Any, unit_of: Callable[[Place], str | None], difference: bool
+    ) -> Any:
+        """Return the number that a text with a unit stands for, as a value or as a `difference` of
+        two; anything else as it is.
 
         Raises Contradiction for a wrong unit. Where none is known, another key is wrong, and told.
         """
@@ -139,7 +142,9 @@ class Context:
             return given
         unit = unit_of(Place(self, given))
         try:
-            return split_quantity(given)[0] if unit is None else parse_quantity(given, unit)
+            if unit is None:
+                return split_quantity(given)[0]
+            return parse_quantity(given, unit, difference=difference)
         except SpecError as error:
             raise Contradiction(error.message, error.remedy) from error
 
@@ -191,7 +196,7 @@ class Place:
 
 def _column_unit(place: Place) -> str | None:
     unit = place.siblings.get("unit")
-    return of_difference(unit) if isinstance(unit, str) else place.unit_of(place.quantity)
+    return unit if isinstance(unit, str) else place.unit_of(place.quantity)
 
 
 def _metric_unit(place: Place) -> str | None:
@@ -201,14 +206,10 @@ def _metric_unit(place: Place) -> str | None:
     return place.unit_of(place.quantity) if place.text.way[-2] in OF_TARGET else "1"
 
 
-OF_TARGET = ("rmse", "rmse_weighted", "normaliser", "max_abs_error")
-"""Metrics in the unit of the target."""
-
 Metres = Annotated[float, Field(gt=0), always_in("m")]
 SignedSeconds = Annotated[float, always_in("s")]
-OfTarget = Annotated[float, InUnit(lambda place: place.unit_of(place.target), "that of the target")]
-InColumnUnit = Annotated[float, InUnit(_column_unit, "that of the column")]
-Metric = Annotated[float, InUnit(_metric_unit, "that of the metric")]
+InColumnUnit = Annotated[float, Difference(_column_unit, "that of the column")]
+Metric = Annotated[float, Difference(_metric_unit, "that of the metric")]
 Share = Annotated[float, always_in("1")]
 
 
@@ -222,7 +223,11 @@ def _share_of_value(given: Any, info: ValidationInfo) -> Any:
 
 
 _Group = Annotated[str, Field(pattern=r"^[-+]?[0-9]*\.?[0-9]+$")]
-_Value = Annotated[OfKey, Field(gt=0)]
+_Value = Annotated[
+    float,
+    Difference(lambda place: place.unit_of(place.quantity), "that of the quantity"),
+    Field(gt=0),
+]
 _Column = Annotated[str, WithJsonSchema({"type": "string", "pattern": "^[A-Za-z_]"})]
 Uncertainty = Annotated[
     _Value | _Column | Annotated[dict[_Group, _Value], Field(min_length=1)],

@@ -16,10 +16,9 @@ from typing import Any
 from pydantic.json_schema import GenerateJsonSchema, JsonSchemaValue
 
 from mapmore_cli.domain.declared import prose
-from mapmore_cli.domain.scores import METRICS
+from mapmore_cli.domain.scores import MEASURES, METRICS, OF_TARGET
 from mapmore_cli.storage.atomic import write_text
 from mapmore_cli.study.experiment import ExperimentSpec
-from mapmore_cli.study.fields import OF_TARGET
 from mapmore_cli.study.loader import SCHEMA
 from mapmore_cli.study.tree import SourceText, written
 from mapmore_cli.study.yaml_loader import parse
@@ -169,7 +168,8 @@ def reference() -> str:
         _section(title, section) for title, section in sections.items() if "properties" in section
     ]
     units = {name: "the target" if name in OF_TARGET else "1" for name in METRICS}
-    return "\n".join([*tables, _METRICS]) + "".join(
+    lower = " and ".join(f"`{name}`" for name, one in MEASURES.items() if one.at_least)
+    return "\n".join([*tables, _METRICS.format(lower)]) + "".join(
         f"| `{name}` | {METRICS[name]} | {unit} |\n" for name, unit in units.items()
     )
 
@@ -177,8 +177,8 @@ def reference() -> str:
 _METRICS = """\
 ### Metrics
 
-What `validate.require` may limit, as `{nrmse: 0.05, r2: 0.9}`: `r2` and `n` from below, all others
-from above. A limit holds for the run's own model on the pooled validation rows, or on the training
+What `validate.require` may limit, as `{{nrmse: 0.05, r2: 0.9}}`: {} from below, all others from
+above. A limit holds for the run's own model on the pooled validation rows, or on the training
 rows where nothing is held out.
 
 | metric | meaning | in units of |

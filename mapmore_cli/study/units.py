@@ -18,13 +18,15 @@ from contextlib import suppress
 from difflib import get_close_matches
 from fractions import Fraction
 from types import MappingProxyType
-from typing import Any, overload
+from typing import Any, TypeVar
 
 import numpy as np
 
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import SpecError
 from mapmore_cli.domain.recording import BaseUnits
+
+N = TypeVar("N", float, Array)
 
 CANONICAL: Mapping[str, str] = MappingProxyType(
     {
@@ -162,12 +164,9 @@ def is_canonical(name: str) -> bool:
     )
 
 
-@overload
-def convert(values: float, source_unit: str, target_unit: str) -> float: ...
-@overload
-def convert(values: Array, source_unit: str, target_unit: str) -> Array: ...
-def convert(values: float | Array, source_unit: str, target_unit: str) -> float | Array:
-    """Values in `target_unit`.
+def convert(values: N, source_unit: str, target_unit: str, *, difference: bool = False) -> N:
+    """Convert values, or a `difference` of two values: 1 K is -272.15 degC as a value, and 1 degC
+    as a difference.
 
     Raises SpecError for a unit that nobody knows, or two units of different dimension; the message
     names both.
@@ -186,12 +185,12 @@ def convert(values: float | Array, source_unit: str, target_unit: str) -> float 
             _suggestion(source_unit, target_unit)
             or f"give a unit of the same dimension as {target_unit!r}",
         )
+    if difference:
+        source, target = _without_zero(source), _without_zero(target)
     converted = _registry().Quantity(values, source).to(target).magnitude
-    return (
-        np.asarray(converted, dtype=np.float64)
-        if isinstance(values, np.ndarray)
-        else float(converted)
-    )
+    if isinstance(values, np.ndarray):
+        return np.asarray(converted, dtype=np.float64)
+    return float(converted)
 
 
 def _spelt(unit: str) -> str:
@@ -259,22 +258,18 @@ def split_quantity(text: str) -> tuple[float, str | None]:
     return float(found[1]), found[2].lstrip() or None
 
 
-def parse_quantity(text: str, unit: str) -> float:
-    """Return the number that `text` stands for in `unit`: `parse_quantity("1.1 bar", "kPa")` is
-    110.
+def parse_quantity(text: str, unit: str, *, difference: bool = False) -> float:
+    """Return the number that `text` stands for in `unit`, as a value or as a `difference` of two:
+    `parse_quantity("1.1 bar", "kPa")` is 110.
 
     Raises SpecError for text that is no number with a unit, a unit that nobody knows, or one of
     another dimension.
     """
     number, source_unit = split_quantity(text)
     # 15 digits: a decimal number stays one (110 kPa rather than 110.00000000000001).
-    return number if source_unit is None else float(f"{convert(number, source_unit, unit):.15g}")
-
-
-def of_difference(unit: str) -> str:
-    """Return the unit of what is added to a quantity: psi to an absolute pressure in psia."""
-    gauges = {absolute: gauge for gauge, absolute in _ABSOLUTE.items()}
-    return gauges.get(_spelt(unit), unit)
+    if source_unit is None:
+        return number
+    return float(f"{convert(number, source_unit, unit, difference=difference):.15g}")
 
 
 def check_unit(unit: str) -> None:
@@ -397,6 +392,12 @@ def _pint_unit(unit: str) -> Any:
         _suggestion(unit)
         or "write units as `kPa`, `mm`, `ms`, `%`, `kPa/s`, or `1` for a plain number",
     )
+
+
+def _without_zero(unit: Any) -> Any:
+    """Return pint's unit of the differences of values in a unit that may have a zero of its own."""
+    quantity = _registry().Quantity
+    return (quantity(1.0, unit) - quantity(0.0, unit)).units
 
 
 def _dimension(unit: str) -> str:

@@ -15,8 +15,9 @@ from mapmore_cli.annexes.search.situation import Situation
 from mapmore_cli.domain.errors import SpecError
 from mapmore_cli.domain.models import Memory, Model
 from mapmore_cli.domain.recording import Curve, Dataset
-from mapmore_cli.domain.scores import BASELINES
 from mapmore_cli.fitting import baselines
+from mapmore_cli.modelling import learners
+from mapmore_cli.modelling.learners import LEARNERS
 from mapmore_cli.modelling.signals.sampling import even_share
 from mapmore_cli.study.loader import load
 
@@ -55,7 +56,7 @@ def plain_kind(monkeypatch):
     monkeypatch.setattr(baselines, "runs_over_time", lambda own: isinstance(own.body, Memory))
 
 
-@pytest.mark.parametrize("name", BASELINES)
+@pytest.mark.parametrize("name", LEARNERS)
 def test_a_smooth_surface_is_learnt_from_training_samples_alone(name):
     (curve,) = dataset().curves
     (first,) = baselines.predictions(name, dataset(), model())
@@ -63,6 +64,11 @@ def test_a_smooth_surface_is_learnt_from_training_samples_alone(name):
     np.testing.assert_array_equal(first, again)
     force = curve.columns["force"][curve.held_out]
     assert np.sqrt(np.mean((first[curve.held_out] - force) ** 2)) < 0.2 * np.std(force)
+
+
+def test_every_learner_of_the_module_is_declared():
+    made = {one.make.__name__ for one in LEARNERS.values()}
+    assert made == {name for name in vars(learners) if name.startswith("_") and name[1] != "_"}
 
 
 def test_more_samples_than_a_baseline_can_bear_are_thinned_evenly():

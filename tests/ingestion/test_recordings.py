@@ -293,3 +293,22 @@ def test_broken_data_and_specs_say_where_and_what(ingest, case):
     rows, data, parts = (BROKEN | WRONG_SPECS)[case]
     with refused(*parts, error=DataError if case in BROKEN else SpecError):
         ingest({"a.csv": HEAD + rows}, **data)
+
+
+@pytest.mark.parametrize(
+    ("unit", "own_unit", "wanted"),
+    [("K", "K", 0.5), ("degF", "degF", 0.5 / 1.8), ("degF", "degC", 0.5 / 1.8), ("degC", "K", 0.5)],
+)
+def test_a_column_of_standard_deviations_holds_differences(ingest, unit, own_unit, wanted):
+    """Whatever units the study gives to the column, and to the quantity that it is about."""
+    dataset = ingest(
+        {"a.csv": csv_text(T=np.linspace(20, 30, 9), s=0.5, eps=np.linspace(0, 0.1, 9), F=1.0)},
+        columns={"force": {"column": "F"}, "strain": {"column": "eps"}}
+        | {"heat": {"column": "T", "unit": "degC"}, "sd": {"column": "s", "unit": unit}},
+        units={"heat": "degC", "sd": own_unit},
+        uncertainty={"heat": "sd"},
+        target={"column": "force"},
+    )
+    (curve,) = dataset.curves
+    assert curve.columns["heat"] == pytest.approx(np.linspace(20, 30, 9))
+    assert curve.columns["heat_uncertainty"] == pytest.approx(wanted, rel=1e-12)

@@ -11,9 +11,11 @@ from common import python
 from report_builder import Page, all_named, build, of_pieces
 
 from mapmore_cli.domain.models import Formula
+from mapmore_cli.domain.plugins import points
 from mapmore_cli.domain.scores import FIGURES
 from mapmore_cli.modelling.kinds import equations
 from mapmore_cli.modelling.validation.residuals import residual_tests
+from mapmore_cli.reporting import figures as figures_folder
 from mapmore_cli.reporting.figures.drawing import compose, drawings
 from mapmore_cli.reporting.figures.terms import whole_curves
 from mapmore_cli.reporting.report import write_report
@@ -33,6 +35,12 @@ def folder(inputs, tmp_path_factory):
 @pytest.fixture(scope="module")
 def page(folder):
     return Page((folder / "index.html").read_text(encoding="utf-8"))
+
+
+def test_every_figure_has_a_file_and_a_place():
+    folder = Path(figures_folder.__file__).parent
+    drawn = {path.stem for path in folder.glob("*.py") if "\ndef draw(" in path.read_text()}
+    assert drawn == {*FIGURES} - {*points("figures")}
 
 
 def page_of(inputs, out, figures=tuple(FIGURES)):

@@ -54,12 +54,6 @@ def test_a_quantity_without_a_canonical_name_is_in_the_unit_of_its_column(tmp_pa
     assert load_text(tmp_path, said).spec.units == {"heat": "K"}
 
 
-def test_an_offset_is_no_absolute_pressure(tmp_path):
-    absolute = STATIC.replace("unit: kPa}", "unit: bar(a), offset: 5 mbar}")
-    column = load_text(tmp_path, absolute).spec.data.columns["pressure"]
-    assert column.offset == pytest.approx(0.005)
-
-
 def test_a_target_by_its_name_alone_is_that_of_a_quantity(tmp_path):
     named, told = (
         load_text(tmp_path, MOTION.replace("target: {column: displacement}", f"target: {target}"))

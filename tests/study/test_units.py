@@ -14,7 +14,7 @@ ALONE = {
     "time": "s", "pressure": "kPa", "strain": "1", "force": "N", "length": "m", "displacement": "m",
         "load": "N", "input": "V",
     "pressure_rate": "kPa/s", "strain_rate": "1/s", "length_rate": "m/s", "step_pressure": "kPa",
-        "temperature": "1",
+        "colour": "1",
 }  # fmt: skip
 CHANGES = {"pressure": "bar", "time": "ms", "force_rate": "N/s"}
 RATES = {"v": "displacement", "a": "v"}
@@ -33,6 +33,11 @@ RATES = {"v": "displacement", "a": "v"}
 def test_default_units(name, changes, rates, unit):
     """The units of the spec come first, and rates follow them."""
     assert default_unit(name, changes, rates) == unit
+
+
+def test_every_canonical_unit_is_known():
+    for unit in units.CANONICAL.values():
+        units.check_unit(unit)
 
 
 # Factors from the definitions of the units (BIPM; the pound and the inch are exact since 1959).

@@ -13,7 +13,15 @@ from annotated_types import Interval, Len
 from mapmore_cli.annexes.motion.body import REST, poles
 from mapmore_cli.annexes.motion.simulation import response, stable
 from mapmore_cli.domain.arrays import Array, BoolArray, IntArray
-from mapmore_cli.domain.declared import Contradiction, Either, Pair, Seconds, Settings, of_sibling
+from mapmore_cli.domain.declared import (
+    Contradiction,
+    Difference,
+    Either,
+    Pair,
+    Seconds,
+    Settings,
+    of_sibling,
+)
 
 QUARTER = 0.25  # of the longest piece: the longest time constant that is looked for
 
@@ -59,7 +67,7 @@ class MotionSettings(Settings):
     - `start`: where a run begins, as `zero`
     - `mask`: the quantity whose direction says which training samples are those of rise and of
       fall, as `displacement`
-    - `dead_band`: rate of the input up to which the last direction holds, as `0.05`
+    - `dead_band`: how far the input turns back before its direction changes, as `0.05`
     - `offset`: whether a section has a constant of its own, as `true`
     - `load`: the quantity that P3 and the constant depend on, where there is one, as `load`
     - `solver`: how sections are fitted: `swarm` is the particle swarm as published, as `swarm`
@@ -79,7 +87,7 @@ class MotionSettings(Settings):
     switching: Literal["hard", "carried", "bumpless"] = "hard"
     start: Literal["rest", "zero"] = "rest"
     mask: Literal["input", "displacement"] = "input"
-    dead_band: Annotated[float, Interval(ge=0), of_sibling("input")] = 0.0
+    dead_band: Annotated[float, Interval(ge=0), of_sibling("input", Difference)] = 0.0
     offset: bool = False
     load: str | None = None
     solver: Literal["least_squares", "swarm"] = "least_squares"

@@ -13,7 +13,8 @@ import numpy as np
 from mapmore_cli.annexes.search.situation import Situation
 from mapmore_cli.domain.arrays import Array, BoolArray
 from mapmore_cli.domain.recording import Dataset
-from mapmore_cli.fitting.baselines import DELAYS, MOST_SAMPLES, features, learned
+from mapmore_cli.fitting.baselines import DELAYS, features, learned
+from mapmore_cli.modelling.learners import LEARNERS
 from mapmore_cli.modelling.signals.sampling import even_share
 
 MOST_IN_A_FOLD = 1_500
@@ -59,7 +60,7 @@ def black_boxes(
     for out in folds:
         rest = np.flatnonzero(known & ~out)
         for name, learner in learners.items():
-            learnt = even_share(rest, min(MOST_IN_A_FOLD, MOST_SAMPLES[name] // 2))
+            learnt = even_share(rest, min(MOST_IN_A_FOLD, LEARNERS[name].most_samples // 2))
             missed = learner(x[learnt], y[learnt])(x[out]) - y[out]
             errors[name].append((missed, np.isfinite(missed)))
     return errors

@@ -14,6 +14,7 @@ from annotated_types import Gt, Interval, Len
 from mapmore_cli.domain.declared import (
     Beyond,
     Contradiction,
+    Difference,
     Either,
     OfKey,
     Settings,
@@ -98,12 +99,12 @@ class Cuts(Settings):
 class CutByDirection(Settings):
     """Segments for rise and fall.
 
-    - `of`: the quantity whose rate has the sign that decides, as `strain`
+    - `of`: the rate whose sign decides, as `strain_rate`
     - `dead_band`: rate up to which the last direction holds, as `0.002`
     """
 
     of: str
-    dead_band: Annotated[float, Gt(0), of_sibling("of")]
+    dead_band: Annotated[float, Gt(0), of_sibling("of", Difference)]
 
 
 Cut = Cuts | CutByDirection

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial as partial_of
-from itertools import pairwise
-from typing import Any, NamedTuple
+from itertools import chain, pairwise
+from typing import Any
 
 import numpy as np
 
@@ -15,31 +14,16 @@ from mapmore_cli.domain.arrays import (
     WIDE,
     Array,
     BoolArray,
-    by_blocks,
     extremes,
     give_back,
     in_blocks,
     row_blocks,
 )
+from mapmore_cli.domain.compared import Block, Compared, Normaliser, ratio
 from mapmore_cli.domain.recording import DIRECTION, Curve, Dataset, uncertainty_of
 from mapmore_cli.domain.results import ErrorBand, Forecast
 from mapmore_cli.domain.scores import Score
-from mapmore_cli.modelling.frols.moments import LARGEST, SMALLEST, power_of_two
 from mapmore_cli.modelling.signals.rates import FALL, RISE
-
-
-@dataclass(frozen=True)
-class Normaliser:
-    """What errors are divided by; a table always names it."""
-
-    name: str
-    value: float
-    extent: float = math.nan  # range of the same samples
-
-    def fraction(self, error: float) -> float:
-        """Return the error as a fraction; NaN where there is nothing to divide by."""
-        return error / self.value if self.value > 0 else math.nan
-
 
 NORMALISERS: Mapping[str, tuple[str, Callable[[float, float], float]]] = {
     "max": ("max|{}| over {}", lambda low, high: max(abs(low), abs(high))),
@@ -56,178 +40,12 @@ def normaliser(kind: str, ends: tuple[float, float], quantity: str, split: str) 
     return Normaliser(name.format(quantity, split), size(*ends), ends[1] - ends[0])
 
 
-# Sums over samples, which add up over blocks of a curve and over curves
-# --------------------------------------------------------------------------------------------------
-
-
-class Squares(NamedTuple):
-    """Number, mean and sum of squares of some values about their mean, or about zero. The sum is in
-    units of `unit` squared, a power of two in which squares neither vanish nor overflow.
-    """
-
-    n: int
-    mean: float
-    total: float
-    unit: float
-
-    @classmethod
-    def of(cls, values: Array, centred: bool = False) -> Squares:
-        """Sum up values, (n,), about their mean where they are `centred`."""
-        mean = float(values.mean()) if centred and len(values) else 0.0
-        apart, unit = values - mean if centred else values, 1.0
-        with np.errstate(over="ignore", invalid="ignore"):
-            total = float(apart @ apart)
-        if not SMALLEST < total < LARGEST:
-            unit = float(power_of_two(np.abs(values).max(initial=SMALLEST**2)))
-            apart = (values - mean) / unit
-            total = float(apart @ apart)
-        return cls(len(values), mean, total, unit)
-
-    @classmethod
-    def together(cls, parts: Iterable[Squares]) -> Squares:
-        """Return the sum of all parts (T. F. Chan, G. H. Golub, R. J. LeVeque 1983)."""
-        n, mean, total, unit = np.array([*parts]).T
-        whole, largest = float(n.sum()), float(unit.max())
-        middle = float(n @ mean) / max(whole, 1.0)
-        between = float(n @ ((mean - middle) / largest) ** 2)
-        return cls(int(whole), middle, float(total @ (unit / largest) ** 2) + between, largest)
-
-    @property
-    def about_zero(self) -> Squares:
-        """The sum of squares about zero."""
-        shift = self.n * (self.mean / self.unit) ** 2
-        return Squares(self.n, 0.0, self.total + shift, self.unit)
-
-    @property
-    def root_mean(self) -> float:
-        """Root of the mean square."""
-        return self.unit * math.sqrt(self.total / self.n)
-
-    def over(self, other: Squares) -> float:
-        """Return this sum over another; NaN where that is zero."""
-        if not other.total > 0:
-            return math.nan
-        return self.total / other.total * (self.unit / other.unit) ** 2
-
-
-class Sums(NamedTuple):
-    """What a row of the score table follows from.
-
-    Samples that are not ready are the history that a model with memory goes on from: they count in
-    no sum but the spread of `all_measured`, which is that of the RRSE, as it is usual.
-    """
-
-    all_measured: Squares  # about their mean, as the next
-    measured: Squares
-    predicted: Squares
-    errors: Squares
-    one_step: Squares
-    worst: float
-    given: int  # samples with an interval
-    inside: int  # those within it
-    chi2: float  # sum of squared errors over that of the uncertainty, NaN where none is known
-    weight: float  # sum of the inverse of its square
-    widths: tuple[Array, ...]  # of all intervals, or of an even share
-
-    @classmethod
-    def of(
-        cls, measured: Array, forecast: Forecast, every: int = 1, sigma: Array | None = None
-    ) -> Sums:
-        """Sum up `measured` samples, (n,), of the uncertainty `sigma` where it is known, and what a
-        model forecasts of them; one in `every` width of an interval is kept.
-        """
-        y, said = measured, forecast
-        if not said.ready.all():
-            y, said = measured[said.ready], forecast.at(forecast.ready)
-            sigma = None if sigma is None else sigma[forecast.ready]
-        error = said.values - y
-        given = inside = 0
-        widths = np.empty(0)
-        if said.half is not None:
-            known = np.flatnonzero(np.isfinite(said.half))
-            given, widths = len(known), said.half[known[::every]]
-            inside = int(np.count_nonzero(np.abs(error[known]) <= said.half[known]))
-        own = Squares.of(y, True)
-        return cls(
-            own if said is forecast else Squares.of(measured, True),
-            own,
-            Squares.of(said.values),
-            Squares.of(error),
-            Squares.of(np.empty(0) if said.one_step is None else said.one_step - y),
-            float(np.maximum(error.max(initial=0.0), -error.min(initial=0.0))),
-            given,
-            inside,
-            math.nan if sigma is None else float(np.sum((error / sigma) ** 2)),
-            math.nan if sigma is None else float(np.sum(sigma**-2.0)),
-            (widths,),
-        )
-
-    @classmethod
-    def together(cls, parts: Iterable[Sums]) -> Sums:
-        """Return the sums over all parts."""
-        *squares, worst, given, inside, chi2, weight, widths = zip(*parts, strict=True)
-        found: Any = [*map(Squares.together, squares), float(np.max(worst))]
-        found += [*map(sum, (given, inside, chi2, weight)), sum(widths, ())]
-        return cls(*found)
-
-    @property
-    def correlation(self) -> float:
-        """`sum y yhat / sqrt(sum y^2 sum yhat^2)`: W's correlation index, not Pearson's; NaN where
-        either is zero throughout. By the law of cosines, as `yhat - y` is the error.
-        """
-        size = math.sqrt(self.predicted.over(self.measured.about_zero))
-        error = self.errors.over(self.measured.about_zero)
-        return (1 + size**2 - error) / (2 * size) if size > 0 else math.nan
-
-
-def score(
-    model: str,
-    target: str,
-    split: str,
-    curve: str,
-    sums: Sums,
-    scale: Normaliser,
-    free: int = 0,
-) -> Score:
-    """One row of the score table over n pooled samples y, and as a model forecasts them.
-
-    `RMSE = sqrt(mean (y - yhat)^2)`, `NRMSE = RMSE / scale` (M2 eq 13), `R^2 = 1 - SSE / sum (y -
-    mean y)^2`, which is NaN for a constant y, and `RRSE = sqrt(SSE / sum (y - mean y)^2)`. `scale`
-    is the normaliser over all samples of the split, so that the rows of its curves can be compared;
-    `free` are the numbers that were fitted to them.
-    """
-    n, errors, spread = sums.errors.n, sums.errors, sums.all_measured
-    rmse = errors.root_mean
-    given = sums.given > 0
-    return Score(
-        model=model,
-        target=target,
-        split=split,
-        curve=curve,
-        n=n,
-        rmse=rmse,
-        nrmse=scale.fraction(rmse),
-        normaliser=scale.value,
-        normaliser_name=scale.name,
-        max_abs_error=sums.worst,
-        max_abs_error_fs=scale.fraction(sums.worst),
-        r2=1 - errors.over(sums.measured),
-        rrse=math.sqrt(errors.over(spread)),
-        rrse_one_step=math.sqrt(sums.one_step.over(spread)) if sums.one_step.n else math.nan,
-        r_uncentred=sums.correlation,
-        interval_coverage=sums.inside / sums.given if given else math.nan,
-        interval_half_width=float(np.median(np.concatenate(sums.widths))) if given else math.nan,
-        nrmse_range=rmse / scale.extent if scale.extent > 0 else math.nan,
-        rmse_weighted=math.sqrt(sums.chi2 / sums.weight),
-        chi2_dof=sums.chi2 / (n - free) if n > free else math.nan,
-    )
-
-
 def relative(error: Array, measured: Array) -> float:
     """`sqrt(sum error^2 / sum (y - mean y)^2)`, of errors of some or all of the measured samples;
     NaN for a constant y.
     """
-    return math.sqrt(Squares.of(error).over(Squares.of(measured, True)))
+    spread = float(np.sum((measured - measured.mean()) ** 2))
+    return math.sqrt(ratio(float(np.sum(error**2)), spread))
 
 
 def information_criteria(n: int, rmse: float, parameters: int) -> tuple[float, float]:
@@ -289,8 +107,10 @@ def bands(dataset: Dataset, predictions: Mapping[str, tuple[Array, ...]]) -> tup
     )
 
 
-MOST_WIDTHS = 1_000_000
-"""Samples whose intervals the median width is of; of more, an even share."""
+HELD = 1 << 22
+"""Samples of a row that are compared as arrays in memory; more are read again, block by block, for
+each of its numbers.
+"""
 
 # names of the splits, and whether their samples are held out
 SPLITS = (
@@ -348,53 +168,88 @@ def score_rows(
     of the quantity `group`. What has no sample that could be predicted has no row. `scale` is the
     `divisor` of the study, `free` are the numbers that were fitted to all training samples.
     """
-    every = 1 + sum(curve.size for curve in dataset.curves) // MOST_WIDTHS
     for split, held in SPLITS:
-        parts: dict[tuple[int, Any], tuple[str, list[Sums]]] = {}
+        rows: dict[tuple[int, Any], tuple[str, list[Part]]] = {}
         for number, (curve, said) in enumerate(zip(dataset.curves, forecasts, strict=True)):
-            wanted = (curve.held_out == held) & (said.ready if partial else True)
-            for place, name, rows in _parts_of(curve, number, wanted, group):
-                sums = summed(curve, dataset.target, said, every, rows)
-                if sums.errors.n:
-                    parts.setdefault(place, (name, []))[1].append(sums)
-        whole = [own[0] for (kind, _), (_, own) in parts.items() if kind == 0]
-        for name, own in [("all", whole), *(parts[place] for place in sorted(parts))]:
-            if own:
-                fitted = free if split == "train" and own is whole else 0
-                sums = Sums.together(own)
-                yield score(model, target, split, name, sums, scale, fitted)
+            for place, name, own in _parts_of(
+                Part(curve, dataset.target, said, held, partial), number, group
+            ):
+                rows.setdefault(place, (name, []))[1].append(own)
+        whole = [part for (kind, _), (_, parts) in rows.items() if kind == 0 for part in parts]
+        for name, parts in [("all", whole), *(rows[place] for place in sorted(rows))]:
+            row = compared(parts, scale, free if split == "train" and parts is whole else 0)
+            if row.n:
+                yield Score.of(model, target, split, name, row)
+
+
+@dataclass(frozen=True)
+class Part:
+    """Samples of one curve with a forecast: those of a split, or those of it in which the quantity
+    `of` has one `value`; where it is `partial`, those alone that are predicted.
+    """
+
+    curve: Curve
+    target: str
+    forecast: Forecast
+    held: bool
+    partial: bool
+    of: str | None = None
+    value: float = math.nan
+
+    def wanted(self, rows: slice) -> BoolArray:
+        """Return which of some rows are its samples."""
+        wanted: BoolArray = self.curve.held_out[rows] == self.held
+        if self.partial:
+            wanted &= self.forecast.ready[rows]
+        if self.of is not None:
+            wanted &= self.curve.columns[self.of][rows] == self.value
+        return wanted
+
+    def blocks(self) -> Iterator[Block]:
+        """Yield its samples."""
+        y, said = self.curve.columns[self.target], self.forecast
+        sigma = self.curve.columns.get(uncertainty_of(self.target))
+        columns = (y, said.values, said.one_step, said.half, sigma)
+        for rows in row_blocks(self.curve.size):
+            wanted = self.wanted(rows)
+            if wanted.any():
+                ready = wanted & said.ready[rows]
+                none = np.full(np.count_nonzero(ready), np.nan)
+                yield Block(
+                    y[rows][wanted],
+                    *(none if column is None else column[rows][ready] for column in columns),
+                )
+            if rows.stop % WIDE == 0:
+                give_back(y)
+                give_back(said.values)
 
 
 def _parts_of(
-    curve: Curve, number: int, wanted: BoolArray, group: str | None
-) -> Iterator[tuple[tuple[int, Any], str, BoolArray]]:
-    """Yield the rows of the score table that wanted samples of a curve count in: their place, their
-    name, and which samples, (n,).
+    part: Part, number: int, group: str | None
+) -> Iterator[tuple[tuple[int, Any], str, Part]]:
+    """Yield the rows of the score table that the samples of a curve count in: their place, their
+    name, and which samples.
     """
-    if wanted.any():
-        yield (0, number), curve.id, wanted
-        if DIRECTION in curve.columns:
-            for place, (word, sign) in enumerate((("rise", RISE), ("fall", FALL))):
-                on = by_blocks(partial_of(np.equal, sign), curve.columns[DIRECTION])
-                yield (1, (number, place)), f"{curve.id};direction={word}", wanted & on
-        if group is not None:
-            of = curve.columns[group]
-            for value in np.unique(of[wanted]).tolist():
-                yield (2, value), f"{group}={value:g}", wanted & (of == value)
+    curve = part.curve
+    yield (0, number), curve.id, part
+    if DIRECTION in curve.columns:
+        for place, (word, sign) in enumerate((("rise", RISE), ("fall", FALL))):
+            row = f"{curve.id};direction={word}"
+            yield (1, (number, place)), row, replace(part, of=DIRECTION, value=sign)
+    if group is not None:
+        of = curve.columns[group]
+        found = (np.unique(of[rows][part.wanted(rows)]) for rows in row_blocks(curve.size))
+        for value in {value for some in found for value in some.tolist()}:
+            yield (2, value), f"{group}={value:g}", replace(part, of=group, value=value)
 
 
-def summed(curve: Curve, target: str, said: Forecast, every: int, wanted: BoolArray) -> Sums:
-    """Return the sums over the `wanted` samples of a curve, (n,), block by block."""
-    y, sigma = curve.columns[target], curve.columns.get(uncertainty_of(target))
-    nothing = None if sigma is None else np.empty(0)
-    parts = [Sums.of(np.empty(0), said.at(slice(0)), every, nothing)]
-    for rows in row_blocks(curve.size):
-        where: Any = wanted[rows]
-        if where.any():
-            where = slice(None) if where.all() else where
-            unsure = None if sigma is None else sigma[rows][where]
-            parts.append(Sums.of(y[rows][where], said.at(rows).at(where), every, unsure))
-        if rows.stop % WIDE == 0:
-            give_back(y)
-            give_back(said.values)
-    return Sums.together(parts)
+def compared(parts: Sequence[Part], scale: Normaliser, free: int = 0) -> Compared:
+    """Return the samples of some parts as one row of the score table."""
+
+    def blocks() -> Iterator[Block]:
+        return chain.from_iterable(part.blocks() for part in parts)
+
+    if sum(part.curve.size for part in parts) > HELD:
+        return Compared(blocks, scale, free)
+    arrays = [np.concatenate(own) for own in zip(*blocks(), strict=True)]
+    return Compared(lambda: [Block(*arrays)] if arrays else [], scale, free)

@@ -10,7 +10,15 @@ from typing import Annotated, Literal
 
 from pydantic import ConfigDict, Field
 
-from mapmore_cli.domain.declared import Contradiction, Either, OfKey, Seconds, always_in, of_sibling
+from mapmore_cli.domain.declared import (
+    Contradiction,
+    Difference,
+    Either,
+    OfKey,
+    Seconds,
+    always_in,
+    of_sibling,
+)
 from mapmore_cli.study.fields import PathOrName, Quantity, Section, SignedSeconds, Uncertainty
 from mapmore_cli.study.sections.logs import FileEntry, Join, Keep, Logs
 
@@ -43,7 +51,7 @@ class Direction(Section):
     """
 
     direction_of: str
-    dead_band: Annotated[float, Field(gt=0), of_sibling("direction_of")]
+    dead_band: Annotated[float, Field(gt=0), of_sibling("direction_of", Difference)]
 
 
 class Cycles(Section):
@@ -72,7 +80,7 @@ class Levels(Section):
     at: Annotated[Annotated[list[OfLevel], Field(min_length=1)] | Literal["auto"], Either()] = (
         "auto"
     )
-    within: Annotated[float, Field(gt=0), of_sibling("of")] | None = None
+    within: Annotated[float, Field(gt=0), of_sibling("of", Difference)] | None = None
     value: Literal["measured", "nominal"] = "measured"
 
     @property

@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import Field, create_model
 
-from mapmore_cli.domain.declared import Contradiction, Either, ListToo, always_in
+from mapmore_cli.domain.declared import Contradiction, Either, ListToo, OfTarget, always_in
 from mapmore_cli.modelling.expressions import ExpressionError, parse, state
 from mapmore_cli.modelling.expressions.operator import Operator
 from mapmore_cli.modelling.expressions.operators import families
-from mapmore_cli.study.fields import OfTarget, Section
+from mapmore_cli.study.fields import Section
 from mapmore_cli.study.tree import Loc
 
 Of = Annotated[list[str], Field(min_length=1)]

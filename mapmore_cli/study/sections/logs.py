@@ -14,7 +14,14 @@ from warnings import catch_warnings
 
 from pydantic import AfterValidator, Field
 
-from mapmore_cli.domain.declared import Contradiction, Either, OfKey, Seconds, of_sibling
+from mapmore_cli.domain.declared import (
+    Contradiction,
+    Difference,
+    Either,
+    OfKey,
+    Seconds,
+    of_sibling,
+)
 from mapmore_cli.storage.readers import READERS
 from mapmore_cli.storage.tables.cells import FORMAT, THOUSANDS
 from mapmore_cli.study.fields import InColumnUnit, Quantity, Section, SignedSeconds, SpecPath
@@ -35,7 +42,7 @@ class Keep(Section):
     """
 
     quantity: str
-    abs_below: Annotated[float, Field(gt=0), of_sibling("quantity")] | None = None
+    abs_below: Annotated[float, Field(gt=0), of_sibling("quantity", Difference)] | None = None
     below: OfQuantity | None = None
     above: OfQuantity | None = None
     between: Interval | None = None

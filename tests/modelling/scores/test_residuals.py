@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from common import dataset_of
 from surfaces import QUANTITIES, built, changed, curves, recipe
 
 from mapmore_cli.domain.arrays import extremes
@@ -56,8 +57,10 @@ def test_rows_of_the_model_itself_are_judged_over_all_curves():
     scale = metrics.normaliser("max", extremes(y), "force", "validate")
 
     def told(values, model=OWN, curve="all"):
-        sums = metrics.Sums.of(y, Forecast.of(np.array(values)))
-        return alarms_of(metrics.score(model, "static", "validate", curve, sums, scale))
+        given = dataset_of({"force": y}, held_out=np.ones(3, dtype=bool), output="force")
+        said = [Forecast.of(np.array(values))]
+        rows = metrics.score_rows(model, "static", said, given, scale)
+        return alarms_of(next(row for row in rows if row.curve == curve))
 
     assert told(y + 0.1) == told([9.0] * 3, model="mean") == told([9.0] * 3, curve="a") == ()
     assert [one.partition("the model is ")[2] for one in told([2.0] * 3)] == [

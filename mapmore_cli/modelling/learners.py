@@ -1,0 +1,61 @@
+"""Black boxes as competitors, each declared once: what a learner that knows nothing of muscles
+makes of the same samples.
+
+They come from scikit-learn (extra `baselines`), which is imported when one is made. Settings and
+seeds are the same for every study.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Learner:
+    """A black box: `make` returns one with `fit` and `predict`, given the number of its inputs,
+    and `most_samples` is how many training samples it bears, of which many leave an even share.
+    """
+
+    title: str
+    most_samples: int
+    make: Callable[[int], Any]
+
+
+def _gaussian_process(inputs: int) -> Any:
+    from sklearn.gaussian_process import GaussianProcessRegressor
+    from sklearn.gaussian_process.kernels import RBF, ConstantKernel, WhiteKernel
+
+    kernel = ConstantKernel(1.0) * RBF(np.ones(inputs)) + WhiteKernel(1e-2)
+    return GaussianProcessRegressor(kernel, n_restarts_optimizer=1, random_state=0)
+
+
+def _gradient_boosting(_inputs: int) -> Any:
+    from sklearn.ensemble import HistGradientBoostingRegressor
+
+    return HistGradientBoostingRegressor(
+        max_iter=300, min_samples_leaf=5, early_stopping=False, random_state=0
+    )
+
+
+def _neural_network(_inputs: int) -> Any:
+    from sklearn.neural_network import MLPRegressor
+
+    return MLPRegressor(
+        hidden_layer_sizes=(32, 32), solver="lbfgs", alpha=1e-3, max_iter=500, random_state=0
+    )
+
+
+LEARNERS: Mapping[str, Learner] = MappingProxyType(
+    {
+        # a Gaussian process costs the cube of its samples
+        "gaussian_process": Learner("Gaussian process", 400, _gaussian_process),
+        "gradient_boosting": Learner("Gradient boosting", 20_000, _gradient_boosting),
+        "mlp": Learner("Neural network", 5_000, _neural_network),
+    }
+)
+"""The black boxes by the names that specs have for them."""

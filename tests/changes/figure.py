@@ -1,0 +1,20 @@
+"""A figure: predicted over measured values, which is the template of a plug-in put into our
+folder; its place on the page is a line of the page's order.
+"""
+
+from pathlib import Path
+
+TEMPLATE = Path(__file__).parents[2] / "docs/examples/plugin/mapmore_template/figure.py"
+FILE, ORDER = "reporting/figures/scatter.py", "domain/scores.py"
+ROW = '    "convergence": "nrmse",\n'
+DRAWN = {FILE: TEMPLATE.read_text(encoding="utf-8")}
+PLACED = {ORDER: [(ROW, f'{ROW}    "scatter": "fit",\n')]}
+PATCH = {**DRAWN, **PLACED}
+WORKS = """
+from mapmore_cli.domain.scores import FIGURES
+from mapmore_cli.reporting.figures import scatter
+from mapmore_cli.study.experiment import Report
+assert "scatter" in Report().figures and callable(scatter.draw)
+"""
+TEST = "reporting/test_reporting_page.py::test_every_figure_has_a_file_and_a_place"
+HALVES = {"that is not drawn": (PLACED, TEST), "without a place": (DRAWN, TEST)}
