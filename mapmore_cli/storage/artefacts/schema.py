@@ -25,7 +25,7 @@ from typing import Annotated, Any, NamedTuple, Union, get_args, get_origin, get_
 import numpy as np
 
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.domain.fits import Scaling, SegmentedCurve
+from mapmore_cli.domain.fits import Fit, Scaling, SegmentedCurve
 from mapmore_cli.domain.foreign import is_one_line
 from mapmore_cli.domain.models import Body, Model, Pieces
 from mapmore_cli.domain.recording import Dataset
@@ -127,8 +127,8 @@ def stored_fields(type_: Any) -> dict[str, tuple[Any, Any]]:
 
 @cache
 def bodies(kind: Any) -> dict[str, type]:
-    """Return what a model consists of (`Body`), or what was fitted (`Any`), by its kind."""
-    if kind not in (Body, Any):
+    """Return what a model consists of (`Body`), or what was fitted (`Fit`), by its kind."""
+    if kind not in (Body, Fit):
         return {}
     return {one.name: type_ for one in kinds() if (type_ := one.body if kind is Body else one.fit)}
 
