@@ -324,6 +324,7 @@ class _Run:
                 needed,
                 as_found(self.loaded, self.run_dir).resolved,
                 self.loaded.spec.model.type == AUTO,
+                self.loaded.tables,
             )
             with one_blas_thread():
                 stage.run(plan.part, workspace)
