@@ -68,9 +68,9 @@ def _bring_up_to_date(
     verbose: Verbose = False,
 ) -> None:
     """Do what is stale up to the stage of a command, and print what the command is for."""
-    from mapmore_cli.domain.scores import FIGURES
     from mapmore_cli.pipeline import runner
     from mapmore_cli.pipeline.jobs import Finished
+    from mapmore_cli.reporting.order import FIGURES
     from mapmore_cli.study.loader import load
 
     if figures is not None:

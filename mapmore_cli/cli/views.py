@@ -14,8 +14,9 @@ from mapmore_cli.cli.console import Document, View, picked
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.models import Formula, Memory, Outputs, Pieces
 from mapmore_cli.domain.results import OutputsFit
-from mapmore_cli.domain.scores import OWN, RUN_PAGE
+from mapmore_cli.domain.scores import OWN
 from mapmore_cli.reporting import memory_tables
+from mapmore_cli.reporting.order import RUN_PAGE
 from mapmore_cli.reporting.score_tables import (
     curve_scores_table,
     pieces_sentence,

@@ -1,7 +1,7 @@
 """The sections of a page, in its order: who adds one adds a row here, with its tables.
 
 A section shows what `templates/sections/ID.html` says, where there is such a file; then its figures
-(`domain.scores.FIGURES` says which); then its tables.
+(`reporting.order.FIGURES` says which); then its tables.
 """
 
 from __future__ import annotations

@@ -29,9 +29,10 @@ from pydantic import (
 )
 
 from mapmore_cli.domain.declared import Contradiction, Either, Name, Settings
-from mapmore_cli.domain.scores import FIGURES, Published
+from mapmore_cli.domain.scores import Published
 from mapmore_cli.modelling.pieces.recipe import CutByDirection, Fuse, Segmented
 from mapmore_cli.modelling.selection import TERMS_OF_ONE_MODEL, Fit
+from mapmore_cli.reporting.order import FIGURES
 from mapmore_cli.study.fields import (
     Context,
     Metres,

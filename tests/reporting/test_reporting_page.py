@@ -11,11 +11,11 @@ from common import python
 from report_builder import Page, all_named, build, of_pieces
 
 from mapmore_cli.domain.models import Formula
-from mapmore_cli.domain.scores import FIGURES
 from mapmore_cli.modelling.kinds import equations
 from mapmore_cli.modelling.validation.residuals import residual_tests
 from mapmore_cli.reporting.figures.drawing import compose, drawings
 from mapmore_cli.reporting.figures.terms import whole_curves
+from mapmore_cli.reporting.order import FIGURES
 from mapmore_cli.reporting.report import write_report
 
 EVERYTHING = {"figures": tuple(FIGURES), "formats": ("html", "csv", "svg")}

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from mapmore_cli.domain.errors import told
-from mapmore_cli.domain.scores import RUN_PAGE
+from mapmore_cli.reporting.order import RUN_PAGE
 from mapmore_cli.reporting.table import Table, to_csv
 from mapmore_cli.storage.atomic import make_folder, refusals_told, write_text
 from mapmore_cli.storage.ownership import to_trash
