@@ -22,7 +22,7 @@ Section = Mapping[str, Any]
 
 
 def fit(
-    frame: Any,
+    frame: object,
     *,
     target: str | Section = "static",
     columns: Section | None = None,
@@ -44,7 +44,7 @@ def fit(
     schema_version: int = 1,
     check: bool = True,
     progress: bool = False,
-    **of_data: Any,
+    **of_data: object,
 ) -> Fitted:
     """Fit a model to a table, with the sections of a spec as keyword arguments.
 
@@ -166,7 +166,7 @@ def fit(
 
 
 def _data_of(
-    frame: Any, section: dict[str, Any], target: Any
+    frame: object, section: dict[str, Any], target: object
 ) -> tuple[dict[str, Any], tuple[Any, ...]]:
     """Return the section `data`, and the frames in memory: none where files are read.
 
@@ -187,7 +187,7 @@ def _data_of(
     return section, frames
 
 
-def _reader_of(path: Any) -> str:
+def _reader_of(path: object) -> str:
     """Return the reader of files that begin or end so; `csv` for others.
 
     Raises `SpecError` for what is no path.

@@ -286,7 +286,7 @@ def _of_outputs(names: Iterable[str], views: Iterable[View]) -> tuple[Document, 
     return {"outputs": {name: view.document for name, view in own.items()}}, tuple(tables)
 
 
-def _segment(named: SegmentFit | SegmentFunction, numbers: Any) -> Document:
+def _segment(named: SegmentFit | SegmentFunction, numbers: object) -> Document:
     """One segment function; theta is in scaled coordinates."""
     keys = ("theta", "theta_error", "g", "err", "samples", "stop", "condition")
     return {**picked(named, "id", "terms", "scaling"), **picked(numbers, *keys)}

@@ -101,7 +101,7 @@ class Door:
         return self.convert(np.asarray(seconds, dtype=np.float64), "s")
 
 
-def in_unit(values: Any) -> tuple[str | None, Any]:
+def in_unit(values: object) -> tuple[str | None, Any]:
     """Return the unit that an array carries, None for a plain one, and its numbers: of pint,
     astropy, unyt; of `attrs` in xarray.
     """

@@ -116,7 +116,7 @@ class LoadedModel:
         said = {one.output.name: predict(one, flat).reshape(shape) for one in self.model.each}
         return said if len(said) > 1 else said[self.output.name]
 
-    def predict(self, frame: Any, columns: Mapping[str, Any] | None = None) -> Any:
+    def predict(self, frame: object, columns: Mapping[str, Any] | None = None) -> Any:
         """Return the output at the rows of a frame, (n,), in the model's unit; NaN where an input
         is not finite. Of several outputs a mapping by their names.
 
@@ -145,7 +145,7 @@ class LoadedModel:
     def _sources(self) -> Mapping[str, SourceColumn]:
         return {}
 
-    def export(self, to: str, path: str | Path = ".", **options: Any) -> list[Path]:
+    def export(self, to: str, path: str | Path = ".", **options: object) -> list[Path]:
         """Write the model in another language, as `mapmore export --to` does, into the folder
         `path`; the paths of the files.
 
@@ -231,7 +231,7 @@ class LoadedModel:
         target, *others = (array.ravel() for array in np.broadcast_arrays(*arrays))
         return invert(self.model, target, dict(zip(given, others, strict=True)), name, rule)
 
-    def _given(self, name: str, values: Any) -> Array:
+    def _given(self, name: str, values: object) -> Array:
         return given_numbers(values, f"`{name}`", name, self.units.get(name) or default_unit(name))
 
     def _flattened(self, columns: dict[str, ArrayLike]) -> tuple[dict[str, Array], tuple[int, ...]]:
@@ -266,7 +266,7 @@ Entry = Column | Mapping[str, Any]
 """What `columns` says of a quantity, as in YAML."""
 
 
-def columns_in(frame: Any, column: Column) -> list[Hashable]:
+def columns_in(frame: object, column: Column) -> list[Hashable]:
     """Return the labels that a column of the spec means; none where there is no such column,
     several where it is not clear.
 
@@ -283,7 +283,7 @@ def columns_in(frame: Any, column: Column) -> list[Hashable]:
     return found if numbered or not 0 <= column < len(labels) else [labels[column]]
 
 
-def canonical_columns(frame: Any, target: Any) -> dict[str, dict[str, str]]:
+def canonical_columns(frame: object, target: object) -> dict[str, dict[str, str]]:
     """Return the section `columns` of a frame: its columns with canonical names, or all that may
     be names of quantities where the `target` is one of them. Raises `SpecError` for none.
     """
@@ -323,7 +323,9 @@ def column_of(
     return values
 
 
-def given_numbers(values: Any, what: str, name: str, unit: str, layout: str | None = None) -> Array:
+def given_numbers(
+    values: object, what: str, name: str, unit: str, layout: str | None = None
+) -> Array:
     """Return what a user gave for the quantity `name`, as numbers in a `unit`; `layout` is the
     format of stamps.
 
@@ -388,7 +390,7 @@ def write_tables(tables: Mapping[str, RawTable], folder: Path) -> list[Path]:
     return paths
 
 
-def source_of(entry: Any) -> Column:
+def source_of(entry: object) -> Column:
     """Return the column that an entry of `columns` names; raises `SpecError` for another form."""
     found = entry.get("column") if isinstance(entry, Mapping) else entry
     if not isinstance(found, str | int):
@@ -400,7 +402,10 @@ def source_of(entry: Any) -> Column:
 
 
 def quantities_of(
-    frame: Any, wanted: Sequence[str], columns: Mapping[str, SourceColumn], units: Mapping[str, str]
+    frame: object,
+    wanted: Sequence[str],
+    columns: Mapping[str, SourceColumn],
+    units: Mapping[str, str],
 ) -> dict[str, Array]:
     """Return the `wanted` quantities of a frame in the model's `units`, (n,) each.
 
@@ -423,7 +428,7 @@ def quantities_of(
     return found
 
 
-def plain_values(value: Any) -> Any:
+def plain_values(value: object) -> Any:
     """Return the value as YAML holds it: lists for tuples and arrays, numbers for NumPy's scalars,
     text for paths.
     """

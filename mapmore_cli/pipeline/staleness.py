@@ -148,7 +148,7 @@ class StagePlan:
     """
 
     stage: Stage
-    part: Any
+    part: object
     now: StageRecord
     needed: tuple[Needed, ...]
     reason: str | None
@@ -281,7 +281,7 @@ LONGEST_VALUE = 60
 NOT_SET = "not set"
 
 
-def plain(value: Any) -> Any:
+def plain(value: object) -> Any:
     """Return a slice (frozen dataclasses, spec models and what they hold) as JSON values, under the
     names of the YAML file. `also` came later, and is left out where it is empty: older runs stay up
     to date.
@@ -291,7 +291,7 @@ def plain(value: Any) -> Any:
 
 
 def fingerprint(
-    name: str, revision: int, part: Any, before: str, contents: Mapping[str, str]
+    name: str, revision: int, part: object, before: str, contents: Mapping[str, str]
 ) -> str:
     """SHA-256 of a stage's name and revision, its slice `part`, the fingerprint `before` it, and
     the hashes of its sources by path.
@@ -352,6 +352,6 @@ def _differences(place: str, old: Any, new: Any) -> Iterator[str]:
         yield f"{place}: {was} -> {now}" if was != now else f"{place} changed"
 
 
-def _shortened(value: Any) -> str:
+def _shortened(value: object) -> str:
     text = value if isinstance(value, str) else json.dumps(value, ensure_ascii=False)
     return text if len(text) <= LONGEST_VALUE else f"{text[: LONGEST_VALUE - 1]}…"

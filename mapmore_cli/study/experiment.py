@@ -117,7 +117,7 @@ def _with_paths(settings: Mapping[str, Any], change: Callable[[str], Any]) -> di
     return changed
 
 
-def _read_settings(given: Any, info: ValidationInfo) -> Any:
+def _read_settings(given: object, info: ValidationInfo) -> Any:
     read = partial(read_path, info=info, bare=False)
     return _JSON.validate_python(_with_paths(given, read)) if isinstance(given, dict) else given
 
@@ -331,7 +331,7 @@ class Report(Section):
 # --------------------------------------------------------------------------------------------------
 
 
-def _given_memory(dictionary: Any, info: ValidationInfo) -> bool:
+def _given_memory(dictionary: object, info: ValidationInfo) -> bool:
     """Whether a dictionary that is not validated yet has terms with memory; False where its form is
     wrong, which is reported elsewhere.
     """
@@ -419,7 +419,7 @@ class ExperimentSpec(Section):
 
     @model_validator(mode="before")
     @classmethod
-    def _by_choice(cls, given: Any, info: ValidationInfo) -> Any:
+    def _by_choice(cls, given: object, info: ValidationInfo) -> Any:
         """Fill in defaults that depend on the target, on the terms, and on the parts of a sum."""
         if not isinstance(given, dict):
             return given

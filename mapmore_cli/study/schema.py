@@ -70,7 +70,7 @@ def _told(section: JsonSchemaValue, of: type) -> JsonSchemaValue:
     return {**section, "description": about.strip()}
 
 
-def _unit_within(value: Any) -> str | None:
+def _unit_within(value: object) -> str | None:
     """Return the unit of the numbers that may stand at a key, taken out of what is said of each; 1
     for plain numbers, None where there are none.
     """
@@ -131,7 +131,7 @@ def key_texts(keys: Sequence[str]) -> dict[str, str]:
 
 
 def _sections_within(
-    schema: Any, sections: dict[str, Any], skipped: Sequence[str]
+    schema: object, sections: dict[str, Any], skipped: Sequence[str]
 ) -> Iterator[str]:
     """Yield the sections that a schema names, from top to bottom and however often, each followed
     by those inside it.

@@ -8,7 +8,7 @@ from contextlib import suppress
 from dataclasses import replace
 from hashlib import sha256
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from mapmore_cli.domain.errors import told
 from mapmore_cli.reporting.order import RUN_PAGE
@@ -77,7 +77,7 @@ def _ways_made(
 
     The record of an older version lists no files: whatever stands there then counts as written.
     """
-    known: Any = None
+    known: object = None
     with suppress(OSError, ValueError, AttributeError):
         known = json.loads((folder / CAMPAIGN_RECORD).read_bytes()).get("files")
     files = dict[str, list[str]]()
