@@ -117,7 +117,7 @@ def _with_paths(settings: Mapping[str, Any], change: Callable[[str], Any]) -> di
     return changed
 
 
-def _read_settings(given: object, info: ValidationInfo) -> Any:
+def _read_settings(given: object, info: ValidationInfo) -> object:
     read = partial(read_path, info=info, bare=False)
     return _JSON.validate_python(_with_paths(given, read)) if isinstance(given, dict) else given
 
@@ -419,7 +419,7 @@ class ExperimentSpec(Section):
 
     @model_validator(mode="before")
     @classmethod
-    def _by_choice(cls, given: object, info: ValidationInfo) -> Any:
+    def _by_choice(cls, given: object, info: ValidationInfo) -> object:
         """Fill in defaults that depend on the target, on the terms, and on the parts of a sum."""
         if not isinstance(given, dict):
             return given
