@@ -123,13 +123,6 @@ def write_schema_beside(spec: Path) -> None:
         write_text(path, json.dumps(json_schema(), indent=2) + "\n")
 
 
-def key_texts(keys: Sequence[str]) -> dict[str, str]:
-    """Return what keys of the top level and of `data` are, with an example as Python writes it."""
-    schema = _whole_schema()
-    known = {**schema["$defs"]["Data"]["properties"], **schema["properties"]}
-    return {key: f"{known[key]['description']}, as `{known[key]['examples'][0]!r}`" for key in keys}
-
-
 def _sections_within(
     schema: object, sections: dict[str, Any], skipped: Sequence[str]
 ) -> Iterator[str]:

@@ -16,7 +16,7 @@ from mapmore_cli.api import fitted as fitted_module
 from mapmore_cli.domain.errors import DataError, SpecError, UsageError
 from mapmore_cli.ingestion.files import expand
 from mapmore_cli.study.experiment import ExperimentSpec
-from mapmore_cli.study.schema import key_texts
+from mapmore_cli.study.schema import json_schema
 from mapmore_cli.study.sections.data import Data
 
 
@@ -307,8 +307,10 @@ def test_what_tab_shows_are_the_sections_of_the_spec():
     added = {"frame", "columns", "levels", "split", "check", "progress", "of_data"}
     assert arguments.keys() == keys | added
     assert {"columns", "levels", "split"} <= Data.model_fields.keys()
-    said = " ".join(mm.fit.__doc__.split())
-    for key, text in key_texts([*keys - {"data", "schema_version"}, "levels", "split"]).items():
+    said, schema = " ".join(mm.fit.__doc__.split()), json_schema()
+    known = {**schema["$defs"]["Data"]["properties"], **schema["properties"]}
+    for key in (keys | {"levels", "split"}) - {"data", "schema_version"}:
+        text = f"{known[key]['description']}, as `{known[key]['examples'][0]!r}`"
         assert f" {key} {text} " in said, "the docstring of fit says what the schema says"
     assert set(dir(mm)) == {*mm.__all__} >= {"fit", "run", "load_model", "example", "FROLS"}
     assert all(getattr(mm, name) is not None for name in mm.__all__)
