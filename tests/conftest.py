@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from hypothesis import settings
 
-from mapmore_cli.domain import processors
+from mapmore_cli.pipeline import processors
 
 # Examples of a property that asks for no number of its own; `make test-all` takes the third profile
 settings.register_profile(

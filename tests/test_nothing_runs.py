@@ -38,8 +38,6 @@ OWN = ("__name__", "__package__", "formulas.__name__", "modelling.__name__")
 LIBRARIES = {
     "storage/tables/__init__.py",
     "domain/plugins.py",
-    "modelling/kinds.py",
-    "fitting/kinds/__init__.py",
 }
 """Load libraries of the readers, which are named in our source, and plug-ins, which are named by
 what is installed.

@@ -3,21 +3,27 @@
 from __future__ import annotations
 
 import os
-import re
 import sys
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from html import escape
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 from mapmore_cli.checking.findings import sentences
-from mapmore_cli.domain.errors import MapmoreError
 from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.results import FitResult
 from mapmore_cli.domain.scores import ScoreTable
-from mapmore_cli.pipeline.notebooks import LoadedModel, source_of, write_frames
+from mapmore_cli.pipeline.notebooks import (
+    Frame,
+    LoadedModel,
+    section_of,
+    source_of,
+    tables_of,
+    write_tables,
+)
 from mapmore_cli.pipeline.runner import Options, bring_up_to_date
 from mapmore_cli.reporting.score_tables import score_table
 from mapmore_cli.reporting.summary import summary_table
@@ -25,8 +31,9 @@ from mapmore_cli.reporting.table import Table
 from mapmore_cli.storage.atomic import refusals_told, scratch_folder, write_bytes, write_text
 from mapmore_cli.storage.run_folder import MODEL, RunFiles
 from mapmore_cli.storage.run_record import score_row
+from mapmore_cli.storage.tables import RawTable
 from mapmore_cli.study.experiment import ExperimentSpec
-from mapmore_cli.study.loader import MODELINE, SCHEMA, LoadedSpec, load, load_text
+from mapmore_cli.study.loader import MODELINE, SCHEMA, LoadedSpec, load_text
 from mapmore_cli.study.schema import write_schema_beside
 from mapmore_cli.study.sections.logs import SourceColumn
 from mapmore_cli.study.yaml_loader import as_overrides, dump, escaped
@@ -87,7 +94,7 @@ class Study:
     """
 
     document: Mapping[str, Any]
-    frames: tuple[Any, ...]
+    frames: tuple[Frame, ...]
     folder: Path
     check: bool = True
     progress: bool = False
@@ -98,42 +105,37 @@ class Study:
         found: Mapping[str, Any] = self.document["data"].get("columns", {})
         return found
 
-    def loaded(self, place: Path, changes: Mapping[str, Any] | None = None) -> LoadedSpec:
-        """Return the spec written to the file `place`, so that it runs there; frames are written to
-        a folder beside it.
-        """
-        document = {"schema_version": 1, **self.document}
+    def loaded(self, changes: Mapping[str, Any] = MappingProxyType({})) -> LoadedSpec:
+        """Return the spec, with the frames as its recordings in memory."""
+        document, tables = {"schema_version": 1, **self.document}, dict[str, RawTable]()
         if self.frames:
-            written = write_frames(
-                self.frames,
-                self.columns,
-                self.document.get("units", {}),
-                place.parent / f"{place.stem}_data",
-            )
-            files = [os.path.relpath(path, self.folder) for path in written["files"]]
-            document["data"] = {**document["data"], **written, "files": files}
-        # mistakes are told without naming a file that nobody wrote
-        told = load_text(dump(escaped(document)), HERE, self.folder)
-        write_text(place, told.resolved_in(place.parent, given_only=True))
-        return load(place, as_overrides(changes or {}))
+            tables = tables_of(self.frames, self.columns, self.document.get("units", {}))
+            document["data"] = {**document["data"], **section_of(tables, self.columns)}
+        text = dump(escaped(document))
+        return load_text(text, HERE, self.folder, as_overrides(changes), tables)
 
-    def fitted(self, changes: Mapping[str, Any] | None = None) -> Fitted:
-        """Return the model and its scores, made in a temporary folder that is removed."""
-        told: list[str] = []
-        with scratch_folder() as place:
-            loaded = self.loaded(place / "spec.yaml", changes)
-            try:
-                outcome = bring_up_to_date(
-                    loaded,
-                    place / "runs",
-                    "validate",
-                    options=Options(check=self.check),
-                    progress=_show_progress if self.progress else lambda *_: None,
-                    warn=told.append,
-                )
-            except MapmoreError as error:
-                error.message = self._as_called(error.message)
-                raise
+    def written(self, place: Path) -> str:
+        """Return the spec for a file `place`, with the frames written to a folder beside it."""
+        loaded = self.loaded()
+        if loaded.tables:
+            paths = write_tables(loaded.tables, place.parent / f"{place.stem}_data")
+            loaded = self.loaded({"data.files": [os.path.relpath(p, self.folder) for p in paths]})
+        return loaded.resolved_in(place.parent, given_only=True)
+
+    def fitted(self, changes: Mapping[str, Any] = MappingProxyType({})) -> Fitted:
+        """Return the model and its scores; results of stages pass through a temporary folder that
+        is removed.
+        """
+        told, loaded = list[str](), self.loaded(changes)
+        with scratch_folder() as runs:
+            outcome = bring_up_to_date(
+                loaded,
+                runs,
+                "validate",
+                options=Options(check=self.check),
+                progress=_show_progress if self.progress else lambda *_: None,
+                warn=told.append,
+            )
             run = RunFiles(outcome.run_dir)
             table = run.scores()
             shown = run.validation().shown or run.dataset()
@@ -147,25 +149,9 @@ class Study:
                 held_out=tuple(
                     curve.at(curve.held_out) for curve in shown.curves if curve.held_out.any()
                 ),
-                warnings=tuple(map(self._as_called, (*table.warnings, *told))),
-                doubts=tuple(map(self._as_called, sentences(outcome.run_dir))),
+                warnings=(*table.warnings, *told),
+                doubts=sentences(outcome.run_dir),
             )
-
-    def _as_called(self, message: str) -> str:
-        """Return a message with the frame, row and column of the user, in place of files that
-        nobody wrote.
-        """
-
-        def place(found: re.Match[str]) -> str:
-            number, row, name = found.groups()
-            words = [f"frame {number}" if len(self.frames) > 1 else "the frame"]
-            words += [f"row {row} (from 0)"] if row else []
-            words += [f"column {source_of(self.columns[name])!r}"] if name in self.columns else []
-            return ", ".join(words)
-
-        message = re.sub(r"\S*\bspec\.yaml(:\d+)*", HERE, message)
-        written = r"\S*\bspec_data/recording_(\d+)\.h5(?::index (\d+))?(?:, column (\w+))?"
-        return re.sub(written, place, message)
 
 
 def _show_progress(what: str, done: int, total: int) -> None:
@@ -267,7 +253,6 @@ class Fitted(LoadedModel):
         place = Path(path)
         with refusals_told(place):
             place.parent.mkdir(parents=True, exist_ok=True)
-            self.study.loaded(place)
-            write_text(place, f"{MODELINE}{SCHEMA}\n{place.read_text(encoding='utf-8')}")
+            write_text(place, f"{MODELINE}{SCHEMA}\n{self.study.written(place)}")
         write_schema_beside(place)
         return place

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Mapping, Sequence
-from inspect import signature
 from pathlib import Path
-from textwrap import fill
 from typing import Any
 
 from mapmore_cli.api.fitted import HERE, Fitted, Study
@@ -17,21 +15,14 @@ from mapmore_cli.pipeline.example import example_recordings
 from mapmore_cli.pipeline.notebooks import canonical_columns, plain_values
 from mapmore_cli.storage.readers import reader_of
 from mapmore_cli.study.diagnostics import did_you_mean
-from mapmore_cli.study.schema import key_texts
 from mapmore_cli.study.sections.data import Data
 
 Section = Mapping[str, Any]
 """A section of the spec, its keys as in YAML."""
 
-OF_DATA = ("columns", "levels", "split")
-"""Keys of the section `data` that `fit` names; it takes all others likewise."""
-
-NO_SECTIONS = ("frame", "data", "check", "progress", "of_data")
-"""Arguments of `fit` that are no sections, and the one that is made of several."""
-
 
 def fit(
-    frame: Any,
+    frame: object,
     *,
     target: str | Section = "static",
     columns: Section | None = None,
@@ -53,7 +44,7 @@ def fit(
     schema_version: int = 1,
     check: bool = True,
     progress: bool = False,
-    **of_data: Any,
+    **of_data: object,
 ) -> Fitted:
     """Fit a model to a table, with the sections of a spec as keyword arguments.
 
@@ -69,6 +60,40 @@ def fit(
     columns
         Which column holds which quantity. Without it, the columns of a frame have canonical names;
         where `target` is the label of one, all are called by their labels.
+    target
+        what is modelled: `static`, `hysteresis`, `damping` or `dynamic` force, or a quantity, or
+        several that share segments and terms, as `'static'`
+    levels
+        what is held constant within a curve, as `{'at': 'auto', 'of': 'pressure'}`
+    split
+        which data are held out of training, as `{'validate': {'pressure': [250]}}`
+    segment
+        how each variable is cut into segments; `none` pools the curves of the levels, as
+        `{'strain': {'count': 4, 'method': 'even'}}`
+    dictionary
+        families of candidate terms, as `[{'polynomial': {'of': ['strain'], 'order': 4}}]`
+    model
+        which kind of model, and what the pieces stand on, as `{'backbone': 'sarosi'}`
+    fit
+        how terms are chosen, and how many, as `{'max_terms': 2}`
+    fuse
+        how pieces are joined, and what happens beyond the data, as `{'transition': 'linear', 'z_s':
+        0.25}`
+    validate
+        competitors, metrics and limits, as `{'against': ['sarosi'], 'require': {'nrmse': 0.05}}`
+    formulas
+        formulas of your own, each a file or written out, to be named like those of the literature,
+        as `['my_formula.yaml']`
+    muscle
+        what was measured, as `{'diameter': '20 mm', 'length': '88 mm'}`
+    units
+        units of quantities in the model and on pages, as `{'pressure': 'bar'}`
+    needs
+        specs of the runs that this one builds on, as `{'static': 'static.yaml'}`
+    report
+        figures and files of the report, as `{'formats': ['html', 'pdf']}`
+    name
+        name of the run and of its folder, as `'my-muscle'`
     check
         With `check=False`, what `mapmore check` calls an error is a warning, and does not end the
         fit.
@@ -109,40 +134,39 @@ def fit(
     >>> float(m(pressure=pressure[0], strain=0.1).round(6))
     100.0
     """
-    given = {key: value for key, value in locals().items() if value is not None}
-    document = {key: value for key, value in given.items() if key not in (*NO_SECTIONS, *OF_DATA)}
-    of_data = {**{key: given[key] for key in OF_DATA if key in given}, **of_data}
+    sections = {
+        "target": target,
+        "segment": segment,
+        "dictionary": dictionary,
+        "model": model,
+        "fit": fit,
+        "fuse": fuse,
+        "validate": validate,
+        "formulas": formulas,
+        "muscle": muscle,
+        "units": units,
+        "needs": needs,
+        "report": report,
+        "name": name,
+        "schema_version": schema_version,
+    }
+    of_data = {"columns": columns, "levels": levels, "split": split, **of_data}
     for key in sorted(of_data.keys() - Data.model_fields.keys()):
-        known = did_you_mean(key, [*document, *SECTIONS, *Data.model_fields])
-        raise SpecError(f"{HERE}: unknown key `{key}`", known)
-    document["data"], frames = _data_of(frame, {**(data or {}), **of_data}, target)
-    study = Study(plain_values(document), frames, Path.cwd(), check, progress)
+        raise SpecError(
+            f"{HERE}: unknown key `{key}`", did_you_mean(key, [*sections, *Data.model_fields])
+        )
+    given = {key: value for key, value in of_data.items() if value is not None}
+    own, frames = _data_of(frame, {**(data or {}), **given}, target)
+    document = {key: value for key, value in sections.items() if value is not None}
+    study = Study(plain_values({**document, "data": own}), frames, Path.cwd(), check, progress)
     found = study.fitted()
     for warning in (*found.scores.table.warnings, *found.doubts):
         warnings.warn(warning, stacklevel=2)
     return found
 
 
-SECTIONS = key_texts(
-    [
-        name
-        for name in signature(fit).parameters
-        if name not in ("columns", "schema_version", *NO_SECTIONS)
-    ]
-)
-fit.__doc__ = (fit.__doc__ or "").replace(
-    "    check\n",
-    "".join(
-        f"    {key}\n{fill(text, 100, initial_indent=' ' * 8, subsequent_indent=' ' * 8)}\n"
-        for key, text in SECTIONS.items()
-    )
-    + "    check\n",
-    1,
-)
-
-
 def _data_of(
-    frame: Any, section: dict[str, Any], target: Any
+    frame: object, section: dict[str, Any], target: object
 ) -> tuple[dict[str, Any], tuple[Any, ...]]:
     """Return the section `data`, and the frames in memory: none where files are read.
 
@@ -163,7 +187,7 @@ def _data_of(
     return section, frames
 
 
-def _reader_of(path: Any) -> str:
+def _reader_of(path: object) -> str:
     """Return the reader of files that begin or end so; `csv` for others.
 
     Raises `SpecError` for what is no path.

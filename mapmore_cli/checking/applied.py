@@ -97,6 +97,10 @@ def issues_without_curves(loaded: LoadedSpec) -> list[Issue]:
     bare |= {"missing": "drop", "repeated_time": "average"}
     part = slice_of(loaded.spec)
     with suppress(SpecError, DataError):
-        plain = build_dataset(replace(part, data=part.data.model_copy(update=bare)), loaded.folder)
+        plain = build_dataset(
+            replace(part, data=part.data.model_copy(update=bare)),
+            loaded.folder,
+            tables=loaded.tables,
+        )
         return issues_of(loaded, plain, curves=False)
     return []

@@ -24,7 +24,7 @@ from mapmore_cli.cli.console import (
 )
 from mapmore_cli.cli.progress import Reporter
 from mapmore_cli.domain.errors import UsageError
-from mapmore_cli.domain.scores import FIGURES
+from mapmore_cli.reporting.order import FIGURES
 from mapmore_cli.storage.atomic import write_bytes, write_text
 
 

@@ -5,9 +5,8 @@ make-like commands over one spec.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
-from inspect import Signature, signature
-from typing import TYPE_CHECKING, Annotated, Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
 
 from typer import Option
 
@@ -40,51 +39,33 @@ if TYPE_CHECKING:
 
 
 def _bring_up_to_date(
-    config: Config,
     command: str,
-    *,
-    figures: Annotated[
-        str | None,
-        Option(
-            "--figures",
-            metavar="NAMES",
-            help="Draw these alone, as fit,error; or all, or none. Default: `report.figures`.",
-        ),
-    ] = None,
-    runs: Runs = RUNS,
-    overrides: Overrides = NONE,
-    force: Force = False,
-    rehash: Rehash = False,
-    no_check: NoCheck = False,
-    explain: Explain = False,
-    print_spec: Annotated[
-        bool,
-        Option("--print-spec", help="Print the spec with its defaults filled in; do nothing."),
-    ] = False,
-    junit: Junit = None,
-    summary: Summary = None,
-    as_json: AsJson = False,
-    quiet: Quiet = False,
-    verbose: Verbose = False,
+    config: Path,
+    runs: Path,
+    overrides: list[str],
+    options: tuple[bool, bool, bool],
+    explain: bool,
+    reporter: Reporter,
+    as_json: bool,
+    print_spec: bool = False,
+    junit: Path | None = None,
+    summary: Path | None = None,
 ) -> None:
     """Do what is stale up to the stage of a command, and print what the command is for."""
-    from mapmore_cli.domain.scores import FIGURES
     from mapmore_cli.pipeline import runner
     from mapmore_cli.pipeline.jobs import Finished
     from mapmore_cli.study.loader import load
 
-    if figures is not None:
-        names = {"all": ", ".join(FIGURES), "none": ""}.get(figures, figures)
-        overrides = [*overrides, f"report.figures=[{names}]"]
-    loaded, reporter = load(config, overrides), Reporter(quiet, verbose)
+    loaded = load(config, overrides)
     name, until = loaded.spec.name, "report" if command == "run" else command
-    options = runner.Options(force, rehash, not no_check)
+    force, rehash, no_check = options
+    how = runner.Options(force, rehash, not no_check)
     if print_spec:
         print(loaded.resolved, end="")
         return
     if explain:
         with reporter:
-            reasons = runner.explain(loaded, runs, until, options=options, warn=reporter.warn)
+            reasons = runner.explain(loaded, runs, until, options=how, warn=reporter.warn)
         print_view(_of_reasons(name, dict(reasons)), as_json)
         return
     started, warnings, finished = time.perf_counter(), list[str](), None
@@ -97,7 +78,7 @@ def _bring_up_to_date(
 
             listeners = reporter.listeners
             listeners["warn"] = warn
-            outcome = runner.bring_up_to_date(loaded, runs, until, options=options, **listeners)
+            outcome = runner.bring_up_to_date(loaded, runs, until, options=how, **listeners)
             if count := len(loaded.spec.unconfirmed):
                 guesses = "guess of the spec is" if count == 1 else "guesses of the spec are"
                 warn(
@@ -154,31 +135,168 @@ def _of_outcome(
 # The commands
 # --------------------------------------------------------------------------------------------------
 
-ALONE = ("command", "figures", "print_spec", "junit", "summary")
-"""What a command takes of `_bring_up_to_date` only where it says so."""
+Figures = Annotated[
+    str | None,
+    Option(
+        "--figures",
+        metavar="NAMES",
+        help="Draw these alone, as fit,error; or all, or none. Default: `report.figures`.",
+    ),
+]
+PrintSpec = Annotated[
+    bool, Option("--print-spec", help="Print the spec with its defaults filled in; do nothing.")
+]
 
 
-def _command(name: str, summary: str, *own: str) -> Callable[..., None]:
-    """Return the function of a command with what all take, and `own` options."""
-    whole = signature(_bring_up_to_date, eval_str=True).parameters
-    taken = [one for key, one in whole.items() if key not in ALONE or key in own]
+def ingest(
+    config: Config,
+    runs: Runs = RUNS,
+    overrides: Overrides = NONE,
+    force: Force = False,
+    rehash: Rehash = False,
+    no_check: NoCheck = False,
+    explain: Explain = False,
+    as_json: AsJson = False,
+    quiet: Quiet = False,
+    verbose: Verbose = False,
+) -> None:
+    """Read the recordings and sort them into curves."""
+    how = (force, rehash, no_check)
+    _bring_up_to_date(
+        "ingest", config, runs, overrides, how, explain, Reporter(quiet, verbose), as_json
+    )
 
-    def command(**told: Any) -> None:
-        _bring_up_to_date(command=name, **told)
 
-    command.__doc__ = summary
-    command.__signature__ = Signature(taken)  # type: ignore[attr-defined]
-    command.__annotations__ = {one.name: one.annotation for one in taken}
-    return command
+def segment(
+    config: Config,
+    runs: Runs = RUNS,
+    overrides: Overrides = NONE,
+    force: Force = False,
+    rehash: Rehash = False,
+    no_check: NoCheck = False,
+    explain: Explain = False,
+    as_json: AsJson = False,
+    quiet: Quiet = False,
+    verbose: Verbose = False,
+) -> None:
+    """Cut the training curves into segments. Brings the stages before it up to date first."""
+    how = (force, rehash, no_check)
+    _bring_up_to_date(
+        "segment", config, runs, overrides, how, explain, Reporter(quiet, verbose), as_json
+    )
 
 
-BEFORE = "Brings the stages before it up to date first."
-ingest = _command("ingest", f"Read the recordings and sort them into curves. {BEFORE}")
-segment = _command("segment", f"Cut the training curves into segments. {BEFORE}")
-fit = _command("fit", f"Select the terms of every segment. {BEFORE}")
-fuse = _command("fuse", f"Join the segments into one model that stands alone. {BEFORE}")
-validate = _command("validate", f"Score the model and its competitors. {BEFORE}")
-report = _command("report", f"Write the page, its figures and tables. {BEFORE}", "figures")
-run = _command(
-    "run", "Run all stages; print scores and the page's path.", "print_spec", "junit", "summary"
-)
+def fit(
+    config: Config,
+    runs: Runs = RUNS,
+    overrides: Overrides = NONE,
+    force: Force = False,
+    rehash: Rehash = False,
+    no_check: NoCheck = False,
+    explain: Explain = False,
+    as_json: AsJson = False,
+    quiet: Quiet = False,
+    verbose: Verbose = False,
+) -> None:
+    """Select the terms of every segment. Brings the stages before it up to date first."""
+    how = (force, rehash, no_check)
+    _bring_up_to_date(
+        "fit", config, runs, overrides, how, explain, Reporter(quiet, verbose), as_json
+    )
+
+
+def fuse(
+    config: Config,
+    runs: Runs = RUNS,
+    overrides: Overrides = NONE,
+    force: Force = False,
+    rehash: Rehash = False,
+    no_check: NoCheck = False,
+    explain: Explain = False,
+    as_json: AsJson = False,
+    quiet: Quiet = False,
+    verbose: Verbose = False,
+) -> None:
+    """Join the segments into one model that stands alone. Brings the stages before it up to date
+    first.
+    """
+    how = (force, rehash, no_check)
+    _bring_up_to_date(
+        "fuse", config, runs, overrides, how, explain, Reporter(quiet, verbose), as_json
+    )
+
+
+def validate(
+    config: Config,
+    runs: Runs = RUNS,
+    overrides: Overrides = NONE,
+    force: Force = False,
+    rehash: Rehash = False,
+    no_check: NoCheck = False,
+    explain: Explain = False,
+    as_json: AsJson = False,
+    quiet: Quiet = False,
+    verbose: Verbose = False,
+) -> None:
+    """Score the model and its competitors. Brings the stages before it up to date first."""
+    how = (force, rehash, no_check)
+    _bring_up_to_date(
+        "validate", config, runs, overrides, how, explain, Reporter(quiet, verbose), as_json
+    )
+
+
+def report(
+    config: Config,
+    figures: Figures = None,
+    runs: Runs = RUNS,
+    overrides: Overrides = NONE,
+    force: Force = False,
+    rehash: Rehash = False,
+    no_check: NoCheck = False,
+    explain: Explain = False,
+    as_json: AsJson = False,
+    quiet: Quiet = False,
+    verbose: Verbose = False,
+) -> None:
+    """Write the page, its figures and tables. Brings the stages before it up to date first."""
+    from mapmore_cli.reporting.order import FIGURES
+
+    if figures is not None:
+        names = {"all": ", ".join(FIGURES), "none": ""}.get(figures, figures)
+        overrides = [*overrides, f"report.figures=[{names}]"]
+    how = (force, rehash, no_check)
+    _bring_up_to_date(
+        "report", config, runs, overrides, how, explain, Reporter(quiet, verbose), as_json
+    )
+
+
+def run(
+    config: Config,
+    runs: Runs = RUNS,
+    overrides: Overrides = NONE,
+    force: Force = False,
+    rehash: Rehash = False,
+    no_check: NoCheck = False,
+    explain: Explain = False,
+    print_spec: PrintSpec = False,
+    junit: Junit = None,
+    summary: Summary = None,
+    as_json: AsJson = False,
+    quiet: Quiet = False,
+    verbose: Verbose = False,
+) -> None:
+    """Run all stages; print scores and the page's path."""
+    how = (force, rehash, no_check)
+    _bring_up_to_date(
+        "run",
+        config,
+        runs,
+        overrides,
+        how,
+        explain,
+        Reporter(quiet, verbose),
+        as_json,
+        print_spec,
+        junit,
+        summary,
+    )

@@ -8,15 +8,15 @@ import json
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
 from mapmore_cli.cli.console import Document, View, picked
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.models import Formula, Memory, Outputs, Pieces
 from mapmore_cli.domain.results import OutputsFit
-from mapmore_cli.domain.scores import OWN, RUN_PAGE
-from mapmore_cli.modelling.kinds import page_of
+from mapmore_cli.domain.scores import OWN
 from mapmore_cli.reporting import memory_tables
+from mapmore_cli.reporting.order import RUN_PAGE
 from mapmore_cli.reporting.score_tables import (
     curve_scores_table,
     pieces_sentence,
@@ -24,6 +24,7 @@ from mapmore_cli.reporting.score_tables import (
     scored,
     verdict_sentence,
 )
+from mapmore_cli.reporting.sections import shown_by
 from mapmore_cli.reporting.table import Cell, Table
 from mapmore_cli.reporting.tables import (
     FROM_TO,
@@ -247,7 +248,7 @@ def _of_fit(result: FitResult) -> View:
     if isinstance(result.body, OutputsFit):
         whole, every = _of_outputs(result.body.fits, map(_of_fit, result.each))
         return View({**whole, "notes": result.notes}, every, result.notes)
-    memory, tables, page = result.memory, list[Table](), page_of(result.body)
+    memory, tables, page = result.memory, list[Table](), shown_by(result.body)
     document: Document = {
         "segments": [_segment(fit, fit.selection) for fit in result.pieces],
         "memory": None,
@@ -267,7 +268,7 @@ def _of_fit(result: FitResult) -> View:
             memory_tables.states_table(memory.model.states),
         )
         tables += [table for table in found if table.rows]
-    if page is not None:
+    if page is not None and result.body is not None:
         own, own_tables = page.show_fit(result.body)
         document |= own
         tables += own_tables
@@ -285,7 +286,7 @@ def _of_outputs(names: Iterable[str], views: Iterable[View]) -> tuple[Document, 
     return {"outputs": {name: view.document for name, view in own.items()}}, tuple(tables)
 
 
-def _segment(named: SegmentFit | SegmentFunction, numbers: Any) -> Document:
+def _segment(named: SegmentFit | SegmentFunction, numbers: object) -> Document:
     """One segment function; theta is in scaled coordinates."""
     keys = ("theta", "theta_error", "g", "err", "samples", "stop", "condition")
     return {**picked(named, "id", "terms", "scaling"), **picked(numbers, *keys)}
@@ -342,6 +343,14 @@ def _of_model(model: Model) -> View:
     return View(document, tables, (*rules(model), *view.lines, *model.notes))
 
 
+@runtime_checkable
+class Shown(Protocol):
+    """A kind that adds itself, and says what `mapmore show` has of its models."""
+
+    def show(self, model: Model, show_other: Callable[[Model], View]) -> View:
+        """Return what there is beside the equations; `show_other` does so for a model within."""
+
+
 def _view_of(model: Model) -> View:
     """Return a model with what its kind shows beside the equations; one that has nothing of its own
     to show is shown as it is stored.
@@ -367,8 +376,9 @@ def _view_of(model: Model) -> View:
         case Outputs():
             names = [one.name for one in model.outputs]
             document, tables = _of_outputs(names, map(_view_of, body.parts))
-        case _ if kind.page is not None:
-            document, tables, lines = kind.page.show(model, _view_of)
+        case _ if isinstance(kind, Shown):
+            view = kind.show(model, _view_of)
+            document, tables, lines = dict(view.document), view.tables, view.lines
         case _:
             document = asdict(body)  # type: ignore[call-overload]
     if ranges := getattr(body, "ranges", None):

@@ -149,7 +149,7 @@ def _in_files(blocks: Iterable[Sequence[Any]], kinds: Sequence[Any]) -> list[Any
     return list(map(np.frombuffer, contents, kinds))
 
 
-def by_blocks(function: Callable[..., Any], *columns: Any, rows: int = ROWS) -> Any:
+def by_blocks(function: Callable[..., Any], *columns: object, rows: int = ROWS) -> Any:
     """`function(*columns)`, where each row, or each choice of rows, depends on these rows alone."""
     return stacked([function(*block)] for block in in_blocks(*columns, rows=rows))[0]
 
@@ -201,7 +201,7 @@ def rows_where(mask: BoolArray) -> Rows:
     return found
 
 
-def give_back(column: Any) -> None:
+def give_back(column: object) -> None:
     """Let go of the memory that a column mapped from a file takes; its values are read from the
     file again where they are needed.
     """
@@ -209,7 +209,7 @@ def give_back(column: Any) -> None:
         owner.madvise(mmap.MADV_DONTNEED)
 
 
-def _map_of(column: Any) -> mmap.mmap | None:
+def _map_of(column: object) -> mmap.mmap | None:
     """Return the file that a column is mapped from; None of one in memory."""
     while isinstance(column, np.ndarray):
         column = column.base

@@ -14,7 +14,7 @@ import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from inspect import cleandoc
-from typing import Annotated, Any, ClassVar, Literal, TypeVar, get_args, get_origin
+from typing import Annotated, Any, ClassVar, Literal, Protocol, TypeVar, get_args, get_origin
 
 from annotated_types import Ge, Gt, MaxLen
 
@@ -26,6 +26,22 @@ S = TypeVar("S")
 def prose(docstring: str | None) -> str:
     """Return the text of a docstring with each paragraph and each item of a list in one line."""
     return re.sub(r"(?<=\S)\n +(?=\S)|(?<=\S)\n(?![\s-])", " ", cleandoc(docstring or ""))
+
+
+class Handler(Protocol):
+    """What pydantic hands over to make the schema of a type."""
+
+    def __call__(self, source: object, /) -> dict[str, object]:
+        """Return the schema that the type has without us."""
+
+    def generate_schema(self, source: object, /) -> dict[str, object]:
+        """Return the schema of another type."""
+
+
+class Info(Protocol):
+    """What pydantic knows of a value: `context` is the loader's `study.fields.Context`, or None."""
+
+    context: Any
 
 
 @dataclass(frozen=True)
@@ -41,7 +57,7 @@ class Settings:
     }
 
     @classmethod
-    def __get_pydantic_core_schema__(cls, source: Any, handler: Any) -> Any:
+    def __get_pydantic_core_schema__(cls, source: object, handler: Handler) -> object:
         """Take mappings too, although the values in them are strict."""
         schema = {**handler(source), "strict": False}
         ref = schema.pop("ref", None)
@@ -49,7 +65,7 @@ class Settings:
         return noted if ref is None else {**noted, "ref": ref}
 
     @classmethod
-    def _noted(cls, given: Any, info: Any) -> Any:
+    def _noted(cls, given: object, info: Info) -> object:
         """Tell the loader which keys a mapping may have."""
         if info.context is not None and isinstance(given, Mapping):
             info.context.note(given, [key.name for key in fields(cls)])
@@ -61,7 +77,7 @@ class Settings:
         return [key.name for key in fields(self) if getattr(self, key.name) != key.default]
 
 
-def before(schema: Any, function: Callable[[Any, Any], Any]) -> Any:
+def before(schema: object, function: Callable[[Any, Any], object]) -> dict[str, object]:
     """Return a schema of pydantic with a function before it, of the value and what is known of it.
 
     `info.context` is the loader's `spec.fields.Context`, or None.
@@ -80,7 +96,7 @@ class Contradiction(ValueError):
         self.message, self.remedy, self.near = message, remedy, near
 
 
-def taken(of: type[S], settings: Any, **own: Any) -> S:
+def taken(of: type[S], settings: object, **own: object) -> S:
     """Return an `of` with the fields that it shares with `settings`, and with its `own`."""
     names = [field.name for field in fields(of)]  # type: ignore[arg-type]
     shared = {name: getattr(settings, name) for name in names if hasattr(settings, name)}
@@ -100,7 +116,7 @@ _SHAPES: tuple[tuple[Any, str], ...] = (
 )
 
 
-def shape(value: Any) -> str:
+def shape(value: object) -> str:
     """Return what a value is in YAML's terms, in words for messages."""
     return _shape_of(type(value))
 
@@ -126,7 +142,7 @@ class Either:
 
     key: str | None = None
 
-    def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
+    def __get_pydantic_core_schema__(self, source: object, handler: Handler) -> object:
         """Return the members by their tags, and what tells the tag of a value."""
         members = get_args(source)
         choices = {self._tag(member): handler.generate_schema(member) for member in members}
@@ -142,11 +158,11 @@ class Either:
 
         return {"type": "tagged-union", "choices": choices, "discriminator": told}
 
-    def _tag(self, member: Any) -> str:
+    def _tag(self, member: object) -> str:
         keys = getattr(member, "__dataclass_fields__", None) or getattr(member, "model_fields", {})
         return f"<a mapping with `{self.key}`>" if self.key in keys else _shape_of(member)
 
-    def _told(self, value: Any) -> str:
+    def _told(self, value: object) -> str:
         found, key = shape(value), self.key or ""
         has = key in value if isinstance(value, Mapping) else hasattr(value, key)
         return f"<a mapping with `{key}`>" if has and found == "<a mapping>" else found
@@ -156,7 +172,7 @@ class Either:
 class ListToo:
     """Marks a tuple that may be written as a list."""
 
-    def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
+    def __get_pydantic_core_schema__(self, source: object, handler: Handler) -> object:
         """Return the tuple's schema; its values stay strict."""
         return {**handler(source), "strict": False}
 
@@ -172,7 +188,7 @@ class After:
 
     function: Callable[[Any], Any]
 
-    def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
+    def __get_pydantic_core_schema__(self, source: object, handler: Handler) -> object:
         """Return the value's schema, and the function behind it."""
         return {
             "type": "function-after",
@@ -187,7 +203,7 @@ class Matching:
 
     pattern: str
 
-    def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
+    def __get_pydantic_core_schema__(self, source: object, handler: Handler) -> object:
         """Return the text's schema with the pattern."""
         return {**handler(source), "pattern": self.pattern}
 
@@ -258,16 +274,16 @@ class InUnit:
 
     is_difference: ClassVar[bool] = False
 
-    def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
+    def __get_pydantic_core_schema__(self, source: object, handler: Handler) -> object:
         """Return the number's schema, and the conversion before it."""
         return before(handler(source), self._converted)
 
-    def _converted(self, given: Any, info: Any) -> Any:
+    def _converted(self, given: object, info: Info) -> object:
         if info.context is None:
             return given
         return info.context.converted(given, self.unit, self.is_difference)
 
-    def __get_pydantic_json_schema__(self, schema: Any, handler: Any) -> Any:
+    def __get_pydantic_json_schema__(self, schema: object, handler: Handler) -> object:
         """Return the schema of a number, or of text that starts with one (or with a variable)."""
         written = {"type": "string", "pattern": r"^\s*[-+]?[0-9.]|\$\{"}
         unit = f"{self.words}, as a difference" if self.is_difference else self.words

@@ -29,6 +29,10 @@ Boundaries = Annotated[Numbers, ASCENDING]
 Step = Annotated[Number, Checked("is not above 0", lambda step: step > 0)]
 
 
+class Fit:
+    """Base of what was fitted, by its kind (`modelling.kinds`)."""
+
+
 @dataclass(frozen=True)
 class Scaling:
     """Elementwise linear scaling `z_j = slope_j x_j + intercept_j`, `y = y_slope y_scaled +
@@ -205,7 +209,7 @@ class Optimum:
 
 
 @dataclass(frozen=True)
-class FormulaFit:
+class FormulaFit(Fit):
     """A literature model fitted to training data.
 
     `method` is `linear least squares`, `variable projection` or `levenberg_marquardt`. Training
@@ -362,7 +366,7 @@ class Identified:
 
 
 @dataclass(frozen=True)
-class MemoryFit:
+class MemoryFit(Fit):
     """A model with memory, and how its k terms were chosen of M candidates.
 
     Where terms were pruned, the ERR of `selection` are those among the terms kept, and NaN in the

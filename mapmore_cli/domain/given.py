@@ -38,7 +38,7 @@ class Door:
     cell: Callable[[Any], float] | None = None
     clock: bool = False
 
-    def numbers(self, values: Any, what: str, axis: str = "row") -> Array:
+    def numbers(self, values: object, what: str, axis: str = "row") -> Array:
         """Return values that messages call `what` as numbers, in their shape. Missing ones (masked,
         None, NA, NaT) are NaN.
 
@@ -54,7 +54,7 @@ class Door:
                 said, getattr(fault, "remedy", "give numbers; None where one is missing")
             ) from fault
 
-    def _read(self, values: Any, what: str, axis: str) -> Any:
+    def _read(self, values: object, what: str, axis: str) -> Any:
         if type(values).__name__ in ABSENT:
             return np.nan
         if isinstance(values, list | tuple):
@@ -72,7 +72,7 @@ class Door:
             return self.cell(values)
         return self._array(values, what, axis)
 
-    def _array(self, values: Any, what: str, axis: str) -> Any:
+    def _array(self, values: Any, what: str, axis: str) -> object:
         if hasattr(values, "dims") and "units" not in values.attrs:
             values = values.data  # xarray around an array of NumPy or pint
         unit, bare = in_unit(values)
@@ -101,7 +101,7 @@ class Door:
         return self.convert(np.asarray(seconds, dtype=np.float64), "s")
 
 
-def in_unit(values: Any) -> tuple[str | None, Any]:
+def in_unit(values: object) -> tuple[str | None, Any]:
     """Return the unit that an array carries, None for a plain one, and its numbers: of pint,
     astropy, unyt; of `attrs` in xarray.
     """
@@ -112,7 +112,7 @@ def in_unit(values: Any) -> tuple[str | None, Any]:
     return (None, values) if told is None else (str(told), np.asarray(values))
 
 
-def labels_of(table: Any) -> tuple[Hashable, ...] | None:
+def labels_of(table: object) -> tuple[Hashable, ...] | None:
     """Return the labels of a table's columns, as they are; None for what is no table of columns.
 
     Tables are mappings of arrays, structured arrays, data frames with `columns`, pyarrow's with

@@ -21,7 +21,7 @@ from importlib import import_module
 from importlib.metadata import Distribution, EntryPoint, distribution, distributions
 from pkgutil import iter_modules
 from traceback import walk_tb
-from typing import Any, NamedTuple
+from typing import Any, Generic, NamedTuple, TypeVar
 
 from mapmore_cli.domain.errors import UsageError
 
@@ -34,15 +34,18 @@ class PluginLeftOut(UserWarning):
     """A part of a plug-in that is broken, and left out."""
 
 
-class Added(NamedTuple):
+P = TypeVar("P")
+
+
+class Added(NamedTuple, Generic[P]):
     """A part by its own name, and the file or object that holds it."""
 
     name: str
-    value: Any
-    source: Any
+    value: P
+    source: object
 
 
-def parts(group: str, form: Any, package: str = "") -> Iterator[Added]:
+def parts(group: str, form: type[P], package: str = "") -> Iterator[Added[P]]:
     """Yield every part of a group, of the type `form`: those in the files of our `package` in the
     order of their names, then those of entry points.
 
@@ -54,15 +57,16 @@ def parts(group: str, form: Any, package: str = "") -> Iterator[Added]:
         for part in _parts_in(group, one.name, import_module(f"{package}.{one.name}")):
             if isinstance(part.value, form):
                 taken.add(part.name)
-                yield part
+                yield Added(part.name, part.value, part.source)
     for name in sorted(points(group)):
         try:
-            found = list(_parts_in(group, name, load(group, name)))
-            for part in found:
+            found = list[Added[P]]()
+            for part in _parts_in(group, name, load(group, name)):
                 if not isinstance(part.value, form):
                     raise TypeError(f"{type(part.value).__name__} is no {form.__name__}")
                 if part.name in taken:
                     raise ValueError(f"`{part.name}` is there already")
+                found.append(Added(part.name, part.value, part.source))
         except Exception as fault:  # whatever is wrong there, the rest goes on without it
             leave_plugin_out(group, name, fault.__cause__ or fault)
             continue
@@ -93,7 +97,7 @@ def blamed(fault: BaseException) -> str | None:
     return next((name for name in names if name in packages - {"mapmore_cli"}), None)
 
 
-def _parts_in(group: str, name: str, source: Any) -> Iterator[Added]:
+def _parts_in(group: str, name: str, source: object) -> Iterator[Added[object]]:
     """Yield the parts that a module holds under the name of the group, in the singular or in the
     plural; an object without them is itself the part.
     """

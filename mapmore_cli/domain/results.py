@@ -12,13 +12,13 @@ import numpy as np
 
 from mapmore_cli.domain.arrays import Array, BoolArray, Columns
 from mapmore_cli.domain.declared import Label, QuantityName
-from mapmore_cli.domain.fits import FormulaFit, MemoryFit, SegmentFit
+from mapmore_cli.domain.fits import Fit, FormulaFit, MemoryFit, SegmentFit
 from mapmore_cli.domain.recording import Dataset, Quantity
 from mapmore_cli.domain.scores import Score, ScoreTable
 
 
 @dataclass(frozen=True)
-class PiecesFit:
+class PiecesFit(Fit):
     """The segment functions of every training curve."""
 
     segments: Annotated[tuple[SegmentFit, ...], "segment functions"]
@@ -45,7 +45,7 @@ class FitResult:
     there is one.
     """
 
-    body: Annotated[Any, "what was fitted; absent where models are only added up"]
+    body: Annotated[Fit | None, "what was fitted; absent where models are only added up"]
     backbone: Annotated[FormulaFit | None, "formula whose residual was fitted"] = None
     notes: Annotated[tuple[str, ...], "remarks for the reader"] = ()
 
@@ -91,7 +91,7 @@ class FitResult:
 
 
 @dataclass(frozen=True)
-class OutputsFit:
+class OutputsFit(Fit):
     """The fits of several outputs, which share segments and terms."""
 
     fits: Annotated[Mapping[QuantityName, FitResult], "the fit of each output", "[*]"]
@@ -174,7 +174,7 @@ class Validation:
     formulas: Annotated[Mapping[Label, FormulaFit], "literature models that were fitted"]
     scores: Annotated[tuple[Score, ...], "score table"]
     units: Annotated[Mapping[Label, Label], "unit of every target"]
-    fits: Annotated[Mapping[Label, Any], "fits of competitors whose kind has a page of its own"] = (
+    fits: Annotated[Mapping[Label, Fit], "fits of competitors whose kind has a page of its own"] = (
         field(default_factory=dict)
     )
     warnings: Annotated[

@@ -11,7 +11,6 @@ import numpy as np
 
 from mapmore_cli.domain.compared import Compared, ratio
 from mapmore_cli.domain.declared import Label
-from mapmore_cli.domain.plugins import points
 
 OWN = "mapmore"
 """Name of the run's own model in its scores, and of the needed static model in a composite."""
@@ -326,25 +325,3 @@ class Tuning:
     trials: tuple[Trial, ...]
     best: Trial  # errs least
     chosen: Trial  # the simplest within one standard error of the best
-
-
-RUN_PAGE = "report/index.html"
-"""The page of a run, in its folder."""
-
-FIGURES = {
-    "data": "data",
-    "fit": "fit",
-    "error": "fit",
-    "surface": "fit",
-    "residual_map": "fit",
-    "residuals": "fit",
-    "nrmse": "nrmse",
-    "bands": "nrmse",
-    "segments": "segments",
-    "terms": "terms",
-    "convergence": "nrmse",
-}
-"""The figures in their order, with the section of the page that each stands in; those of plug-ins
-come last. A figure `NAME` is drawn by `reporting/figures/NAME.py`, or an entry point.
-"""
-FIGURES |= {name: "nrmse" for name in sorted(points("figures")) if name not in FIGURES}

@@ -9,18 +9,18 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from math import comb
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from mapmore_cli.domain.arrays import Array, row_by_row
 from mapmore_cli.domain.errors import SpecError
-from mapmore_cli.domain.fits import FormulaFit
+from mapmore_cli.domain.fits import Fit, FormulaFit
 from mapmore_cli.domain.models import Formula, Model
 from mapmore_cli.domain.recording import DAMPING, STATIC_FORCE, Curve, Dataset
 from mapmore_cli.domain.results import Forecast
 from mapmore_cli.domain.scores import OWN
-from mapmore_cli.modelling import kinds, literature, simple
+from mapmore_cli.fitting.kinds import FitsSums, maker_of
+from mapmore_cli.modelling import literature, simple
 from mapmore_cli.modelling.forecast import forecast, forecast_each
 from mapmore_cli.modelling.kinds import runs_over_time
 from mapmore_cli.modelling.learners import LEARNERS
@@ -38,14 +38,14 @@ Forecasts = tuple[Forecast, ...]
 @dataclass(frozen=True)
 class Rival:
     """A competitor with what it says of every curve; `formulas` are the fits behind it by the name
-    they are shown under, `own_fit` that of another run, where its kind has a page of its own, and
+    they are shown under, `own_fit` that of another run, and
     `run` the folder of that run.
     """
 
     name: str
     forecasts: Forecasts
     formulas: Mapping[str, FormulaFit] = field(default_factory=dict)
-    own_fit: Any = None
+    own_fit: Fit | None = None
     run: Path | None = None
 
     @property
@@ -87,9 +87,7 @@ class Contest:
             model = (files.model() if self.refit is None else self.refit(folder, dataset)).of(
                 dataset.target
             )
-            body = files.fit().body
-            own_fit = body if kinds.page_of(body) else None
-            return Rival(label, self._of_model(model), own_fit=own_fit, run=folder)
+            return Rival(label, self._of_model(model), own_fit=files.fit().body, run=folder)
         if competitor.is_file:
             return Rival(
                 label, self._of_model(read_model(self.spec_dir / str(name)).of(dataset.target))
@@ -174,8 +172,10 @@ class Contest:
 
     def _sum(self, competitor: Competitor) -> Rival:
         """Formulas with signs and inputs of their own, fitted together to the training data."""
-        together = kinds.named("sum").verb("fit_and_predict", of="fitted")
-        fit, values = together(competitor.sum, self.dataset, competitor.method)
+        maker = maker_of("sum")
+        assert isinstance(maker, FitsSums)
+        assert competitor.sum is not None
+        fit, values = maker.fit_and_predict(competitor.sum, self.dataset, competitor.method)
         return Rival(competitor.label, _forecasts(values), {competitor.label: fit})
 
     def _composite(self, competitor: Competitor) -> Rival:

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from mapmore_cli.storage.run_folder import RunFiles
+from mapmore_cli.storage.tables import RawTable
 from mapmore_cli.study.experiment import ExperimentSpec
 
 Warn = Callable[[str], None]
@@ -39,7 +40,7 @@ class Workspace:
     spec, from which the recordings are found. `needed` has the run folders of the runs that the
     stage needs, by their path in the spec, or the name of a variation. `spec_text` is the spec with
     its defaults filled in, as the report shows it; `searched` where the structure in it was found
-    by a search.
+    by a search. `tables` are recordings in memory, by what `data.files` calls them.
     """
 
     run_dir: Path
@@ -50,6 +51,7 @@ class Workspace:
     needed: Mapping[str, Path] = field(default_factory=dict)
     spec_text: str = ""
     searched: bool = False
+    tables: Mapping[str, RawTable] = field(default_factory=dict)
 
     @property
     def files(self) -> RunFiles:

@@ -33,7 +33,15 @@ from mapmore_cli.ingestion.curves import (
     with_damping,
     with_plateau,
 )
-from mapmore_cli.ingestion.files import IngestSlice, Meter, Source, find_sources, relative_name
+from mapmore_cli.ingestion.files import (
+    NO_TABLES,
+    IngestSlice,
+    Meter,
+    Source,
+    Tables,
+    find_sources,
+    relative_name,
+)
 from mapmore_cli.ingestion.groups import group_effects
 from mapmore_cli.ingestion.samples import (
     Samples,
@@ -57,13 +65,14 @@ def build_dataset(
     spec_dir: Path,
     *,
     static_run: Path | None = None,
+    tables: Tables = NO_TABLES,
     progress: Progress = lambda *_: None,
     warn: Callable[[str], None] = lambda _: None,
 ) -> Dataset:
     """Read all recordings and sort their samples into curves; writes nothing.
 
     `static_run` is the run whose model leaves the damping force; without it, the measured quantity
-    itself is the target.
+    itself is the target. `tables` are recordings in memory.
 
     Raises
     ------
@@ -74,12 +83,12 @@ def build_dataset(
     """
     data, units, target = slice_.data, dict(slice_.units), slice_.measured
     _check(data)
-    sources = find_sources(data.files, spec_dir, data.join)
+    sources = find_sources(data.files, spec_dir, data.join, tables)
     meter = Meter(sources, progress)
     notes, warnings, logs = list[str](), list[str](), list[list[Recording]]()
     for source in sources:
-        tables = read_tables(source, data, data, units, meter)
-        for samples in with_joined(tables, source, data, units, meter):
+        read = read_tables(source, data, data, units, meter)
+        for samples in with_joined(read, source, data, units, meter):
             logs.append(_mended(samples, source, data, units, notes, warnings))
     if data.plateau is not None:
         static = (

@@ -12,9 +12,10 @@ import re
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import count, takewhile
 from pathlib import Path, PurePath, PurePosixPath
+from types import MappingProxyType
 from typing import Literal
 
 from mapmore_cli.domain.declared import is_label
@@ -22,6 +23,7 @@ from mapmore_cli.domain.errors import DataError, SpecError
 from mapmore_cli.fitting.kinds.dictionary import derivations_of, units_of
 from mapmore_cli.fitting.stage import Progress
 from mapmore_cli.storage.readers import READERS
+from mapmore_cli.storage.tables import RawTable
 from mapmore_cli.storage.tables.lines import name_of_packed
 from mapmore_cli.study.experiment import ExperimentSpec
 from mapmore_cli.study.sections.data import Data
@@ -77,12 +79,18 @@ def slice_of(spec: ExperimentSpec) -> IngestSlice:
 @dataclass(frozen=True)
 class Log:
     """A file to read, its name relative to the spec's folder, and the sheet of it where its entry
-    names one.
+    names one; or a `table` in memory that is called so.
     """
 
     path: Path
     name: str
     sheet: str | None
+    table: RawTable | None = field(default=None, kw_only=True)
+
+    @property
+    def bytes(self) -> int:
+        """Size of the file; 0 where there is none."""
+        return self.path.stat().st_size if self.table is None else 0
 
 
 @dataclass(frozen=True)
@@ -103,14 +111,22 @@ MOST_FOLDERS = 20_000
 Entries = Sequence[str | FileEntry]
 
 
-def find_sources(entries: Entries, folder: Path, joins: Sequence[Join] = ()) -> tuple[Source, ...]:
+Tables = Mapping[str, RawTable]
+"""Recordings in memory, by what `data.files` calls them."""
+
+NO_TABLES: Tables = MappingProxyType({})
+
+
+def find_sources(
+    entries: Entries, folder: Path, joins: Sequence[Join] = (), tables: Tables = NO_TABLES
+) -> tuple[Source, ...]:
     """Return the files of `data.files` in the order of the entries, those of one glob sorted by
-    path, each with its joined logs.
+    path, each with its joined logs; entries that name one of the `tables` are in memory.
 
     Raises DataError where a glob finds nothing, a file is named twice, or joined logs cannot be
     paired; SpecError where recordings share an id.
     """
-    found = _found(entries, folder)
+    found = _found(entries, folder, tables)
     ids = [
         entry.id or automatic
         for (_, entry), automatic in zip(found, _automatic([log for log, _ in found]), strict=True)
@@ -130,18 +146,22 @@ def find_sources(entries: Entries, folder: Path, joins: Sequence[Join] = ()) -> 
             entry.set,
             entry.keep,
             tuple(joined[i] for joined in logs),
+            table=log.table,
         )
         for i, (log, entry) in enumerate(found)
     )
 
 
-def _found(entries: Entries, folder: Path) -> list[tuple[Log, FileEntry]]:
+def _found(
+    entries: Entries, folder: Path, tables: Tables = NO_TABLES
+) -> list[tuple[Log, FileEntry]]:
     """Every file with the entry that names it; sheets that entries name one by one are files of
     their own.
     """
     found: dict[tuple[str, str | None], tuple[Log, FileEntry]] = {}
     for entry in (FileEntry(path=entry) if isinstance(entry, str) else entry for entry in entries):
-        paths = expand(entry.path, folder)
+        table = tables.get(entry.path)
+        paths = expand(entry.path, folder) if table is None else [folder / entry.path]
         if entry.id is not None and len(paths) > 1:
             raise SpecError(
                 f"files: id '{entry.id}' is given to {len(paths)} files ({entry.path})",
@@ -156,7 +176,7 @@ def _found(entries: Entries, folder: Path) -> list[tuple[Log, FileEntry]]:
                     f"{which}: named twice, by '{before}' and '{entry.path}'",
                     "make the patterns of `files` disjoint",
                 )
-            found[name, entry.sheet] = (Log(path, name, entry.sheet), entry)
+            found[name, entry.sheet] = (Log(path, name, entry.sheet, table=table), entry)
     return list(found.values())
 
 
@@ -346,15 +366,13 @@ class Meter:
 
     def __init__(self, sources: Sequence[Source], progress: Progress) -> None:
         self._progress = progress
-        self._total = sum(
-            log.path.stat().st_size for source in sources for log in (source, *source.joined)
-        )
+        self._total = sum(log.bytes for source in sources for log in (source, *source.joined))
         self._before = 0
 
     def within(self, log: Log) -> Callable[[int], None]:
         """Begin with a log; the function returned is told how many bytes of it have been read."""
         before = self._before
-        self._before += log.path.stat().st_size
+        self._before += log.bytes
 
         def tell(read: int) -> None:
             self._progress("MB read", (before + read) // MEGABYTE, -(-self._total // MEGABYTE))

@@ -111,9 +111,11 @@ def read_tables(
 ) -> list[Samples]:
     """Return the samples of each recording in a file, NaN where a value is missing.
 
-    Where missing values are dropped, records that break off are such values as well. Raises
-    DataError for what cannot be read.
+    A table in memory is not read. Where missing values are dropped, records that break off are such
+    values as well. Raises DataError for what cannot be read.
     """
+    if log.table is not None:
+        return [_in_model_units(log.table, table, data, units)]
     request = TableRequest(
         label=log.name,
         columns=tuple(dict.fromkeys(column.column for column in table.columns.values())),
@@ -198,7 +200,15 @@ def _in_model_units(raw: RawTable, table: Logs, data: Data, units: Mapping[str, 
                     "Lengthen `rest`, or mend the file.",
                 )
             columns[name] = by_blocks(partial(np.add, -float(values[resting].mean())), values)
-    return Samples(columns, raw.rows[taken], raw.label, raw.place, raw.element, tuple(doubts))
+    return Samples(
+        columns,
+        raw.rows[taken],
+        raw.label,
+        raw.place,
+        raw.element,
+        tuple(doubts),
+        titles=raw.titles,
+    )
 
 
 def _against_the_file(raw: RawTable, table: Logs, units: Mapping[str, str]) -> Iterator[str]:
@@ -294,7 +304,9 @@ def without_missing(samples: Samples, table: Logs, missing: str | MissingRule) -
         name = next(
             name for name, values in samples.columns.items() if not np.isfinite(values[sample])
         )
-        place = f", column {table.columns[name].column}" if name in table.columns else ""
+        place = ""
+        if name in table.columns:
+            place = f", column {samples.titles.get(name, table.columns[name].column)}"
         raise DataError(
             f"{samples.at(sample)}{place}: the value of {name} is missing",
             f"Set `missing: drop` to leave out such samples ({np.count_nonzero(~complete)} of "

@@ -19,8 +19,9 @@ from mapmore_cli.domain.arrays import Array, BoolArray, Columns, IntArray
 from mapmore_cli.domain.errors import UsageError
 from mapmore_cli.domain.models import Model
 from mapmore_cli.modelling.kinds import alone
-from mapmore_cli.modelling.program.model import program_of, with_slopes
+from mapmore_cli.modelling.program.slopes import with_slopes
 from mapmore_cli.modelling.program.values import evaluator
+from mapmore_cli.modelling.programs import program_of
 
 LOWEST, NEAREST = "lowest", "nearest"
 """Rules that pick one of several solutions: the lowest, or the one that is nearest to that of the

@@ -1,86 +1,110 @@
-"""What every kind of model can do, and where a model was trained.
+"""What every kind of model can do: the verbs of a kind, and the same for a model of any kind.
 
-A kind is a package with a `KIND`, which says its name, and a file `model.py`, which holds its
-verbs. It is a folder of `modelling/`, or an entry point in the group `mapmore.kinds` names its
-`KIND`. The verbs are imported when a model of the kind is there.
+A kind is a `Kind`, called `KIND`, in a package of `modelling/`, or one that an entry point in the
+group `mapmore.kinds` names. Its verbs are imported when a model of the kind is there.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from abc import abstractmethod
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache
-from importlib import import_module
-from types import MappingProxyType, ModuleType
-from typing import Any, NamedTuple
+from types import MappingProxyType
+from typing import Protocol
 
 import numpy as np
 
 from mapmore_cli.domain import plugins
-from mapmore_cli.domain.arrays import Array, BoolArray, Columns, row_count
+from mapmore_cli.domain.arrays import Array, BoolArray, Columns
 from mapmore_cli.domain.declared import Settings
 from mapmore_cli.domain.errors import DataError, UsageError
-from mapmore_cli.domain.models import CurveRange, Equation, Model
+from mapmore_cli.domain.fits import Fit
+from mapmore_cli.domain.models import Body, Equation, Model
 from mapmore_cli.domain.results import Run
-from mapmore_cli.modelling.expressions import ExpressionError
+from mapmore_cli.modelling.expressions import Expression, ExpressionError
+from mapmore_cli.modelling.program.writing import Inputs, Writer
+from mapmore_cli.modelling.ranges import outside_limits
+
+
+class Verbs(Protocol):
+    """What a kind does with a model of its own.
+
+    A kind derives from this class. It defines the first four verbs; each of the others has an
+    answer here, which suits models whose rows are independent of each other.
+    """
+
+    @abstractmethod
+    def simulate(self, model: Model, columns: Columns) -> Run:
+        """Return the output at every row, (n,), NaN where an input is NaN or there is no
+        history.
+        """
+
+    @abstractmethod
+    def equations(self, model: Model, units: Mapping[str, float]) -> tuple[Equation, ...]:
+        """Return the model in physical units; `units` says how many of the model's units one unit
+        of a quantity is.
+        """
+
+    @abstractmethod
+    def parameters(self, model: Model) -> int:
+        """Return how many numbers the fit was free to choose."""
+
+    @abstractmethod
+    def write(self, m: Writer, model: Model, inputs: Inputs) -> Expression:
+        """Write the model as statements; return its output."""
+
+    def running(self, model: Model) -> Callable[[Columns], Run] | None:  # noqa: ARG002
+        """Return what simulates one recording block after block; None where the kind needs the
+        whole recording.
+        """
+        return None
+
+    def one_step(self, model: Model, columns: Columns) -> Array:
+        """Return the prediction of every row from the measured past, (n,)."""
+        return self.simulate(model, columns).values
+
+    def settled(self, model: Model, columns: Columns) -> Array:
+        """Return the output where inputs stand still, (n,)."""
+        return self.simulate(model, columns).values
+
+    def fed_back(self, model: Model) -> tuple[str, ...]:  # noqa: ARG002
+        """Return the measured outputs that a run begins from."""
+        return ()
+
+    def outside_range(self, model: Model, columns: Columns) -> BoolArray:
+        """Return True where an input lies beyond the `ranges` of the body, (n,)."""
+        return outside_limits(getattr(model.body, "ranges", ()), model.level, columns)
+
+    def rules(self, model: Model) -> Iterable[str]:  # noqa: ARG002
+        """Return how the equations are put together, in sentences."""
+        return ()
+
+    def faults(self, model: Model) -> Iterable[str]:  # noqa: ARG002
+        """Return why a stored model is refused (`soundness`)."""
+        return ()
 
 
 @dataclass(frozen=True)
 class Kind:
-    """A kind of model: its name in files and on pages, the types of its models and of its fits, and
-    the package with its verbs.
+    """A kind of model: its name in files and on pages, the types of its models and of its fits.
 
-    `settings` has the keys of `model: {type: NAME}` in a spec, where the kind has keys of its own.
-    `over_time` says that rows are samples of a recording, which the model runs along. `fitted` is
-    the module that fits it, where that is not the file of its name in `fitting/kinds/`.
+    - `verbs`: imports and returns what the kind does.
+    - `over_time`: rows are samples of a recording, which the model runs along.
+    - `settings`: the keys of `model: {type: NAME}` in a spec, where the kind has keys of its own.
 
-    `model.py` in the package has these functions of a `model`.
-
-    - `simulate(model, columns)`: the `Run` at every row, NaN where an input is NaN or there is no
-      history.
-    - `equations(model, units)`: the model in physical units, given how many of the model's units
-      one unit of a quantity is.
-    - `parameters(model)`: how many numbers the fit was free to choose.
-    - `write(m, model, inputs)`: the model as statements of the writer `m`; its output.
-
-    Some have others: `running(model)`, what simulates one recording block after block;
-    `one_step(model, columns)`, the prediction of every row from the measured past, (n,);
-    `fed_back(model)`, the measured outputs that a run begins from; `outside_range(model, columns)`,
-    (n,), for a body without `ranges`; `settled(model, columns)`, the output where inputs stand
-    still, (n,); `rules(model)`, how its equations are put together;
-    `faults(model)`, why a stored one is refused (`soundness`).
-
-    A kind that adds itself may have `checks.py`, with `findings(spec)`, what a spec may not say;
-    and `page.py`, with `show(model, show_other)`; of a kind with fits also
-    `show_fit(fit)`, and of a section of pages `tables(inputs)` and `TITLE`.
+    A kind that adds itself derives from this class and defines what rooms above ask it for:
+    `maker` (`fitting.kinds.Fitted`), `findings` (`study.check_study.Checked`), `section` and
+    `show_fit` (`reporting.sections.Paged`), `show` (`cli.views.Shown`).
     """
 
     name: str
-    body: type
-    fit: type | None
-    package: str
+    body: type[Body]
+    fit: type[Fit] | None
+    verbs: Callable[[], Verbs]
     over_time: bool = False
     settings: type[Settings] = Settings
-    fitted: str = ""
-
-    def verb(self, name: str, otherwise: Any = None, of: str = "model") -> Any:
-        """Return a function of a module of the package; `otherwise` where it has none of the
-        name.
-        """
-        try:
-            return getattr(import_module(f"{self.package}.{of}"), name, otherwise)
-        except ModuleNotFoundError as fault:
-            if fault.name != f"{self.package}.{of}":
-                raise
-            return otherwise
-
-    @property
-    def page(self) -> ModuleType | None:
-        """The module `page.py` of the package, where it has one."""
-        return (
-            None if self.verb("show", of="page") is None else import_module(f"{self.package}.page")
-        )
 
 
 @cache
@@ -92,14 +116,24 @@ def kinds() -> tuple[Kind, ...]:
 
 def named(name: str) -> Kind:
     """Return the kind of a name; raises NotInstalled where that is a part that is missing."""
-    own = next((kind for kind in kinds() if kind.name == name), None)
-    return plugins.load("kinds", name) if own is None else own
+    own = next((kind for kind in kinds() if kind.name == name), None) or plugins.load("kinds", name)
+    assert isinstance(own, Kind)
+    return own
 
 
-def page_of(fit: Any) -> ModuleType | None:
-    """Return the module that shows fits of their kind on pages, where the kind has one."""
-    kind = next((kind for kind in kinds() if kind.fit is type(fit)), None)
-    return kind.page if kind else None
+def kind_of(model: Model) -> Kind:
+    """Return the kind of a model."""
+    return next(kind for kind in kinds() if kind.body is type(model.body))
+
+
+def verbs_of(model: Model) -> Verbs:
+    """Return what the kind of a model does."""
+    return kind_of(model).verbs()
+
+
+def kind_of_fit(fit: Fit | None) -> Kind | None:
+    """Return the kind of a fit; None where nothing was fitted."""
+    return next((kind for kind in kinds() if kind.fit is type(fit)), None)
 
 
 def alone(model: Model) -> Model:
@@ -113,11 +147,6 @@ def alone(model: Model) -> Model:
             f"make a model of one of them: set `target: {names[0]}`",
         )
     return model
-
-
-def kind_of(model: Model) -> Kind:
-    """Return the kind of a model."""
-    return next(kind for kind in kinds() if kind.body is type(model.body))
 
 
 def predict(model: Model, columns: Columns) -> Array:
@@ -138,8 +167,7 @@ def simulate(model: Model, columns: Columns) -> Run:
     Raises KeyError where an input is missing; DataError where a free run has nothing to begin from,
     or samples are not at the model's time steps.
     """
-    run: Run = kind_of(model).verb("simulate")(model, columns)
-    return run
+    return verbs_of(model).simulate(model, columns)
 
 
 def settled(model: Model, columns: Columns) -> Array:
@@ -148,23 +176,19 @@ def settled(model: Model, columns: Columns) -> Array:
 
     Raises FitError where it does not.
     """
-    return np.asarray(kind_of(model).verb("settled", predict)(model, columns))
+    return verbs_of(model).settled(model, columns)
 
 
 def running(model: Model) -> Callable[[Columns], Run] | None:
     """Return what simulates one recording block after block; None of a kind that wants it whole."""
-    next_rows: Callable[[Columns], Run] | None = kind_of(model).verb("running", lambda _: None)(
-        model
-    )
-    return next_rows
+    return verbs_of(model).running(model)
 
 
 def outside_range(model: Model, columns: Columns) -> BoolArray:
     """Return True where an input lies beyond the training range, of any summand where the model is
     a sum, (n,).
     """
-    outside: BoolArray = kind_of(model).verb("outside_range", _outside_limits)(model, columns)
-    return outside
+    return verbs_of(model).outside_range(model, columns)
 
 
 @contextmanager
@@ -190,27 +214,24 @@ def equations(
     Raises DataError where a coefficient is too large to be a number.
     """
     with numbers_in_reach(model):
-        rows: tuple[Equation, ...] = kind_of(model).verb("equations")(model, units)
-    return rows
+        return verbs_of(model).equations(model, units)
 
 
 def rules(model: Model) -> tuple[str, ...]:
     """Return how its equations are put together, in sentences: whoever has both can compute it."""
-    return tuple(kind_of(model).verb("rules", lambda _model: ())(model))
+    return tuple(verbs_of(model).rules(model))
 
 
 def parameters(model: Model) -> int:
     """Return the number of free parameters: coefficients of terms and parameters of formulas, in a
     sum of all parts.
     """
-    count: int = kind_of(model).verb("parameters")(model)
-    return count
+    return verbs_of(model).parameters(model)
 
 
 def one_step_ahead(model: Model, columns: Columns) -> Array:
     """Prediction of every row from the measured past, (n,); NaN before there is history."""
-    predicted: Array = kind_of(model).verb("one_step", predict)(model, columns)
-    return predicted
+    return verbs_of(model).one_step(model, columns)
 
 
 def runs_over_time(model: Model) -> bool:
@@ -220,60 +241,4 @@ def runs_over_time(model: Model) -> bool:
 
 def fed_back(model: Model) -> tuple[str, ...]:
     """Return the measured outputs that a run begins from, each once."""
-    outputs: tuple[str, ...] = kind_of(model).verb("fed_back", lambda _model: ())(model)
-    return outputs
-
-
-OUTSIDE_TOLERANCE = 1e-9
-"""Inputs within this fraction of a range beyond its end still count as inside: the end itself must
-not be flagged by rounding.
-"""
-
-
-class InputRange(NamedTuple):
-    """Training range of one input: `low` to `high`, (L,) each; linear between `levels`, (L,), of
-    the input `at` where that is not None.
-    """
-
-    name: str
-    at: str | None
-    levels: Array
-    low: Array
-    high: Array
-
-
-def limits(ranges: Sequence[CurveRange], level: str | None) -> Iterator[InputRange]:
-    """Yield the training range of every input, the level first: its own is that of its levels, (1,)
-    each.
-
-    That of any other input is interpolated linearly between the curves, since each curve has its
-    own (free strain grows with pressure).
-    """
-    if not ranges:
-        return
-    levels = (
-        np.array([one.level for one in ranges], dtype=np.float64)
-        if level is not None
-        else np.empty(0)
-    )
-    if level is not None:
-        yield InputRange(level, None, levels, levels[:1], levels[-1:])
-    for name in ranges[0].limits:
-        if name != level:
-            low, high = np.array([one.limits[name] for one in ranges]).T
-            yield InputRange(name, level, levels, low, high)
-
-
-def _outside_limits(model: Model, columns: Columns) -> BoolArray:
-    outside = np.zeros(row_count(columns), dtype=np.bool_)
-    ranges = model.body.ranges  # type: ignore[attr-defined]  # sums have another verb
-    for name, at, levels, *ends in limits(ranges, model.level):
-        if name in columns:
-            low, high = (
-                end[:1] if at is None else np.interp(columns[at], levels, end) for end in ends
-            )
-            margin = OUTSIDE_TOLERANCE * np.maximum(
-                high - low, np.maximum(np.abs(low), np.abs(high))
-            )
-            outside |= (columns[name] < low - margin) | (columns[name] > high + margin)
-    return outside
+    return verbs_of(model).fed_back(model)

@@ -14,7 +14,7 @@ import numpy as np
 from mapmore_cli.domain.errors import MapmoreError
 from mapmore_cli.domain.models import Model
 from mapmore_cli.modelling import kinds, literature
-from mapmore_cli.modelling.program.model import program_of
+from mapmore_cli.modelling.programs import program_of
 from mapmore_cli.modelling.signals.rates import signal_values
 from mapmore_cli.modelling.validation.intervals import INTERVAL, half_widths_of
 
@@ -25,7 +25,7 @@ def unsound(model: Model) -> str | None:
     """Return why a model cannot be evaluated; None where it can."""
     try:
         for one in model.every:
-            fault = next(iter(kinds.kind_of(one).verb("faults", lambda _model: ())(one)), None)
+            fault = next(iter(kinds.verbs_of(one).faults(one)), None)
             inputs = {quantity.name for quantity in one.inputs}
             if one.backbone and (missing := {*literature.of(one.backbone).inputs} - inputs):
                 fault = fault or f"{one.backbone.name} needs {min(missing)}, which it lacks"

@@ -5,7 +5,7 @@ frames) as the files that are read.
 from __future__ import annotations
 
 import warnings
-from collections.abc import Hashable, Mapping, Sequence
+from collections.abc import Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from math import prod
 from numbers import Integral
@@ -26,12 +26,12 @@ from mapmore_cli.domain.recording import Curve, Quantity
 from mapmore_cli.modelling.inverse import LOWEST, Inverse, invert
 from mapmore_cli.modelling.kinds import alone, outside_range, predict
 from mapmore_cli.modelling.kinds import equations as model_equations
-from mapmore_cli.modelling.program.model import slopes
+from mapmore_cli.modelling.programs import slopes
 from mapmore_cli.modelling.signals.rates import with_signals
 from mapmore_cli.modelling.validation.intervals import INTERVAL, interval
 from mapmore_cli.pipeline.records import reading_of
 from mapmore_cli.storage.atomic import make_folder, refusals_told, replacing, write_bytes
-from mapmore_cli.storage.tables import known_names
+from mapmore_cli.storage.tables import IN_MEMORY, RawTable, known_names
 from mapmore_cli.storage.tables.cells import CellReader
 from mapmore_cli.study.fields import as_target
 from mapmore_cli.study.sections.logs import SourceColumn
@@ -116,7 +116,7 @@ class LoadedModel:
         said = {one.output.name: predict(one, flat).reshape(shape) for one in self.model.each}
         return said if len(said) > 1 else said[self.output.name]
 
-    def predict(self, frame: Any, columns: Mapping[str, Any] | None = None) -> Any:
+    def predict(self, frame: object, columns: Mapping[str, Any] | None = None) -> Any:
         """Return the output at the rows of a frame, (n,), in the model's unit; NaN where an input
         is not finite. Of several outputs a mapping by their names.
 
@@ -145,7 +145,7 @@ class LoadedModel:
     def _sources(self) -> Mapping[str, SourceColumn]:
         return {}
 
-    def export(self, to: str, path: str | Path = ".", **options: Any) -> list[Path]:
+    def export(self, to: str, path: str | Path = ".", **options: object) -> list[Path]:
         """Write the model in another language, as `mapmore export --to` does, into the folder
         `path`; the paths of the files.
 
@@ -231,7 +231,7 @@ class LoadedModel:
         target, *others = (array.ravel() for array in np.broadcast_arrays(*arrays))
         return invert(self.model, target, dict(zip(given, others, strict=True)), name, rule)
 
-    def _given(self, name: str, values: Any) -> Array:
+    def _given(self, name: str, values: object) -> Array:
         return given_numbers(values, f"`{name}`", name, self.units.get(name) or default_unit(name))
 
     def _flattened(self, columns: dict[str, ArrayLike]) -> tuple[dict[str, Array], tuple[int, ...]]:
@@ -259,8 +259,14 @@ _SOURCES = TypeAdapter(dict[str, SourceColumn])
 
 Column = str | int
 
+Frame = Any
+"""A table of anybody's: a mapping of arrays, a data frame of pandas, polars or pyarrow."""
 
-def columns_in(frame: Any, column: Column) -> list[Hashable]:
+Entry = Column | Mapping[str, Any]
+"""What `columns` says of a quantity, as in YAML."""
+
+
+def columns_in(frame: object, column: Column) -> list[Hashable]:
     """Return the labels that a column of the spec means; none where there is no such column,
     several where it is not clear.
 
@@ -277,7 +283,7 @@ def columns_in(frame: Any, column: Column) -> list[Hashable]:
     return found if numbered or not 0 <= column < len(labels) else [labels[column]]
 
 
-def canonical_columns(frame: Any, target: Any) -> dict[str, dict[str, str]]:
+def canonical_columns(frame: object, target: object) -> dict[str, dict[str, str]]:
     """Return the section `columns` of a frame: its columns with canonical names, or all that may
     be names of quantities where the `target` is one of them. Raises `SpecError` for none.
     """
@@ -317,7 +323,9 @@ def column_of(
     return values
 
 
-def given_numbers(values: Any, what: str, name: str, unit: str, layout: str | None = None) -> Array:
+def given_numbers(
+    values: object, what: str, name: str, unit: str, layout: str | None = None
+) -> Array:
     """Return what a user gave for the quantity `name`, as numbers in a `unit`; `layout` is the
     format of stamps.
 
@@ -328,46 +336,61 @@ def given_numbers(values: Any, what: str, name: str, unit: str, layout: str | No
     return Door(lambda numbers, own: convert(numbers, own, unit), read, clock).numbers(values, what)
 
 
-def write_frames(
-    frames: Sequence[Any], columns: Mapping[str, Any], units: Mapping[str, str], folder: Path
-) -> dict[str, Any]:
-    """Write the wanted columns of every frame to an HDF5 file of its own in `folder`; the keys of
-    `data` that read them.
+def tables_of(
+    frames: Sequence[Frame], columns: Mapping[str, Entry], units: Mapping[str, str]
+) -> dict[str, RawTable]:
+    """Return every frame as a recording in memory: one array for each quantity of `columns` (the
+    section of the spec), (n,), unscaled; `units` is that section of the spec.
 
-    A file has one array for each quantity of `columns` (the section of the spec), unscaled; `units`
-    is that section of the spec. Raises `DataError` for columns that do not exist, are no numbers,
-    or differ in length.
+    Raises `DataError` for columns that do not exist, are no numbers, or differ in length.
     """
-    paths = []
-    read = {
-        name: {**(entry if isinstance(entry, Mapping) else {}), "column": source_of(entry)}
-        for name, entry in columns.items()
-    }
+    tables = {}
+    titles = {name: repr(source_of(entry)) for name, entry in columns.items()}
     for number, frame in enumerate(frames, start=1):
         label = f"frame {number}" if len(frames) > 1 else "the frame"
         arrays = {}
-        for name, told in read.items():
-            unit = str(told.get("unit") or default_unit(name, units))
-            arrays[name] = column_of(frame, told["column"], label, name, unit, told.get("format"))
+        for name, entry in columns.items():
+            said = entry if isinstance(entry, Mapping) else {}
+            unit = str(said.get("unit") or default_unit(name, units))
+            own = column_of(frame, source_of(entry), label, name, unit, said.get("format")).view()
+            own.flags.writeable = False  # it may be the user's own
+            arrays[name] = own
         lengths = {name: len(values) for name, values in arrays.items()}
         if len(set(lengths.values())) > 1:
             raise DataError(
                 f"{label}: columns of different length: {lengths}",
                 "they do not belong to one recording",
             )
-        folder.parent.mkdir(parents=True, exist_ok=True)
-        make_folder(folder)
-        paths.append(folder / f"recording_{number}.h5")
-        with replacing(paths[-1]) as raw, h5py.File(raw, "w") as file:
-            for name, values in arrays.items():
+        rows = range(max(lengths.values(), default=0))
+        tables[f"recording_{number}"] = RawTable(arrays, rows, label, IN_MEMORY, titles=titles)
+    return tables
+
+
+def section_of(tables: Iterable[str], columns: Mapping[str, Entry]) -> dict[str, object]:
+    """Return the keys of `data` that name tables in memory, whose columns are called by their
+    quantities; `columns` are those of the frames.
+    """
+    read = {}
+    for name, entry in columns.items():
+        read[name] = {**(entry if isinstance(entry, Mapping) else {}), "column": name}
+        if name == "time":
+            read[name].pop("format", None)  # what is held are numbers
+    return {"files": [*tables], "reader": "hdf5", "columns": read}
+
+
+def write_tables(tables: Mapping[str, RawTable], folder: Path) -> list[Path]:
+    """Write every table in memory to an HDF5 file of its own in `folder`; their paths."""
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    make_folder(folder)
+    paths = [folder / f"{name}.h5" for name in tables]
+    for path, table in zip(paths, tables.values(), strict=True):
+        with replacing(path) as raw, h5py.File(raw, "w") as file:
+            for name, values in table.columns.items():
                 file.create_dataset(name, data=values, track_times=False)
-    for name, told in read.items():
-        told["column"] = name
-    read.get("time", {}).pop("format", None)  # what is written are numbers
-    return {"files": [str(path) for path in paths], "reader": "hdf5", "columns": read}
+    return paths
 
 
-def source_of(entry: Any) -> Column:
+def source_of(entry: object) -> Column:
     """Return the column that an entry of `columns` names; raises `SpecError` for another form."""
     found = entry.get("column") if isinstance(entry, Mapping) else entry
     if not isinstance(found, str | int):
@@ -379,7 +402,10 @@ def source_of(entry: Any) -> Column:
 
 
 def quantities_of(
-    frame: Any, wanted: Sequence[str], columns: Mapping[str, SourceColumn], units: Mapping[str, str]
+    frame: object,
+    wanted: Sequence[str],
+    columns: Mapping[str, SourceColumn],
+    units: Mapping[str, str],
 ) -> dict[str, Array]:
     """Return the `wanted` quantities of a frame in the model's `units`, (n,) each.
 
@@ -402,7 +428,7 @@ def quantities_of(
     return found
 
 
-def plain_values(value: Any) -> Any:
+def plain_values(value: object) -> Any:
     """Return the value as YAML holds it: lists for tuples and arrays, numbers for NumPy's scalars,
     text for paths.
     """

@@ -21,7 +21,7 @@ from mapmore_cli.modelling.kinds import alone, outside_range, running, runs_over
 from mapmore_cli.modelling.literature.family import adapted, family_of
 from mapmore_cli.modelling.literature.own import is_family
 from mapmore_cli.modelling.memory.records import AtSample, complete, numbered
-from mapmore_cli.modelling.program.model import slopes
+from mapmore_cli.modelling.programs import slopes
 from mapmore_cli.modelling.signals.rates import with_signals
 from mapmore_cli.modelling.validation.intervals import (
     ends,

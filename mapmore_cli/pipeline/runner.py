@@ -16,9 +16,9 @@ from typing import TypedDict
 
 from mapmore_cli.checking import findings
 from mapmore_cli.domain.errors import DataError, MapmoreError, RunWarning, SpecError, WriteError
-from mapmore_cli.domain.processors import one_blas_thread
 from mapmore_cli.fitting.stage import Progress, Stage, Warn, Workspace
 from mapmore_cli.modelling.selection import AUTO
+from mapmore_cli.pipeline.processors import one_blas_thread
 from mapmore_cli.pipeline.staleness import (
     Needed,
     StagePlan,
@@ -324,6 +324,7 @@ class _Run:
                 needed,
                 as_found(self.loaded, self.run_dir).resolved,
                 self.loaded.spec.model.type == AUTO,
+                self.loaded.tables,
             )
             with one_blas_thread():
                 stage.run(plan.part, workspace)

@@ -47,6 +47,7 @@ def ingest(part: IngestSlice, workspace: Workspace) -> None:
         part,
         workspace.spec_dir,
         static_run=static_run,
+        tables=workspace.tables,
         progress=workspace.progress,
         warn=workspace.warn,
     )

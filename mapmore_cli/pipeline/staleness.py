@@ -21,7 +21,7 @@ from mapmore_cli.modelling.selection import AUTO
 from mapmore_cli.storage.run_record import SEARCH_STAGE, StageRecord, Stamp, load_records
 from mapmore_cli.storage.stamps import take_stamp
 from mapmore_cli.study.experiment import Competitor, ExperimentSpec
-from mapmore_cli.study.loader import LoadedSpec, load
+from mapmore_cli.study.loader import LoadedSpec, changed, load
 from mapmore_cli.study.yaml_loader import as_overrides
 
 MODEL_STAGE = "fuse"
@@ -108,7 +108,7 @@ def refuse_circle(loaded: LoadedSpec, heirs: tuple[Path, ...] = ()) -> None:
         if other.resolve() in chain:
             circle = " -> ".join(one.name for one in (*chain, other))
             raise SpecError(
-                f"{loaded.path}: runs need each other in a circle: {circle}", "remove one of them"
+                f"{loaded.name}: runs need each other in a circle: {circle}", "remove one of them"
             )
         refuse_circle(load(other), chain)
 
@@ -123,10 +123,10 @@ def _varied(loaded: LoadedSpec, variation: Need) -> LoadedSpec:
         "validate.intervals": False,
     }
     try:
-        return load(loaded.path, (*loaded.overrides, *variation.overrides, *as_overrides(own)))
+        return changed(loaded, (*variation.overrides, *as_overrides(own)))
     except SpecError as error:
         raise SpecError(
-            f"{loaded.path}: as `{variation.key}`, with other settings: {error.message}",
+            f"{loaded.name}: as `{variation.key}`, with other settings: {error.message}",
             error.remedy,
         ) from error
 
@@ -148,7 +148,7 @@ class StagePlan:
     """
 
     stage: Stage
-    part: Any
+    part: object
     now: StageRecord
     needed: tuple[Needed, ...]
     reason: str | None
@@ -263,7 +263,8 @@ def _source_stamps(
     stage: Stage, loaded: LoadedSpec, known: Mapping[str, Stamp], rehash: bool
 ) -> dict[str, Stamp]:
     stamps = {}
-    for source in stage.sources(loaded.spec, loaded.folder):
+    # what is in memory is no file whose content could change
+    for source in () if loaded.tables else stage.sources(loaded.spec, loaded.folder):
         path = Path(os.path.relpath(source, loaded.folder)).as_posix()
         try:
             stamps[path] = take_stamp(source, known.get(path), rehash)
@@ -280,7 +281,7 @@ LONGEST_VALUE = 60
 NOT_SET = "not set"
 
 
-def plain(value: Any) -> Any:
+def plain(value: object) -> Any:
     """Return a slice (frozen dataclasses, spec models and what they hold) as JSON values, under the
     names of the YAML file. `also` came later, and is left out where it is empty: older runs stay up
     to date.
@@ -290,7 +291,7 @@ def plain(value: Any) -> Any:
 
 
 def fingerprint(
-    name: str, revision: int, part: Any, before: str, contents: Mapping[str, str]
+    name: str, revision: int, part: object, before: str, contents: Mapping[str, str]
 ) -> str:
     """SHA-256 of a stage's name and revision, its slice `part`, the fingerprint `before` it, and
     the hashes of its sources by path.
@@ -351,6 +352,6 @@ def _differences(place: str, old: Any, new: Any) -> Iterator[str]:
         yield f"{place}: {was} -> {now}" if was != now else f"{place} changed"
 
 
-def _shortened(value: Any) -> str:
+def _shortened(value: object) -> str:
     text = value if isinstance(value, str) else json.dumps(value, ensure_ascii=False)
     return text if len(text) <= LONGEST_VALUE else f"{text[: LONGEST_VALUE - 1]}…"

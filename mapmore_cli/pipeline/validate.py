@@ -106,6 +106,7 @@ def _scored(part: ScoresSlice, workspace: Workspace, measured: Dataset, model: M
     from mapmore_cli.modelling.validation.outliers import outliers
     from mapmore_cli.modelling.validation.residuals import alarms
     from mapmore_cli.modelling.validation.shown import for_report
+    from mapmore_cli.reporting.sections import shown_by
     from mapmore_cli.reporting.tables import rival_minima
 
     dataset = measured if part.seen_as is None else scored_as(part.seen_as, measured, model)
@@ -155,7 +156,7 @@ def _scored(part: ScoresSlice, workspace: Workspace, measured: Dataset, model: M
             for row in scores
         ]
     scores += _repeatability_scores(part, model, dataset, scale)
-    fits = {one.name: one.own_fit for one in rivals if one.own_fit is not None}
+    fits = {one.name: one.own_fit for one in rivals if one.own_fit and shown_by(one.own_fit)}
     predictions = {name: tuple(one.values for one in every) for name, every in forecasts.items()}
     units = {part.target: dataset.unit(dataset.target)}
     loud = alarms(model, dataset, predictions[OWN], scores)

@@ -5,19 +5,17 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from types import ModuleType
-from typing import Any
 
 import numpy as np
 
 from mapmore_cli.domain.arrays import Array, BoolArray
 from mapmore_cli.domain.errors import UsageError
-from mapmore_cli.domain.fits import SegmentedCurve
+from mapmore_cli.domain.fits import Fit, SegmentedCurve
 from mapmore_cli.domain.models import Equation, LeftOut, Model
 from mapmore_cli.domain.recording import Curve, Dataset, Quantity
 from mapmore_cli.domain.results import FitResult, Search, Validation
 from mapmore_cli.domain.scores import REPEATABILITY, Published, deciding
-from mapmore_cli.modelling.kinds import outside_range, page_of, rules, runs_over_time
+from mapmore_cli.modelling.kinds import outside_range, rules, runs_over_time
 from mapmore_cli.modelling.shape.violations import Violation
 from mapmore_cli.modelling.simple import SIMPLE
 from mapmore_cli.modelling.validation.intervals import INTERVAL, ends, half_widths_of
@@ -261,18 +259,9 @@ class ReportInputs:
         )
 
     @property
-    def fits(self) -> dict[str, Any]:
-        """Fits of kinds that have a page of their own, by name: the run's own, and those among its
-        competitors.
-        """
-        own = {self.own: self.fit.body} if page_of(self.fit.body) else {}
-        return {**own, **self.validation.fits}
-
-    @property
-    def pages(self) -> list[ModuleType]:
-        """Modules that show these fits, each once."""
-        kinds = {type(fit): fit for fit in self.fits.values()}
-        return [page for fit in kinds.values() if (page := page_of(fit))]
+    def fits(self) -> dict[str, Fit | None]:
+        """The run's own fit, and those of its competitors that pages show, by name."""
+        return {self.own: self.fit.body, **self.validation.fits}
 
     @property
     def turned(self) -> bool:

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from mapmore_cli.domain.scores import FIGURES, deciding
+from mapmore_cli.domain.scores import deciding
 from mapmore_cli.reporting.figures.drawing import (
     SVG_PROLOGUE,
     Drawing,
@@ -25,6 +25,7 @@ from mapmore_cli.reporting.figures.drawing import (
 )
 from mapmore_cli.reporting.figures.style import figure_style
 from mapmore_cli.reporting.inputs import ReportInputs
+from mapmore_cli.reporting.order import FIGURES
 from mapmore_cli.reporting.score_tables import scored, verdict_sentence
 from mapmore_cli.reporting.sections import all_tables, sections_of
 from mapmore_cli.reporting.table import (
@@ -95,7 +96,7 @@ def write_report(
 ) -> None:
     """Write the report into the folder `out`, byte for byte the same for the same inputs.
 
-    - `figures`: names out of `domain.scores.FIGURES`.
+    - `figures`: names out of `reporting.order.FIGURES`.
     - `formats`: `html`: index.html, with the figures in it; `svg`: a file for each figure; `csv`,
       `tex`: tables/*; `pdf`, `png`, `pgf`: panels/*, every panel of every figure in these formats
       (and as SVG where that is asked for too), and as CSV.

@@ -1,14 +1,17 @@
 """The sections of a page, in its order: who adds one adds a row here, with its tables.
 
 A section shows what `templates/sections/ID.html` says, where there is such a file; then its figures
-(`domain.scores.FIGURES` says which); then its tables.
+(`reporting.order.FIGURES` says which); then its tables.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from typing import Protocol, runtime_checkable
 
+from mapmore_cli.domain.fits import Fit
+from mapmore_cli.modelling.kinds import kind_of_fit
 from mapmore_cli.reporting import memory_tables, tables
 from mapmore_cli.reporting.inputs import ReportInputs
 from mapmore_cli.reporting.score_tables import curve_scores_table, score_table, search_table
@@ -30,12 +33,27 @@ class Section:
     folded: bool = True
 
 
+@runtime_checkable
+class Paged(Protocol):
+    """A kind that adds itself, whose fits have a section on pages."""
+
+    def section(self) -> Section:
+        """Return the section; it has no tables where a run has no such fit."""
+
+    def show_fit(self, fit: Fit) -> tuple[dict[str, object], tuple[Table, ...]]:
+        """Return a fit as members of a JSON document and as tables."""
+
+
+def shown_by(fit: Fit | None) -> Paged | None:
+    """Return the kind that shows a fit in a section of its own; None where there is none."""
+    kind = kind_of_fit(fit)
+    return kind if isinstance(kind, Paged) else None
+
+
 def sections_of(inputs: ReportInputs) -> tuple[Section, ...]:
     """Return the sections of a run's page; kinds that have tables of their own have one each."""
-    kinds = (
-        Section(page.TITLE.replace(" ", "-"), page.TITLE, page.tables) for page in inputs.pages
-    )
-    return (*SECTIONS[:3], *kinds, *SECTIONS[3:])
+    kinds = dict.fromkeys(filter(None, map(shown_by, inputs.fits.values())))
+    return (*SECTIONS[:3], *(kind.section() for kind in kinds), *SECTIONS[3:])
 
 
 def all_tables(inputs: ReportInputs) -> tuple[Table, ...]:

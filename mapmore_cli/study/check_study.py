@@ -5,11 +5,11 @@ model, formulas, metrics, units.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from importlib.util import find_spec
 from operator import attrgetter
 from types import MappingProxyType
-from typing import TYPE_CHECKING, get_args
+from typing import TYPE_CHECKING, Protocol, get_args, runtime_checkable
 
 from mapmore_cli.domain.errors import SpecError
 from mapmore_cli.domain.recording import DIRECTION
@@ -371,10 +371,19 @@ def kind(spec: ExperimentSpec) -> Iterator[Finding]:
     )
 
 
+@runtime_checkable
+class Checked(Protocol):
+    """A kind that adds itself, and knows what a spec of it may not say."""
+
+    def findings(self, spec: ExperimentSpec) -> Iterable[Finding]:
+        """Return what is wrong with a spec; nothing where it has no model of the kind."""
+
+
 def of_kinds(spec: ExperimentSpec) -> Iterator[Finding]:
     """Check what only the kind of a model that adds itself knows."""
     for kind in kinds():
-        yield from kind.verb("findings", lambda _spec: (), of="checks")(spec)
+        if isinstance(kind, Checked):
+            yield from kind.findings(spec)
 
 
 # Formulas and competitors

@@ -72,7 +72,7 @@ def locate(finding: Finding, root: Node) -> Mistake:
     return Mistake(at, finding.message, finding.remedy)
 
 
-def told(*rows: tuple[bool, Loc | str, str, str], **known: Any) -> Iterator[Finding]:
+def told(*rows: tuple[bool, Loc | str, str, str], **known: object) -> Iterator[Finding]:
     """Yield the rows that apply: whether, the way, what is wrong, and what would be right.
 
     Texts are templates: `{name}` stands for what is `known` by it, `{{` for a brace.
@@ -84,7 +84,9 @@ def told(*rows: tuple[bool, Loc | str, str, str], **known: Any) -> Iterator[Find
             yield Finding(place, what, remedy)
 
 
-def refused(way: Loc | str, attempt: Callable[..., object], *arguments: Any) -> Iterator[Finding]:
+def refused(
+    way: Loc | str, attempt: Callable[..., object], *arguments: object
+) -> Iterator[Finding]:
     """Yield why a call is refused, where it is."""
     try:
         attempt(*arguments)

@@ -29,9 +29,10 @@ from pydantic import (
 )
 
 from mapmore_cli.domain.declared import Contradiction, Either, Name, OfTarget, Settings
-from mapmore_cli.domain.scores import FIGURES, Published
+from mapmore_cli.domain.scores import Published
 from mapmore_cli.modelling.pieces.recipe import CutByDirection, Fuse, Segmented
 from mapmore_cli.modelling.selection import TERMS_OF_ONE_MODEL, Fit
+from mapmore_cli.reporting.order import FIGURES
 from mapmore_cli.study.fields import (
     Context,
     Metres,
@@ -115,7 +116,7 @@ def _with_paths(settings: Mapping[str, Any], change: Callable[[str], Any]) -> di
     return changed
 
 
-def _read_settings(given: Any, info: ValidationInfo) -> Any:
+def _read_settings(given: object, info: ValidationInfo) -> object:
     read = partial(read_path, info=info, bare=False)
     return _JSON.validate_python(_with_paths(given, read)) if isinstance(given, dict) else given
 
@@ -329,7 +330,7 @@ class Report(Section):
 # --------------------------------------------------------------------------------------------------
 
 
-def _given_memory(dictionary: Any, info: ValidationInfo) -> bool:
+def _given_memory(dictionary: object, info: ValidationInfo) -> bool:
     """Whether a dictionary that is not validated yet has terms with memory; False where its form is
     wrong, which is reported elsewhere.
     """
@@ -417,7 +418,7 @@ class ExperimentSpec(Section):
 
     @model_validator(mode="before")
     @classmethod
-    def _by_choice(cls, given: Any, info: ValidationInfo) -> Any:
+    def _by_choice(cls, given: object, info: ValidationInfo) -> object:
         """Fill in defaults that depend on the target, on the terms, and on the parts of a sum."""
         if not isinstance(given, dict):
             return given

@@ -41,7 +41,7 @@ TargetKind = Literal["static", "hysteresis", "damping", "dynamic"]
 """What of the force is modelled, where the target is no measured quantity."""
 
 
-def as_target(given: Any) -> Any:
+def as_target(given: object) -> object:
     """Return a target as the spec holds it: `tip`, which is no kind of target, is a column, and a
     list is of several.
     """
@@ -60,7 +60,7 @@ class Section(BaseModel):
 
     @model_validator(mode="before")
     @classmethod
-    def _noted(cls, given: Any, info: ValidationInfo) -> Any:
+    def _noted(cls, given: object, info: ValidationInfo) -> object:
         """Tell the loader which keys a mapping may have."""
         if isinstance(info.context, Context) and isinstance(given, dict):
             keys = [one.alias or name for name, one in cls.model_fields.items()]
@@ -131,8 +131,8 @@ class Context:
         return tuple(dict.fromkeys(self.known.get(id(given), ({}, []))[1]))
 
     def converted(
-        self, given: Any, unit_of: Callable[[Place], str | None], difference: bool
-    ) -> Any:
+        self, given: object, unit_of: Callable[[Place], str | None], difference: bool
+    ) -> object:
         """Return the number that a text with a unit stands for, as a value or as a `difference` of
         two; anything else as it is.
 
@@ -213,7 +213,7 @@ Metric = Annotated[float, Difference(_metric_unit, "that of the metric")]
 Share = Annotated[float, always_in("1")]
 
 
-def _share_of_value(given: Any, info: ValidationInfo) -> Any:
+def _share_of_value(given: object, info: ValidationInfo) -> object:
     """Keep `2 %` as text, where it is no value of the quantity that is meant."""
     if not isinstance(given, Written) or not isinstance(info.context, Context):
         return given
@@ -260,7 +260,7 @@ def possible_path(path: str) -> str:
     return path
 
 
-def read_path(given: Any, info: ValidationInfo, bare: bool) -> Any:
+def read_path(given: object, info: ValidationInfo, bare: bool) -> object:
     """Return a path with its variables expanded, from the folder of the spec."""
     if not isinstance(given, Written) or not isinstance(info.context, Context):
         return given

@@ -9,16 +9,18 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from itertools import takewhile
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, Generic, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
 from mapmore_cli.domain.errors import SpecError, UsageError
+from mapmore_cli.storage.tables import RawTable
 from mapmore_cli.study import check_names, check_study
 from mapmore_cli.study.diagnostics import (
     MOST_ERRORS,
@@ -76,6 +78,13 @@ class Loaded(Generic[M]):
     folder: Path  # that relative paths start at
     overrides: tuple[str, ...]  # what was set on top of the file
     _root: Node = field(repr=False, compare=False)
+    _source: SourceText = field(repr=False, compare=False)
+    tables: Mapping[str, RawTable] = field(default_factory=dict, repr=False, compare=False)
+
+    @property
+    def name(self) -> str:
+        """How messages call it: the path of its file."""
+        return self._source.name
 
     @cached_property
     def resolved(self) -> str:
@@ -134,13 +143,26 @@ def load_as(
     return _validated(read_source(path), path, model, overrides, check)
 
 
-def load_text(text: str, name: str, folder: Path) -> LoadedSpec:
+def load_text(
+    text: str,
+    name: str,
+    folder: Path,
+    overrides: Sequence[str] = (),
+    tables: Mapping[str, RawTable] = MappingProxyType({}),
+) -> LoadedSpec:
     """Return an experiment spec as YAML that no file holds; messages call it `name`, paths start at
-    `folder`. Raises as `load`.
+    `folder`, and `tables` are recordings in memory that it names in `data.files`. Raises as `load`.
     """
-    return _validated(
-        SourceText(name, folder, text, numbered=False), folder / name, ExperimentSpec, (), findings
-    )
+    source = SourceText(name, folder, text, numbered=False)
+    loaded = _validated(source, folder / name, ExperimentSpec, overrides, findings)
+    return replace(loaded, tables=tables)
+
+
+def changed(loaded: LoadedSpec, overrides: Sequence[str]) -> LoadedSpec:
+    """Return a spec with further settings on top; raises as `load`."""
+    every = (*loaded.overrides, *overrides)
+    again = _validated(loaded._source, loaded.path, ExperimentSpec, every, findings)
+    return replace(again, tables=loaded.tables)
 
 
 def _validated(
@@ -170,7 +192,7 @@ def _validated(
     # else no file holds it, and no comments either
     if isinstance(spec, ExperimentSpec) and path.is_file():
         spec._unconfirmed = questions_in(path.read_text(encoding="utf-8-sig"))
-    return Loaded(spec, path, path.parent, tuple(overrides), root)
+    return Loaded(spec, path, path.parent, tuple(overrides), root, source)
 
 
 def _further_mistakes(

@@ -69,7 +69,7 @@ def _told(section: JsonSchemaValue, of: type) -> JsonSchemaValue:
     return {**section, "description": about.strip()}
 
 
-def _unit_within(value: Any) -> str | None:
+def _unit_within(value: object) -> str | None:
     """Return the unit of the numbers that may stand at a key, taken out of what is said of each; 1
     for plain numbers, None where there are none.
     """
@@ -122,15 +122,8 @@ def write_schema_beside(spec: Path) -> None:
         write_text(path, json.dumps(json_schema(), indent=2) + "\n")
 
 
-def key_texts(keys: Sequence[str]) -> dict[str, str]:
-    """Return what keys of the top level and of `data` are, with an example as Python writes it."""
-    schema = _whole_schema()
-    known = {**schema["$defs"]["Data"]["properties"], **schema["properties"]}
-    return {key: f"{known[key]['description']}, as `{known[key]['examples'][0]!r}`" for key in keys}
-
-
 def _sections_within(
-    schema: Any, sections: dict[str, Any], skipped: Sequence[str]
+    schema: object, sections: dict[str, Any], skipped: Sequence[str]
 ) -> Iterator[str]:
     """Yield the sections that a schema names, from top to bottom and however often, each followed
     by those inside it.

@@ -99,7 +99,7 @@ def written(node: Node, way: Loc = (), around: Mapping[str, Any] = MappingProxyT
 
 
 def values_at(
-    tree: Any, place: str, way: tuple[str | int, ...] = ()
+    tree: object, place: str, way: tuple[str | int, ...] = ()
 ) -> Iterator[tuple[tuple[str | int, ...], Any]]:
     """Yield the bare values at a place, as `data.columns.*.unit`, each after its way; `*` is every
     key or item.

@@ -84,7 +84,7 @@ class _CoreDumper(yaml.SafeDumper):
 
     yaml_implicit_resolvers = _RESOLVERS
 
-    def ignore_aliases(self, _data: Any) -> bool:
+    def ignore_aliases(self, _data: object) -> bool:
         return True
 
     def serialize(self, node: yaml.Node) -> None:
@@ -118,7 +118,7 @@ def tag_of(text: str) -> str:
     return next(tags, "str")
 
 
-def dump(value: Any) -> str:
+def dump(value: object) -> str:
     """YAML that `CoreLoader` reads back to the same value."""
     text: str = yaml.dump(value, Dumper=_CoreDumper, sort_keys=False, allow_unicode=True, width=120)
     return text
@@ -167,7 +167,7 @@ def variable_in(text: str) -> str | None:
     return next((match[0] for match in _REFERENCE.finditer(text) if match[0] != "$${"), None)
 
 
-def escaped(value: Any) -> Any:
+def escaped(value: object) -> Any:
     """Return a value with texts, wherever they are in it, that `expand` turns back into these."""
     if isinstance(value, dict):
         return {key: escaped(item) for key, item in value.items()}

@@ -14,7 +14,7 @@ from common import python
 from filelock import FileLock
 
 from mapmore_cli.domain.errors import MapmoreError, WriteError
-from mapmore_cli.domain.processors import in_processes
+from mapmore_cli.pipeline.processors import in_processes
 
 PROC = Path("/proc/self/task")
 
@@ -105,7 +105,7 @@ def test_without_room_for_its_locks_no_worker_starts():
     code = """
 import resource
 from mapmore_cli.domain.errors import WriteError
-from mapmore_cli.domain.processors import in_processes
+from mapmore_cli.pipeline.processors import in_processes
 resource.setrlimit(resource.RLIMIT_FSIZE, (0, 0))
 try:
     list(in_processes(abs, {1: 1, 2: 2}, 2, print))

@@ -12,9 +12,11 @@ import yaml
 from cli_samples import CONFIGS, write_columns
 
 import mapmore_cli as mm
+from mapmore_cli.api import fitted as fitted_module
 from mapmore_cli.domain.errors import DataError, SpecError, UsageError
 from mapmore_cli.ingestion.files import expand
 from mapmore_cli.study.experiment import ExperimentSpec
+from mapmore_cli.study.schema import json_schema
 from mapmore_cli.study.sections.data import Data
 
 
@@ -198,6 +200,29 @@ def test_what_is_written_runs_to_the_same_scores(fitted, tmp_path):
     )
 
 
+def test_frames_are_in_memory_and_stay_as_they_are(tmp_path, monkeypatch):
+    """Also for a competitor with other settings, which is a run of its own."""
+
+    def refused(*_):
+        raise AssertionError("frames are written to a file")
+
+    monkeypatch.setattr(fitted_module, "write_tables", refused)
+    halves = [{name: x[rows] for name, x in FRAME.items()} for rows in (BAR < 2.2, BAR > 2.2)]
+    before = [{name: x.copy() for name, x in frame.items()} for frame in halves]
+    other = {"set": {"fit.max_terms": 1}, "as": "short"}
+    found = mm.fit(halves, **{**SECTIONS, "validate": {"against": [other]}})
+    for frame, kept in zip(halves, before, strict=True):
+        assert all(np.array_equal(frame[name], kept[name]) for name in kept)
+    assert {"mapmore", "short"} <= {row["model"] for row in found.scores}
+    assert found.spec.data.files == ["recording_1", "recording_2"]
+    monkeypatch.undo()
+    written = mm.run(found.to_yaml(tmp_path / "halves.yaml"), tmp_path / "runs")
+    assert tuple(written.scores) == tuple(found.scores)
+    halves[1]["F"] = np.where(np.arange(len(halves[1]["F"])) == 3, np.nan, halves[1]["F"])
+    with pytest.raises(DataError, match=r"frame 2, row 3 \(from 0\), column 'F': the value"):
+        mm.fit(halves, **SECTIONS)
+
+
 def test_nothing_is_written_but_progress(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
@@ -282,9 +307,11 @@ def test_what_tab_shows_are_the_sections_of_the_spec():
     added = {"frame", "columns", "levels", "split", "check", "progress", "of_data"}
     assert arguments.keys() == keys | added
     assert {"columns", "levels", "split"} <= Data.model_fields.keys()
-    for name, one in ExperimentSpec.model_fields.items():
-        text = inspect.cleandoc(mm.fit.__doc__)
-        assert f"\n{one.alias or name}\n" in text or name in ("data", "schema_version")
+    said, schema = " ".join(mm.fit.__doc__.split()), json_schema()
+    known = {**schema["$defs"]["Data"]["properties"], **schema["properties"]}
+    for key in (keys | {"levels", "split"}) - {"data", "schema_version"}:
+        text = f"{known[key]['description']}, as `{known[key]['examples'][0]!r}`"
+        assert f" {key} {text} " in said, "the docstring of fit says what the schema says"
     assert set(dir(mm)) == {*mm.__all__} >= {"fit", "run", "load_model", "example", "FROLS"}
     assert all(getattr(mm, name) is not None for name in mm.__all__)
 

@@ -9,7 +9,7 @@ import sys
 import common
 import pytest
 
-from mapmore_cli.domain.processors import MOST_PROCESSES
+from mapmore_cli.pipeline.processors import MOST_PROCESSES
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="forks are made on Linux only")
 
@@ -17,7 +17,7 @@ PROCESSORS = min(len(os.sched_getaffinity(0)), MOST_PROCESSES) if sys.platform =
 START = """
 import os, signal, sys, threading, time
 from multiprocessing import active_children
-from mapmore_cli.domain.processors import free_processors, shared_out
+from mapmore_cli.pipeline.processors import free_processors, shared_out
 me, items = os.getpid(), list(range(10))
 """
 

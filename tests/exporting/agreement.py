@@ -24,7 +24,7 @@ from mapmore_cli.modelling.expressions import parse
 from mapmore_cli.modelling.inverse import NEAREST
 from mapmore_cli.modelling.kinds import fed_back, outside_range, runs_over_time, simulate
 from mapmore_cli.modelling.pieces.definition import zones_of
-from mapmore_cli.modelling.program.model import program_of
+from mapmore_cli.modelling.programs import program_of
 
 FLAGS = ["-std=c99", "-Wall", "-Wextra", "-Werror", "-pedantic"]
 POINTS = 100_000

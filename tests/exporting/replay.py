@@ -25,7 +25,7 @@ from mapmore_cli.annexes.exporting.exports import exported
 from mapmore_cli.annexes.exporting.templates import names_of_inputs
 from mapmore_cli.domain.errors import UsageError
 from mapmore_cli.modelling.kinds import fed_back, outside_range, runs_over_time, simulate
-from mapmore_cli.modelling.program.model import program_of
+from mapmore_cli.modelling.programs import program_of
 from mapmore_cli.storage.artefacts import read_dataset, read_model
 
 Columns = Mapping[str, np.ndarray]

@@ -16,7 +16,7 @@ from mapmore_cli.annexes.exporting.c_source import c_source
 from mapmore_cli.domain.errors import DataError, UsageError
 from mapmore_cli.modelling.inverse import LOWEST, NEAREST, invert
 from mapmore_cli.modelling.kinds import predict, runs_over_time
-from mapmore_cli.modelling.program.model import slopes
+from mapmore_cli.modelling.programs import slopes
 
 pytestmark = pytest.mark.skipif(shutil.which("gcc") is None, reason="there is no C compiler here")
 

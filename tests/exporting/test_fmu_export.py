@@ -25,7 +25,7 @@ from mapmore_cli.annexes.exporting.exports import exported
 from mapmore_cli.annexes.exporting.fmu import fmu_sources
 from mapmore_cli.domain.recording import Quantity
 from mapmore_cli.modelling.kinds import predict
-from mapmore_cli.modelling.program.model import program_of
+from mapmore_cli.modelling.programs import program_of
 
 needs_compiler = pytest.mark.skipif(
     shutil.which("cc") is None, reason="there is no C compiler here"

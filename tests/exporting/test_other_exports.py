@@ -25,7 +25,7 @@ from mapmore_cli.annexes.exporting.python_module import python_module
 from mapmore_cli.annexes.exporting.verifying import middle
 from mapmore_cli.domain.errors import DataError, UsageError
 from mapmore_cli.modelling.kinds import fed_back, outside_range, predict
-from mapmore_cli.modelling.program.model import slopes
+from mapmore_cli.modelling.programs import slopes
 
 
 def imported(model):

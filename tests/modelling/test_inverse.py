@@ -17,7 +17,7 @@ from mapmore_cli.modelling.forecast import forecast
 from mapmore_cli.modelling.inverse import invert, knots, solve_for_input
 from mapmore_cli.modelling.kinds import predict
 from mapmore_cli.modelling.pieces.recipe import Cuts
-from mapmore_cli.modelling.program.model import slopes
+from mapmore_cli.modelling.programs import slopes
 
 INVERTED = [
     ("straight beyond the levels", "pressure"),

@@ -26,6 +26,7 @@ class Study:
     spec: ExperimentSpec
     folder: Path
     overrides: tuple[str, ...] = ()
+    tables: tuple[()] = ()  # no recordings in memory
 
     @property
     def path(self):

@@ -12,7 +12,7 @@ from mapmore_cli.domain.fits import FormulaFit
 from mapmore_cli.domain.models import Equation
 from mapmore_cli.domain.recording import Curve, Dataset, Quantity, Recording
 from mapmore_cli.domain.results import FitResult, Forecast, PiecesFit, Validation
-from mapmore_cli.domain.scores import FIGURES, Published, Score
+from mapmore_cli.domain.scores import Published, Score
 from mapmore_cli.modelling.kinds import predict
 from mapmore_cli.modelling.pieces import build as pieces
 from mapmore_cli.modelling.pieces.recipe import Cuts, Fuse, Recipe
@@ -21,6 +21,7 @@ from mapmore_cli.modelling.validation.shown import for_report
 from mapmore_cli.reporting.figures.drawing import compose, drawings
 from mapmore_cli.reporting.figures.style import figure_style
 from mapmore_cli.reporting.inputs import ReportInputs
+from mapmore_cli.reporting.order import FIGURES
 from mapmore_cli.reporting.sections import all_tables
 
 QUANTITIES = {

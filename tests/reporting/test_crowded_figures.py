@@ -10,13 +10,14 @@ import pytest
 from matplotlib.backend_bases import RendererBase
 from report_builder import build, legend_of, of_pieces, surface
 
-from mapmore_cli.domain.scores import FIGURES, REPEATABILITY
+from mapmore_cli.domain.scores import REPEATABILITY
 from mapmore_cli.modelling.kinds import predict
 from mapmore_cli.modelling.signals.sampling import MANY
 from mapmore_cli.reporting.figures.drawing import POINTS, compose, drawings
 from mapmore_cli.reporting.figures.segments import level_figures
 from mapmore_cli.reporting.figures.style import figure_style, model_styles
 from mapmore_cli.reporting.inputs import MOST_LINES
+from mapmore_cli.reporting.order import FIGURES
 from mapmore_cli.reporting.score_tables import score_table
 from mapmore_cli.reporting.sections import all_tables
 

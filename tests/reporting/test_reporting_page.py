@@ -12,12 +12,12 @@ from report_builder import Page, all_named, build, of_pieces
 
 from mapmore_cli.domain.models import Formula
 from mapmore_cli.domain.plugins import points
-from mapmore_cli.domain.scores import FIGURES
 from mapmore_cli.modelling.kinds import equations
 from mapmore_cli.modelling.validation.residuals import residual_tests
 from mapmore_cli.reporting import figures as figures_folder
 from mapmore_cli.reporting.figures.drawing import compose, drawings
 from mapmore_cli.reporting.figures.terms import whole_curves
+from mapmore_cli.reporting.order import FIGURES
 from mapmore_cli.reporting.report import write_report
 
 EVERYTHING = {"figures": tuple(FIGURES), "formats": ("html", "csv", "svg")}

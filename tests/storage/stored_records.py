@@ -6,7 +6,7 @@ Lengths are those that the fields declare; what the values mean is left to chanc
 import types
 from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
-from typing import Any, Literal, Union
+from typing import Literal, Union
 
 import numpy as np
 from hypothesis import strategies as st
@@ -14,6 +14,7 @@ from hypothesis.extra.numpy import arrays
 
 from mapmore_cli.domain.arrays import ASCENDING, FINITE
 from mapmore_cli.domain.declared import Label, QuantityName, TermName
+from mapmore_cli.domain.fits import Fit
 from mapmore_cli.domain.models import Body
 from mapmore_cli.modelling.kinds import kinds
 from mapmore_cli.storage.artefacts.decoding import wrong_with
@@ -83,7 +84,7 @@ def _values(draw, hint, outer, known, above):
 
 def _plain(own, letters, known, above):
     kind, finite = own.kind, FINITE in own.checks
-    if kind in (Body, Any):
+    if kind in (Body, Fit):
         return _bodies(kind, known, above)
     if kind is types.NoneType:
         return st.none()
@@ -146,9 +147,7 @@ def _bodies(hint, known, above):
         for type_ in found
         if type_ is not None and (type_ not in above or len(above) < 2 * DEEPEST)
     ]
-    return st.one_of(
-        *(records(type_, known, above) for type_ in chosen), *([] if hint is Body else [st.none()])
-    )
+    return st.one_of(*(records(type_, known, above) for type_ in chosen))
 
 
 @st.composite

@@ -85,7 +85,7 @@ def batch(
     from mapmore_cli.annexes.campaigns.cluster import run_on_cluster
     from mapmore_cli.annexes.campaigns.page import scores_of, write_page
     from mapmore_cli.cli.views import page_lines
-    from mapmore_cli.domain import processors
+    from mapmore_cli.pipeline import processors
     from mapmore_cli.pipeline.jobs import Job, run_one, stoppable
     from mapmore_cli.pipeline.runner import Options
     from mapmore_cli.reporting.campaign import campaign_tables

@@ -8,10 +8,10 @@ from contextlib import suppress
 from dataclasses import replace
 from hashlib import sha256
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from mapmore_cli.domain.errors import told
-from mapmore_cli.domain.scores import RUN_PAGE
+from mapmore_cli.reporting.order import RUN_PAGE
 from mapmore_cli.reporting.table import Table, to_csv
 from mapmore_cli.storage.atomic import make_folder, refusals_told, write_text
 from mapmore_cli.storage.ownership import to_trash
@@ -77,7 +77,7 @@ def _ways_made(
 
     The record of an older version lists no files: whatever stands there then counts as written.
     """
-    known: Any = None
+    known: object = None
     with suppress(OSError, ValueError, AttributeError):
         known = json.loads((folder / CAMPAIGN_RECORD).read_bytes()).get("files")
     files = dict[str, list[str]]()

@@ -43,9 +43,11 @@ from mapmore_cli.modelling.inverse import (
     knots,
     parts_between,
 )
-from mapmore_cli.modelling.kinds import OUTSIDE_TOLERANCE, runs_over_time
-from mapmore_cli.modelling.program.model import program_of, with_slopes
+from mapmore_cli.modelling.kinds import runs_over_time
+from mapmore_cli.modelling.program.slopes import with_slopes
 from mapmore_cli.modelling.program.statements import Program
+from mapmore_cli.modelling.programs import program_of
+from mapmore_cli.modelling.ranges import OUTSIDE_TOLERANCE
 
 MOST_INPUTS = 14
 """Bits of the returned number, one for every input and one more: an `int` may have 16."""

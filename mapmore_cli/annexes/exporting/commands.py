@@ -78,7 +78,9 @@ def export(
     with Reporter(quiet) as reporter:
         model = read_model(model_file, reporter.warn)
         if pressure is not None:
-            actuator = kinds.named("sum").verb("actuator", of="joint")
+            kinds.named("sum")  # raises NotInstalled where the annex is missing
+            from mapmore_cli.annexes.sums.joint import actuator
+
             valve = kinds.alone(read_model(pressure, reporter.warn))
             model = actuator(kinds.alone(model), valve)
         files = exported(

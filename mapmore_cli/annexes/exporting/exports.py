@@ -26,7 +26,7 @@ from mapmore_cli.annexes.exporting.verifying import middle
 from mapmore_cli.domain import plugins
 from mapmore_cli.domain.errors import UsageError
 from mapmore_cli.domain.models import Model
-from mapmore_cli.modelling.program.model import program_of
+from mapmore_cli.modelling.programs import program_of
 
 Exporter = Callable[[Model, Wanted], Mapping[str, str | bytes]]
 
@@ -43,7 +43,9 @@ EXPORTERS: dict[str, Exporter] = {
     "mujoco": mujoco_files,
     "simulink": simulink_files,
 }
-EXPORTERS = {part.name: part.value for part in plugins.parts("exports", Callable)} | EXPORTERS
+_FUNCTION: type[Exporter] = Callable  # type: ignore[assignment]  # any may be an exporter
+_ADDED = {part.name: part.value for part in plugins.parts("exports", _FUNCTION)}
+EXPORTERS = _ADDED | EXPORTERS
 
 
 SEVERAL = ("c", "tex")

@@ -21,7 +21,7 @@ from mapmore_cli.annexes.exporting.verifying import CompilerMissing, verify_file
 from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.words import words_of
 from mapmore_cli.modelling.kinds import fed_back
-from mapmore_cli.modelling.program.model import program_of
+from mapmore_cli.modelling.programs import program_of
 
 
 def matlab_file(model: Model, wanted: Wanted) -> dict[str, str]:

@@ -22,9 +22,10 @@ from mapmore_cli.annexes.exporting.templates import (
 )
 from mapmore_cli.annexes.exporting.verifying import verify_module
 from mapmore_cli.domain.models import Model
-from mapmore_cli.modelling.kinds import OUTSIDE_TOLERANCE
-from mapmore_cli.modelling.program.model import program_of, with_slopes
+from mapmore_cli.modelling.program.slopes import with_slopes
 from mapmore_cli.modelling.program.statements import Program
+from mapmore_cli.modelling.programs import program_of
+from mapmore_cli.modelling.ranges import OUTSIDE_TOLERANCE
 
 
 def module_file(model: Model, wanted: Wanted, plain: bool = False) -> dict[str, str]:

@@ -29,7 +29,7 @@ from mapmore_cli.domain.foreign import csv_cell
 from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.words import words_of
 from mapmore_cli.modelling.kinds import equations, outside_range, predict, rules, runs_over_time
-from mapmore_cli.modelling.program.model import program_of
+from mapmore_cli.modelling.programs import program_of
 from mapmore_cli.pipeline.records import grid_axes
 from mapmore_cli.reporting.table import to_latex
 from mapmore_cli.reporting.tables import limits_tables

@@ -25,7 +25,7 @@ from mapmore_cli.domain.recording import Quantity
 from mapmore_cli.domain.words import TAKEN
 from mapmore_cli.modelling.expressions.functions import FUNCTIONS, HELPER
 from mapmore_cli.modelling.expressions.states import IDENTIFIER
-from mapmore_cli.modelling.program.model import program_of
+from mapmore_cli.modelling.programs import program_of
 
 Warn = Callable[[str], None]
 

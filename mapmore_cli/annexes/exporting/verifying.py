@@ -24,8 +24,8 @@ from mapmore_cli.domain.errors import MapmoreError
 from mapmore_cli.domain.models import Model
 from mapmore_cli.modelling.expressions import Name
 from mapmore_cli.modelling.kinds import fed_back, outside_range, simulate
-from mapmore_cli.modelling.program.model import program_of
 from mapmore_cli.modelling.program.values import INPUT
+from mapmore_cli.modelling.programs import program_of
 from mapmore_cli.storage.atomic import scratch_folder, write_bytes, write_text
 
 COMPILERS = ("cc", "gcc", "clang")

@@ -8,7 +8,7 @@ from typing import Annotated
 
 from mapmore_cli.domain.arrays import ASCENDING, Array, Number, Numbers, Span
 from mapmore_cli.domain.declared import Count, Label, QuantityName, TermName, one_of
-from mapmore_cli.domain.fits import Step
+from mapmore_cli.domain.fits import Fit, Step
 from mapmore_cli.domain.models import Body, CurveRange
 
 HARD, CARRIED, BUMPLESS = "hard", "carried", "bumpless"
@@ -118,7 +118,7 @@ class SectionSearch:
 
 
 @dataclass(frozen=True)
-class MotionFit:
+class MotionFit(Fit):
     """A model of motion, and how each of its sections was found."""
 
     model: Annotated[Motion, "the model"]

@@ -9,33 +9,35 @@ from mapmore_cli.annexes.motion.problem import MotionRecipe
 from mapmore_cli.domain.declared import taken
 from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.results import FitResult
-from mapmore_cli.fitting.kinds import Given
+from mapmore_cli.fitting.kinds import Given, Maker
 from mapmore_cli.fitting.kinds.choices import ModelChoices
 from mapmore_cli.modelling.memory.records import records_of, time_step
 
 
-def fit(part: ModelChoices, given: Given) -> FitResult:
-    """Every section, on all recordings.
+class MotionMaker(Maker):
+    """Fits models of motion."""
 
-    Raises DataError where recordings are not sampled alike, the input never changes, or a section
-    has too few samples; SpecError, FitError where the solver refuses the sections, or finds no
-    stable one.
-    """
-    curves = given.dataset.curves
-    step = time_step(curves)
-    recipe = taken(MotionRecipe, part.model, output=given.dataset.target, step=step)
-    return FitResult(
-        fit_motion(
-            records_of(curves, step),
-            recipe,
-            lambda done, total: given.progress("sections", done, total),
+    def fit(self, part: ModelChoices, given: Given) -> FitResult:
+        """Every section, on all recordings.
+
+        Raises DataError where recordings are not sampled alike, the input never changes, or a
+        section has too few samples; SpecError, FitError where the solver refuses the sections, or
+        finds no stable one.
+        """
+        curves = given.dataset.curves
+        step = time_step(curves)
+        recipe = taken(MotionRecipe, part.model, output=given.dataset.target, step=step)
+        return FitResult(
+            fit_motion(
+                records_of(curves, step),
+                recipe,
+                lambda done, total: given.progress("sections", done, total),
+            )
         )
-    )
 
-
-def build(part: ModelChoices, given: Given, result: FitResult) -> Model:
-    """Return the model, with the training range of its inputs."""
-    assert isinstance(result.body, MotionFit)
-    return motion.build(
-        part.name, result.body.model, given.segmentation, given.dataset.quantities, result.notes
-    )
+    def build(self, part: ModelChoices, given: Given, result: FitResult) -> Model:
+        """Return the model, with the training range of its inputs."""
+        assert isinstance(result.body, MotionFit)
+        return motion.build(
+            part.name, result.body.model, given.segmentation, given.dataset.quantities, result.notes
+        )

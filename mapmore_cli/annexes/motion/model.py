@@ -18,6 +18,7 @@ from mapmore_cli.domain.recording import Quantity
 from mapmore_cli.domain.results import Run
 from mapmore_cli.modelling.expressions import Expression, Name, Number, add, parse, substitute
 from mapmore_cli.modelling.expressions.syntax import ZERO, Condition, names_in
+from mapmore_cli.modelling.kinds import Verbs
 from mapmore_cli.modelling.literature.model import printed
 from mapmore_cli.modelling.program.writing import Inputs, Side, Writer, limit, renamed_all, total
 
@@ -53,107 +54,9 @@ def motion_inputs(motion: Motion) -> list[str]:
     return list(dict.fromkeys([motion.input, *sorted(names_in(map(parse, motion.drives)))]))
 
 
-def simulate(model: Model, columns: Columns) -> Run:
-    """Return the model along one recording, (n,), from rest; NaN where an input is NaN, with a new
-    beginning after it.
-    """
-    names = [
-        *(quantity.name for quantity in model.inputs),
-        *(["time"] if "time" in columns else []),
-    ]
-    given = {name: np.asarray(columns[name], dtype=np.float64) for name in names}
-    known = np.logical_and.reduce([np.isfinite(column) for column in given.values()])
-    values = np.full(len(known), np.nan)
-    for rows in np.split(np.arange(len(known)), np.flatnonzero(np.diff(known)) + 1):
-        if len(rows) and known[rows[0]]:
-            values[rows] = simulated(
-                _motion(model), {name: column[rows] for name, column in given.items()}
-            )
-    return Run(values)
-
-
-def equations(model: Model, units: Mapping[str, float]) -> tuple[Equation, ...]:
-    """`y[k] = P2 y[k-1] + P1 y[k-2] + sum_m w_m d_m[k-2]` of every section; `units` as for
-    `kinds.equations`.
-    """
-    motion = _motion(model)
-    delayed = {
-        name: Number(units[name]) * Name(f"{name}[k-2]") if name in units else Name(f"{name}[k-2]")
-        for name in motion_inputs(motion)
-    }
-    drives = [substitute(parse(text), delayed) for text in motion.drives]
-    once, twice = (Name(f"{motion.output}[k-{lag}]") for lag in (1, 2))
-    sums = {
-        section.id: (
-            section.p2 * once,
-            section.p1 * twice,
-            *map(mul, section.weights.tolist(), drives),
-        )
-        for section in motion.sections
-    }
-    return tuple(printed(name, add(*terms)) for name, terms in sums.items())
-
-
-def rules(model: Model) -> tuple[str, ...]:
-    """Return how the sections are run."""
-    motion = _motion(model)
-    ways = {
-        "hard": "every section runs, the active one's output is taken",
-        "carried": "sections hand one state on",
-        "bumpless": "sections share one state, and meet at their boundaries",
-    }
-    at = ", ".join(f"{boundary:g}" for boundary in motion.boundaries)
-    places = f"Sections meet at {motion.input} {at}. " if at else ""
-    return (
-        f"{places}Switching: {motion.switching} ({ways[motion.switching]}), at steps of "
-        f"{motion.step:.6g} s, from {motion.start}.",
-    )
-
-
-def parameters(model: Model) -> int:
-    """P1, P2 and the weights of every section."""
-    return sum(2 + len(section.weights) for section in _motion(model).sections)
-
-
 def _motion(model: Model) -> Motion:
     assert isinstance(model.body, StateSpace)
     return model.body.motion
-
-
-def write(m: Writer, model: Model, inputs: Inputs) -> Expression:
-    """Write a model of motion; it begins at rest under the first input, or at zero."""
-    assert isinstance(model.body, StateSpace)
-    motion = model.body.motion
-    limit(m, model.body.ranges, None, inputs)
-    m.kept.steps.append(motion.step)
-    seen = m.number("seen")
-    first = Condition(seen, "==", ZERO)
-    drives = [m.let("drive", one) for one in renamed_all(map(parse, motion.drives), inputs)]
-    u = inputs[motion.input]
-    section = m.choose(
-        "place",
-        [(u < boundary, place) for place, boundary in enumerate(motion.boundaries)],
-        len(motion.boundaries),
-    )
-    if motion.directed:
-        section = m.let("section", 2 * section + _falls(m, motion, u, first))
-
-    def of_section(stem: str, values: Sequence[Side]) -> Expression:
-        """Write the value of the section that holds, as `simulation.active` numbers them."""
-        return m.choose(
-            stem,
-            [
-                (Condition(section, "==", Number(float(i))), value)
-                for i, value in enumerate(values[:-1])
-            ],
-            values[-1],
-        )
-
-    value = (_separate if motion.switching == HARD else _shared)(
-        m, motion, of_section, drives, first
-    )
-    m.keep(seen, 1)
-    return value
 
 
 def _falls(m: Writer, motion: Motion, u: Expression, first: Condition) -> Expression:
@@ -229,8 +132,106 @@ def _driven(section: MotionSection, drives: list[Expression]) -> Expression:
     )
 
 
-def faults(model: Model) -> Iterator[str]:
-    """Say what of a stored model no prediction would notice."""
-    motion = _motion(model)
-    if len(motion.sections) != (len(motion.boundaries) + 1) * (1 + motion.directed):
-        yield "it has not as many sections as its boundaries make"
+class MotionVerbs(Verbs):
+    """What a model of motion does."""
+
+    def simulate(self, model: Model, columns: Columns) -> Run:
+        """Return the model along one recording, (n,), from rest; NaN where an input is NaN, with a
+        new beginning after it.
+        """
+        names = [
+            *(quantity.name for quantity in model.inputs),
+            *(["time"] if "time" in columns else []),
+        ]
+        given = {name: np.asarray(columns[name], dtype=np.float64) for name in names}
+        known = np.logical_and.reduce([np.isfinite(column) for column in given.values()])
+        values = np.full(len(known), np.nan)
+        for rows in np.split(np.arange(len(known)), np.flatnonzero(np.diff(known)) + 1):
+            if len(rows) and known[rows[0]]:
+                values[rows] = simulated(
+                    _motion(model), {name: column[rows] for name, column in given.items()}
+                )
+        return Run(values)
+
+    def equations(self, model: Model, units: Mapping[str, float]) -> tuple[Equation, ...]:
+        """`y[k] = P2 y[k-1] + P1 y[k-2] + sum_m w_m d_m[k-2]` of every section; `units` as for
+        `kinds.equations`.
+        """
+        motion = _motion(model)
+        delayed = {
+            name: Number(units[name]) * Name(f"{name}[k-2]")
+            if name in units
+            else Name(f"{name}[k-2]")
+            for name in motion_inputs(motion)
+        }
+        drives = [substitute(parse(text), delayed) for text in motion.drives]
+        once, twice = (Name(f"{motion.output}[k-{lag}]") for lag in (1, 2))
+        sums = {
+            section.id: (
+                section.p2 * once,
+                section.p1 * twice,
+                *map(mul, section.weights.tolist(), drives),
+            )
+            for section in motion.sections
+        }
+        return tuple(printed(name, add(*terms)) for name, terms in sums.items())
+
+    def rules(self, model: Model) -> tuple[str, ...]:
+        """Return how the sections are run."""
+        motion = _motion(model)
+        ways = {
+            "hard": "every section runs, the active one's output is taken",
+            "carried": "sections hand one state on",
+            "bumpless": "sections share one state, and meet at their boundaries",
+        }
+        at = ", ".join(f"{boundary:g}" for boundary in motion.boundaries)
+        places = f"Sections meet at {motion.input} {at}. " if at else ""
+        return (
+            f"{places}Switching: {motion.switching} ({ways[motion.switching]}), at steps of "
+            f"{motion.step:.6g} s, from {motion.start}.",
+        )
+
+    def parameters(self, model: Model) -> int:
+        """P1, P2 and the weights of every section."""
+        return sum(2 + len(section.weights) for section in _motion(model).sections)
+
+    def write(self, m: Writer, model: Model, inputs: Inputs) -> Expression:
+        """Write a model of motion; it begins at rest under the first input, or at zero."""
+        assert isinstance(model.body, StateSpace)
+        motion = model.body.motion
+        limit(m, model.body.ranges, None, inputs)
+        m.kept.steps.append(motion.step)
+        seen = m.number("seen")
+        first = Condition(seen, "==", ZERO)
+        drives = [m.let("drive", one) for one in renamed_all(map(parse, motion.drives), inputs)]
+        u = inputs[motion.input]
+        section = m.choose(
+            "place",
+            [(u < boundary, place) for place, boundary in enumerate(motion.boundaries)],
+            len(motion.boundaries),
+        )
+        if motion.directed:
+            section = m.let("section", 2 * section + _falls(m, motion, u, first))
+
+        def of_section(stem: str, values: Sequence[Side]) -> Expression:
+            """Write the value of the section that holds, as `simulation.active` numbers them."""
+            return m.choose(
+                stem,
+                [
+                    (Condition(section, "==", Number(float(i))), value)
+                    for i, value in enumerate(values[:-1])
+                ],
+                values[-1],
+            )
+
+        value = (_separate if motion.switching == HARD else _shared)(
+            m, motion, of_section, drives, first
+        )
+        m.keep(seen, 1)
+        return value
+
+    def faults(self, model: Model) -> Iterator[str]:
+        """Say what of a stored model no prediction would notice."""
+        motion = _motion(model)
+        if len(motion.sections) != (len(motion.boundaries) + 1) * (1 + motion.directed):
+            yield "it has not as many sections as its boundaries make"

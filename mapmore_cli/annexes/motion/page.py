@@ -4,31 +4,29 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import asdict
-from typing import Any
 
 import numpy as np
 
 from mapmore_cli.annexes.motion.body import HARD, Motion, MotionFit, StateSpace
 from mapmore_cli.annexes.motion.simulation import extent, motion_errors
+from mapmore_cli.cli.console import View
+from mapmore_cli.domain.fits import Fit
 from mapmore_cli.domain.models import Model
 from mapmore_cli.reporting.inputs import ReportInputs
+from mapmore_cli.reporting.sections import Section
 from mapmore_cli.reporting.table import MODEL, Cell, Column, Columns, Table
 
-TITLE = "Models of motion"
-"""Heading of the tables on a page."""
 
-
-def show(
-    model: Model, _show_other: Any
-) -> tuple[dict[str, Any], tuple[Table, ...], tuple[str, ...]]:
-    """Return what `mapmore show` has of a model: a document, tables, and lines."""
+def show(model: Model) -> View:
+    """Return what `mapmore show` has of a model."""
     body = model.body
     assert isinstance(body, StateSpace)
-    return {"motion": _document(body.motion)}, (), ()
+    return View({"motion": _document(body.motion)})
 
 
-def show_fit(fit: MotionFit) -> tuple[dict[str, Any], tuple[Table, ...]]:
+def show_fit(fit: Fit) -> tuple[dict[str, object], tuple[Table, ...]]:
     """Return what `mapmore show` has of a fit."""
+    assert isinstance(fit, MotionFit)
     document = {**_document(fit.model), "solver": fit.solver, "searches": fit.searches}
     return {"motion": document}, (sections_table({"mapmore": fit}, ""),)
 
@@ -42,7 +40,7 @@ def tables(inputs: ReportInputs) -> list[Table]:
     return [waveforms_table(inputs, motion), sections_table(fits, inputs.target.unit)]
 
 
-def _document(motion: Motion) -> dict[str, Any]:
+def _document(motion: Motion) -> dict[str, object]:
     """Return the model as it is stored, with the poles (real and imaginary parts) and the gain of
     every section.
     """
@@ -127,3 +125,6 @@ def waveforms_table(inputs: ReportInputs, motion: Motion) -> Table:
         "differences."
     )
     return Table.of("waveforms", "Errors over one wavelength", heads, rows, note)
+
+
+SECTION = Section("Models-of-motion", "Models of motion", tables)

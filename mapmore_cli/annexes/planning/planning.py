@@ -25,7 +25,6 @@ from mapmore_cli.annexes.planning.points import (
 )
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import DataError, FitError, MapmoreError, SpecError, UsageError
-from mapmore_cli.domain.processors import shared_out
 from mapmore_cli.domain.recording import Dataset
 from mapmore_cli.domain.results import Candidate, Picture, Plan, Search, Until
 from mapmore_cli.domain.scores import Trial, Tuning
@@ -38,6 +37,7 @@ from mapmore_cli.modelling.kinds import parameters
 from mapmore_cli.modelling.literature.backbone import fit_formula, pooled_training
 from mapmore_cli.modelling.selection import AUTO
 from mapmore_cli.modelling.validation.significance import geometric_mean, simplest_of
+from mapmore_cli.pipeline.processors import shared_out
 from mapmore_cli.pipeline.runner import (
     FOUND,
     Listeners,

@@ -175,7 +175,7 @@ def filled(part: Any, words: Mapping[str, Any]) -> Any:
     return part
 
 
-def _spliced(one: Any, value: Any) -> list[Any]:
+def _spliced(one: object, value: object) -> list[Any]:
     """Return what one item of a list stands for: several, or none where it is a family of states
     `of` nothing.
     """

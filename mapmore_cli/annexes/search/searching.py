@@ -31,7 +31,6 @@ from mapmore_cli.domain import plugins
 from mapmore_cli.domain.arrays import Array, BoolArray
 from mapmore_cli.domain.errors import DataError, FitError, MapmoreError
 from mapmore_cli.domain.models import Model, Pieces
-from mapmore_cli.domain.processors import shared_out
 from mapmore_cli.domain.recording import Dataset
 from mapmore_cli.domain.results import Search, Tried
 from mapmore_cli.fitting.kinds import refit
@@ -42,6 +41,7 @@ from mapmore_cli.modelling.kinds import fed_back, parameters, runs_over_time
 from mapmore_cli.modelling.memory.records import records_of, time_step
 from mapmore_cli.modelling.pieces.remarks import exploding_curves
 from mapmore_cli.modelling.validation.significance import WITHIN, simplest_of, undominated
+from mapmore_cli.pipeline.processors import shared_out
 
 if TYPE_CHECKING:
     from mapmore_cli.fitting.stage import Progress
@@ -121,7 +121,7 @@ def search(
     if part.by_level or uneven:  # a model that runs along recordings cannot be fitted then
         situation = replace(situation, step=None)
     training = cut_short(training, held_run(dataset), situation.timed)
-    added = [part.value for part in plugins.parts("families", Mapping)]
+    added = [part.value for part in plugins.parts("families", Mapping)]  # type: ignore[type-abstract]
     families = [*map(family, FAMILIES), *added]
     listed = [one for known in families for one in offered_structures(known, situation)]
     bench = Bench.of(training, situation, part, dataset)

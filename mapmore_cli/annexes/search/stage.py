@@ -94,7 +94,7 @@ def with_found(loaded: LoadedSpec, run_dir: Path) -> LoadedSpec:
     has seen them all: then all formulas are competitors, and the spec says that the structure was
     chosen so, in case it is run without the search.
     """
-    from mapmore_cli.study.loader import load
+    from mapmore_cli.study.loader import changed
     from mapmore_cli.study.yaml_loader import as_overrides
 
     result = RunFiles(run_dir).search()
@@ -107,7 +107,7 @@ def with_found(loaded: LoadedSpec, run_dir: Path) -> LoadedSpec:
         **({"validate.against": rivals} if rivals else {}),
         **({"data.split.structure_seen": True} if seen else {}),
     }
-    return load(loaded.path, (*loaded.overrides, *as_overrides(found)))
+    return changed(loaded, as_overrides(found))
 
 
 _SLICE = TypeAdapter(Slice)

@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 from mapmore_cli.domain.arrays import Number
 from mapmore_cli.domain.declared import QuantityName, TermName
 from mapmore_cli.domain.models import Body, Model
-from mapmore_cli.modelling.kinds import Kind
+from mapmore_cli.modelling.kinds import Kind, Verbs
+
+if TYPE_CHECKING:
+    from mapmore_cli.cli.console import View
+    from mapmore_cli.fitting.kinds import Maker
+    from mapmore_cli.study.diagnostics import Finding
+    from mapmore_cli.study.experiment import ExperimentSpec
 
 
 @dataclass(frozen=True)
@@ -46,4 +52,33 @@ class Sum(Body):
         return tuple(model for part in self.parts for model in part.models)
 
 
-KIND = Kind("sum", Sum, None, __name__, fitted=f"{__name__}.fitted")
+@dataclass(frozen=True)
+class SumKind(Kind):
+    """Sums of models; files of this package are imported when they are needed."""
+
+    def maker(self) -> Maker:
+        """Return what makes them."""
+        from mapmore_cli.annexes.sums.fitted import SumMaker
+
+        return SumMaker()
+
+    def findings(self, spec: ExperimentSpec) -> Iterator[Finding]:
+        """Check every sum of a spec."""
+        from mapmore_cli.annexes.sums.checks import findings
+
+        return findings(spec)
+
+    def show(self, model: Model, show_other: Callable[[Model], View]) -> View:
+        """Return what `mapmore show` has of a sum."""
+        from mapmore_cli.annexes.sums.page import show
+
+        return show(model, show_other)
+
+
+def _verbs() -> Verbs:
+    from mapmore_cli.annexes.sums.model import SumVerbs
+
+    return SumVerbs()
+
+
+KIND = SumKind("sum", Sum, None, _verbs)

@@ -20,55 +20,13 @@ from mapmore_cli.domain.fits import FormulaFit
 from mapmore_cli.domain.models import CurveRange, Formula, Model
 from mapmore_cli.domain.recording import Dataset, Quantity
 from mapmore_cli.domain.results import FitResult
-from mapmore_cli.fitting.kinds import Given
+from mapmore_cli.fitting.kinds import Given, Maker
 from mapmore_cli.fitting.kinds.choices import ModelChoices
 from mapmore_cli.modelling.expressions import Name, parse
 from mapmore_cli.modelling.literature.backbone import pooled_training
 from mapmore_cli.modelling.tendon import Tendon
 from mapmore_cli.study.sections.model import Summand, TendonSettings
 from mapmore_cli.study.units import convert
-
-
-def fit(part: ModelChoices, given: Given) -> FitResult:
-    """Formulas together; nothing where the summands are fitted by runs of their own.
-
-    Raises FitError where the formulas did not converge to anything usable.
-    """
-    formulas = part.model.sum or []
-    if not formulas or formulas[0].formula is None:
-        return FitResult(None)
-    found, _ = fit_and_predict(formulas, given.dataset, None)
-    if found.failed:
-        raise FitError(
-            f"the fit of {found.name} failed: {'; '.join(found.notes)}", "take other formulas"
-        )
-    return FitResult(found)
-
-
-def build(part: ModelChoices, given: Given, result: FitResult) -> Model:
-    """Return the sum: static plus damping, the models of runs that the spec names, or formulas that
-    were fitted together.
-    """
-    dataset, model_of = given.dataset, given.model_of
-    output, quantities = dataset.quantities[dataset.target], dataset.quantities
-    summands = part.model.sum
-    if summands is None:
-        parts = [Part(model_of(path)) for path in part.summands]
-    elif result.formula is not None:
-        parts = formula_parts(summands, result.formula, dataset)
-    else:
-        parts = [
-            Part(
-                behind_tendon(model_of(str(one.model)), one.tendon),
-                float(one.sign),
-                dict(one.inputs),
-            )
-            for one in summands
-        ]
-        refuse_shared_names(
-            [(one.model.name, [q.name for q in one.model.inputs], one.inputs) for one in parts]
-        )
-    return sum_of(part.name, parts, output, quantities)
 
 
 def behind_tendon(muscle: Model, tendon: TendonSettings | None) -> Model:
@@ -87,15 +45,6 @@ def behind_tendon(muscle: Model, tendon: TendonSettings | None) -> Model:
     stiffness = convert(tendon.stiffness, "N/m", f"{muscle.output.unit}/({length.unit})")
     body = Tendon(muscle, stiffness, convert(tendon.force, "N", muscle.output.unit))
     return replace(muscle, name=f"{muscle.name}-behind-a-tendon", body=body)
-
-
-def fit_and_predict(
-    parts: Sequence[Summand], dataset: Dataset, method: str | None
-) -> tuple[FormulaFit, list[Array]]:
-    """Fit formulas together to the training data; return the fit, and the sum along every curve."""
-    training = pooled_training(dataset.curves)
-    fitted = fit_jointly(parts, training, training[dataset.target], method)
-    return fitted, [predict(fitted, parts, curve.columns) for curve in dataset.curves]
 
 
 def formula_parts(summands: Sequence[Summand], joint: FormulaFit, dataset: Dataset) -> list[Part]:
@@ -123,3 +72,57 @@ def _unit(text: str, dataset: Dataset) -> str:
     names = sorted(source.names)
     plain = len(names) == 1 and source in (Name(names[0]), parse(f"-{names[0]}"))
     return dataset.unit(names[0]) if plain else "1"
+
+
+class SumMaker(Maker):
+    """Adds models up, or fits formulas together."""
+
+    def fit(self, part: ModelChoices, given: Given) -> FitResult:
+        """Formulas together; nothing where the summands are fitted by runs of their own.
+
+        Raises FitError where the formulas did not converge to anything usable.
+        """
+        formulas = part.model.sum or []
+        if not formulas or formulas[0].formula is None:
+            return FitResult(None)
+        found, _ = self.fit_and_predict(formulas, given.dataset, None)
+        if found.failed:
+            raise FitError(
+                f"the fit of {found.name} failed: {'; '.join(found.notes)}", "take other formulas"
+            )
+        return FitResult(found)
+
+    def build(self, part: ModelChoices, given: Given, result: FitResult) -> Model:
+        """Return the sum: static plus damping, the models of runs that the spec names, or formulas
+        that were fitted together.
+        """
+        dataset, model_of = given.dataset, given.model_of
+        output, quantities = dataset.quantities[dataset.target], dataset.quantities
+        summands = part.model.sum
+        if summands is None:
+            parts = [Part(model_of(path)) for path in part.summands]
+        elif result.formula is not None:
+            parts = formula_parts(summands, result.formula, dataset)
+        else:
+            parts = [
+                Part(
+                    behind_tendon(model_of(str(one.model)), one.tendon),
+                    float(one.sign),
+                    dict(one.inputs),
+                )
+                for one in summands
+            ]
+            refuse_shared_names(
+                [(one.model.name, [q.name for q in one.model.inputs], one.inputs) for one in parts]
+            )
+        return sum_of(part.name, parts, output, quantities)
+
+    def fit_and_predict(
+        self, parts: Sequence[Summand], dataset: Dataset, method: str | None
+    ) -> tuple[FormulaFit, list[Array]]:
+        """Fit formulas together to the training data; return the fit, and the sum along every
+        curve.
+        """
+        training = pooled_training(dataset.curves)
+        fitted = fit_jointly(parts, training, training[dataset.target], method)
+        return fitted, [predict(fitted, parts, curve.columns) for curve in dataset.curves]

@@ -27,33 +27,10 @@ from mapmore_cli.modelling.expressions import (
     to_text,
 )
 from mapmore_cli.modelling.expressions.syntax import Condition
-from mapmore_cli.modelling.program.model import write as write_any
+from mapmore_cli.modelling.kinds import Verbs
 from mapmore_cli.modelling.program.statements import NOTHING
 from mapmore_cli.modelling.program.writing import Inputs, Writer, product_as_written, total
-
-
-def simulate(model: Model, columns: Columns) -> Run:
-    """Return the sum at every row, (n,), and the rows at which a free run of any part diverges."""
-    runs = [
-        (part.sign, kinds.simulate(part.model, inputs))
-        for part, inputs in _parts(_body(model).parts, columns)
-    ]
-    values = sum((sign * run.values for sign, run in runs), start=np.zeros(row_count(columns)))
-    return Run(values, tuple(sorted({row for _, run in runs for row in run.diverged})))
-
-
-def one_step(model: Model, columns: Columns) -> Array:
-    """Return the sum from the measured past, (n,)."""
-    found = [
-        part.sign * kinds.one_step_ahead(part.model, inputs)
-        for part, inputs in _parts(_body(model).parts, columns)
-    ]
-    return np.asarray(np.sum(found, axis=0))
-
-
-def outside_range(model: Model, columns: Columns) -> BoolArray:
-    """Return True where any part, or what feeds it, is beyond its training range, (n,)."""
-    return _outside(_body(model).parts, columns)
+from mapmore_cli.modelling.programs import write as write_any
 
 
 def _outside(parts: Sequence[Part], columns: Columns) -> BoolArray:
@@ -65,52 +42,6 @@ def _outside(parts: Sequence[Part], columns: Columns) -> BoolArray:
         np.logical_or.reduce(own) if own else np.zeros(row_count(columns), dtype=np.bool_)
     )
     return found
-
-
-def equations(model: Model, units: Mapping[str, float]) -> tuple[Equation, ...]:
-    """Return the sum of the parts by their names, with what their inputs are here; then the
-    equations of each part, named after it.
-    """
-    parts = _body(model).parts
-    whole = (
-        ()
-        if all(part.sign == 1.0 and not part.inputs and not part.fed for part in parts)
-        else (_whole(model),)
-    )
-    named = [(one.name, kinds.equations(one, units)) for part in parts for one in part.models]
-    return whole + tuple(
-        replace(one, id=f"{name}: {one.id}") for name, found in named for one in found
-    )
-
-
-def rules(model: Model) -> Iterator[str]:
-    """Yield how the parts are put together, each by its name."""
-    for part in _body(model).parts:
-        for one in part.models:
-            yield from (f"{one.name}: {rule}" for rule in kinds.rules(one))
-
-
-def faults(model: Model) -> Iterator[str]:
-    """Yield why a stored sum is refused."""
-    if not _body(model).parts:
-        yield "it is a sum of nothing"
-
-
-def parameters(model: Model) -> int:
-    """Return the parameters of all parts."""
-    return sum(kinds.parameters(one) for part in _body(model).parts for one in part.models)
-
-
-def fed_back(model: Model) -> tuple[str, ...]:
-    """Return the measured outputs that any part begins from."""
-    return tuple(
-        dict.fromkeys(
-            name
-            for part in _body(model).parts
-            for one in part.models
-            for name in kinds.fed_back(one)
-        )
-    )
 
 
 def _whole(model: Model) -> Equation:
@@ -148,15 +79,6 @@ def _parts(parts: Sequence[Part], columns: Columns) -> Iterator[tuple[Part, Colu
 def _body(model: Model) -> Sum:
     assert isinstance(model.body, Sum)
     return model.body
-
-
-def write(m: Writer, model: Model, inputs: Inputs) -> Expression:
-    """Write models added up, each with its sign and by its own names of the inputs."""
-    values = []
-    for part in _body(model).parts:
-        value = _value(m, part, inputs)
-        values.append(value if part.sign == 1.0 else product_as_written(Number(part.sign), value))
-    return m.let("sum", total(values))
 
 
 def _value(m: Writer, part: Part, inputs: Inputs) -> Expression:
@@ -197,3 +119,79 @@ def _own(part: Part, names: Iterable[str]) -> frozenset[str]:
     return frozenset().union(
         *(fed[name] if name in fed else parse(part.inputs.get(name, name)).names for name in names)
     )
+
+
+class SumVerbs(Verbs):
+    """What a sum of models does."""
+
+    def simulate(self, model: Model, columns: Columns) -> Run:
+        """Return the sum at every row, (n,), and the rows at which any part diverges."""
+        runs = [
+            (part.sign, kinds.simulate(part.model, inputs))
+            for part, inputs in _parts(_body(model).parts, columns)
+        ]
+        values = sum((sign * run.values for sign, run in runs), start=np.zeros(row_count(columns)))
+        return Run(values, tuple(sorted({row for _, run in runs for row in run.diverged})))
+
+    def one_step(self, model: Model, columns: Columns) -> Array:
+        """Return the sum from the measured past, (n,)."""
+        found = [
+            part.sign * kinds.one_step_ahead(part.model, inputs)
+            for part, inputs in _parts(_body(model).parts, columns)
+        ]
+        return np.asarray(np.sum(found, axis=0))
+
+    def outside_range(self, model: Model, columns: Columns) -> BoolArray:
+        """Return True where any part, or what feeds it, is beyond its training range, (n,)."""
+        return _outside(_body(model).parts, columns)
+
+    def equations(self, model: Model, units: Mapping[str, float]) -> tuple[Equation, ...]:
+        """Return the sum of the parts by their names, with what their inputs are here; then the
+        equations of each part, named after it.
+        """
+        parts = _body(model).parts
+        whole = (
+            ()
+            if all(part.sign == 1.0 and not part.inputs and not part.fed for part in parts)
+            else (_whole(model),)
+        )
+        named = [(one.name, kinds.equations(one, units)) for part in parts for one in part.models]
+        return whole + tuple(
+            replace(one, id=f"{name}: {one.id}") for name, found in named for one in found
+        )
+
+    def rules(self, model: Model) -> Iterator[str]:
+        """Yield how the parts are put together, each by its name."""
+        for part in _body(model).parts:
+            for one in part.models:
+                yield from (f"{one.name}: {rule}" for rule in kinds.rules(one))
+
+    def faults(self, model: Model) -> Iterator[str]:
+        """Yield why a stored sum is refused."""
+        if not _body(model).parts:
+            yield "it is a sum of nothing"
+
+    def parameters(self, model: Model) -> int:
+        """Return the parameters of all parts."""
+        return sum(kinds.parameters(one) for part in _body(model).parts for one in part.models)
+
+    def fed_back(self, model: Model) -> tuple[str, ...]:
+        """Return the measured outputs that any part begins from."""
+        return tuple(
+            dict.fromkeys(
+                name
+                for part in _body(model).parts
+                for one in part.models
+                for name in kinds.fed_back(one)
+            )
+        )
+
+    def write(self, m: Writer, model: Model, inputs: Inputs) -> Expression:
+        """Write models added up, each with its sign and by its own names of the inputs."""
+        values = []
+        for part in _body(model).parts:
+            value = _value(m, part, inputs)
+            values.append(
+                value if part.sign == 1.0 else product_as_written(Number(part.sign), value)
+            )
+        return m.let("sum", total(values))

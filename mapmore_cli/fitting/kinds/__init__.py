@@ -1,18 +1,15 @@
-"""From sections of the spec to models: one file for each kind of model, by its name, or the module
-that the kind names.
+"""From sections of the spec to models: one file for each kind of model, with its `Maker`.
 
-A kind has two functions, which read and write no files: `fit(part, given)` returns a FitResult,
-`build(part, given, result)` the model that is made of it. The stages call them one by one, with
-files between; `refit` calls them in one go. A kind whose outputs may share their terms also has
-`fit_together(part, given)`, which returns a FitResult for each.
+The stages call `fit` and `build` one by one, with files between; `refit` calls them in one go. None
+of them reads or writes files.
 """
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
 from mapmore_cli.domain.errors import SpecError
 from mapmore_cli.domain.results import FitResult, OutputsFit
@@ -20,11 +17,13 @@ from mapmore_cli.modelling import kinds
 from mapmore_cli.modelling.outputs.model import joined
 
 if TYPE_CHECKING:
-    from mapmore_cli.domain.fits import SegmentedCurve
+    from mapmore_cli.domain.arrays import Array
+    from mapmore_cli.domain.fits import FormulaFit, SegmentedCurve
     from mapmore_cli.domain.models import Model
     from mapmore_cli.domain.recording import Dataset
     from mapmore_cli.fitting.kinds.choices import ModelChoices
     from mapmore_cli.fitting.stage import Progress
+    from mapmore_cli.study.sections.model import Summand
 
 
 def added_up(_path: str) -> Model:
@@ -47,25 +46,82 @@ class Given:
     progress: Progress = lambda _what, _done, _total: None
 
 
+class Maker(Protocol):
+    """What makes models of one kind; a kind derives from this class."""
+
+    @abstractmethod
+    def fit(self, part: ModelChoices, given: Given) -> FitResult:
+        """Return what was fitted."""
+
+    @abstractmethod
+    def build(self, part: ModelChoices, given: Given, result: FitResult) -> Model:
+        """Return the model that is made of the fits."""
+
+    def fit_together(
+        self,
+        part: ModelChoices,
+        given: Given,  # noqa: ARG002
+    ) -> tuple[FitResult, ...]:
+        """Return a fit for each output, in a kind whose outputs may share their terms."""
+        raise SpecError(f"a model of the kind {part.kind} has one output", "name one target")
+
+
+@runtime_checkable
+class FitsSums(Protocol):
+    """A maker that fits formulas together, as a competitor of any model."""
+
+    def fit_and_predict(
+        self, parts: Sequence[Summand], dataset: Dataset, method: str | None
+    ) -> tuple[FormulaFit, list[Array]]:
+        """Return the fit, and the sum along every curve, (n,) each."""
+
+
+@runtime_checkable
+class Fitted(Protocol):
+    """A kind that adds itself, and says what fits it."""
+
+    def maker(self) -> Maker:
+        """Return what makes its models."""
+
+
+def maker_of(name: str) -> Maker:
+    """Return what makes models of a kind; only what that takes is imported.
+
+    Raises NotInstalled where the kind is a part that is missing.
+    """
+    if name == "pieces":
+        from mapmore_cli.fitting.kinds.pieces import PiecesMaker
+
+        return PiecesMaker()
+    if name == "memory":
+        from mapmore_cli.fitting.kinds.memory import MemoryMaker
+
+        return MemoryMaker()
+    if name == "formula":
+        from mapmore_cli.fitting.kinds.formula import FormulaMaker
+
+        return FormulaMaker()
+    kind = kinds.named(name)
+    assert isinstance(kind, Fitted), f"nothing fits models of the kind {name}"
+    return kind.maker()
+
+
 def fit(part: ModelChoices, given: Given) -> FitResult:
     """Fit what the kind of model asks for: every segment, one model with memory, a formula, or
     nothing where models are added up.
     """
-    result: FitResult
-    if given.dataset.also:
-        names = [one.target for one in given.dataset.each]
-        fits = _module_of(part).fit_together(part, given)
-        result = FitResult(OutputsFit(dict(zip(names, fits, strict=True))))
-    else:
-        result = _module_of(part).fit(part, given)
-    return result
+    maker = maker_of(part.kind)
+    if not given.dataset.also:
+        return maker.fit(part, given)
+    names = [one.target for one in given.dataset.each]
+    fits = maker.fit_together(part, given)
+    return FitResult(OutputsFit(dict(zip(names, fits, strict=True))))
 
 
 def build(part: ModelChoices, given: Given, result: FitResult) -> Model:
     """Return the model that is made of the fits, of all outputs where there are several."""
     if not given.dataset.also:
-        model: Model = _module_of(part).build(part, given, result)
-        return model
+        return maker_of(part.kind).build(part, given, result)
     outputs = zip(given.dataset.each, result.each, strict=True)
     return joined(
         part.name,
@@ -86,8 +142,3 @@ def refit(
 
     given = Given(dataset, segmented(dataset, part), model_of)
     return build(part, given, fit(part, given))
-
-
-def _module_of(part: ModelChoices) -> Any:
-    """Return the module of a kind; only what that takes is imported."""
-    return import_module(kinds.named(part.kind).fitted or f"{__name__}.{part.kind}")

@@ -7,33 +7,11 @@ from mapmore_cli.domain.fits import FormulaFit
 from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.recording import Dataset
 from mapmore_cli.domain.results import FitResult
-from mapmore_cli.fitting.kinds import Given
+from mapmore_cli.fitting.kinds import Given, Maker
 from mapmore_cli.fitting.kinds.choices import ModelChoices, level_of
 from mapmore_cli.modelling.literature import model as formula
 from mapmore_cli.modelling.literature.backbone import fit_formula
 from mapmore_cli.modelling.shape.violations import verified
-
-
-def fit(part: ModelChoices, given: Given) -> FitResult:
-    """Return the formula, fitted to all training samples; raises as `fitted`."""
-    assert part.model.name is not None
-    return FitResult(fitted(part.model.name, part, given.dataset))
-
-
-def build(part: ModelChoices, given: Given, result: FitResult) -> Model:
-    """Return the fitted formula as a model."""
-    assert result.formula is not None
-    quantities = given.dataset.quantities
-    level = level_of(part.levels, part.segment)
-    model = formula.build(
-        part.name,
-        quantities[given.dataset.target],
-        result.formula,
-        level,
-        given.segmentation,
-        quantities,
-    )
-    return verified(model, given.dataset.curves, part.fit)
 
 
 def fitted(name: str, part: ModelChoices, dataset: Dataset) -> FormulaFit:
@@ -49,3 +27,27 @@ def fitted(name: str, part: ModelChoices, dataset: Dataset) -> FormulaFit:
             "take another formula, or build the model without one",
         )
     return formula_fit
+
+
+class FormulaMaker(Maker):
+    """Fits a formula of the literature."""
+
+    def fit(self, part: ModelChoices, given: Given) -> FitResult:
+        """Return the formula, fitted to all training samples; raises as `fitted`."""
+        assert part.model.name is not None
+        return FitResult(fitted(part.model.name, part, given.dataset))
+
+    def build(self, part: ModelChoices, given: Given, result: FitResult) -> Model:
+        """Return the fitted formula as a model."""
+        assert result.formula is not None
+        quantities = given.dataset.quantities
+        level = level_of(part.levels, part.segment)
+        model = formula.build(
+            part.name,
+            quantities[given.dataset.target],
+            result.formula,
+            level,
+            given.segmentation,
+            quantities,
+        )
+        return verified(model, given.dataset.curves, part.fit)

@@ -12,7 +12,7 @@ from mapmore_cli.domain.fits import FormulaFit
 from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.recording import Curve, Dataset
 from mapmore_cli.domain.results import FitResult
-from mapmore_cli.fitting.kinds import Given
+from mapmore_cli.fitting.kinds import Given, Maker
 from mapmore_cli.fitting.kinds.choices import ModelChoices
 from mapmore_cli.fitting.kinds.dictionary import Clock, terms_of
 from mapmore_cli.fitting.kinds.formula import fitted
@@ -24,32 +24,6 @@ from mapmore_cli.modelling.memory.fitting import fit_outputs, fit_with_memory
 from mapmore_cli.modelling.memory.records import Record, records_of, time_step
 from mapmore_cli.modelling.memory.states import with_ranges
 from mapmore_cli.modelling.selection import MemoryRecipe
-
-
-def fit(part: ModelChoices, given: Given) -> FitResult:
-    """One model of all recordings, of what the backbone leaves where there is one.
-
-    Raises DataError where recordings are not sampled alike, or too few samples have a history;
-    FitError where the fit of the backbone failed.
-    """
-    dataset = given.dataset
-    backbone = None if part.model.backbone is None else fitted(part.model.backbone, part, dataset)
-    records, recipe = _asked(part, dataset, backbone)
-    memory_fit = fit_with_memory(
-        records, recipe, lambda done, total: given.progress("models", done, total)
-    )
-    return FitResult(
-        memory_fit, backbone, () if memory_fit.identified is None else memory_fit.identified.notes
-    )
-
-
-def fit_together(part: ModelChoices, given: Given) -> tuple[FitResult, ...]:
-    """One model of all recordings for every output, with the terms of all of them; raises as
-    `fit`.
-    """
-    records, recipe = _asked(part, given.dataset, None)
-    recipes = [replace(recipe, target=one.target) for one in given.dataset.each]
-    return tuple(FitResult(one) for one in fit_outputs(records, recipes))
 
 
 def _unseen(curve: Curve, outputs: Sequence[str], lag: int) -> Curve:
@@ -100,22 +74,53 @@ def _asked(
     return records, replace(asked, dictionary=with_ranges(records, asked))
 
 
-def build(part: ModelChoices, given: Given, result: FitResult) -> Model:
-    """Return the model, with the training range of its inputs; with coefficients that keep the
-    sign of its static gain where the spec asks for one.
-    """
-    assert result.memory is not None
-    model = memory.build(
-        part.name,
-        result.memory.model,
-        result.backbone,
-        given.segmentation,
-        given.dataset.quantities,
-        result.notes,
-    )
-    if part.fit.shape is None:
-        return model
-    from mapmore_cli.modelling.memory.shaped import with_signed_gain
+class MemoryMaker(Maker):
+    """Fits models with memory."""
 
-    records, recipe = _asked(part, given.dataset, result.backbone)
-    return with_signed_gain(model, result.memory, given.dataset.curves, records, recipe)
+    def fit(self, part: ModelChoices, given: Given) -> FitResult:
+        """One model of all recordings, of what the backbone leaves where there is one.
+
+        Raises DataError where recordings are not sampled alike, or too few samples have a history;
+        FitError where the fit of the backbone failed.
+        """
+        dataset = given.dataset
+        backbone = (
+            None if part.model.backbone is None else fitted(part.model.backbone, part, dataset)
+        )
+        records, recipe = _asked(part, dataset, backbone)
+        memory_fit = fit_with_memory(
+            records, recipe, lambda done, total: given.progress("models", done, total)
+        )
+        return FitResult(
+            memory_fit,
+            backbone,
+            () if memory_fit.identified is None else memory_fit.identified.notes,
+        )
+
+    def fit_together(self, part: ModelChoices, given: Given) -> tuple[FitResult, ...]:
+        """One model of all recordings for every output, with the terms of all of them; raises as
+        `fit`.
+        """
+        records, recipe = _asked(part, given.dataset, None)
+        recipes = [replace(recipe, target=one.target) for one in given.dataset.each]
+        return tuple(FitResult(one) for one in fit_outputs(records, recipes))
+
+    def build(self, part: ModelChoices, given: Given, result: FitResult) -> Model:
+        """Return the model, with the training range of its inputs; with coefficients that keep the
+        sign of its static gain where the spec asks for one.
+        """
+        assert result.memory is not None
+        model = memory.build(
+            part.name,
+            result.memory.model,
+            result.backbone,
+            given.segmentation,
+            given.dataset.quantities,
+            result.notes,
+        )
+        if part.fit.shape is None:
+            return model
+        from mapmore_cli.modelling.memory.shaped import with_signed_gain
+
+        records, recipe = _asked(part, given.dataset, result.backbone)
+        return with_signed_gain(model, result.memory, given.dataset.curves, records, recipe)

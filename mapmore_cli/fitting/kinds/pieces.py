@@ -7,7 +7,7 @@ from itertools import count
 from typing import TYPE_CHECKING
 
 from mapmore_cli.domain.results import FitResult, PiecesFit
-from mapmore_cli.fitting.kinds import Given
+from mapmore_cli.fitting.kinds import Given, Maker
 from mapmore_cli.fitting.kinds.choices import (
     ModelChoices,
     SegmentSection,
@@ -62,32 +62,6 @@ def segmented(dataset: Dataset, part: ModelChoices) -> tuple[SegmentedCurve, ...
     return cut(curves, recipe, formula, dataset.also)
 
 
-def fit(part: ModelChoices, given: Given) -> FitResult:
-    """Return the terms of every segment, fitted to what the backbone leaves where there is one;
-    raises FitError where its fit failed.
-    """
-    return fit_together(part, given)[0]
-
-
-def fit_together(part: ModelChoices, given: Given) -> tuple[FitResult, ...]:
-    """Return the same for every output: terms are those of all of them."""
-    from mapmore_cli.modelling.pieces import build as method
-
-    curves, recipe = _trained(part, given.dataset)
-    backbone, notes = _backbone(part, given, curves, recipe)
-    total = sum(len(curve.segments) for curve in given.segmentation)
-    done = count(1)
-    fits = method.fit(
-        curves,
-        given.segmentation,
-        recipe,
-        backbone,
-        lambda: given.progress("segments", next(done), total),
-        given.dataset.also,
-    )
-    return tuple(FitResult(PiecesFit(segments), backbone, notes) for segments in fits)
-
-
 def _trained(part: ModelChoices, dataset: Dataset) -> tuple[Sequence[Curve], Recipe]:
     """Return the curves, of which some train, and the whole recipe."""
     curves = trained_at(dataset.curves, part.fit.train_level)
@@ -115,21 +89,48 @@ def _backbone(
     return (None if name is None else fitted(name, part, given.dataset)), notes
 
 
-def build(part: ModelChoices, given: Given, result: FitResult) -> Model:
-    """Fuse; on a backbone, keep as much of the residual as left-out training data support."""
-    from mapmore_cli.modelling.pieces import build as method
-    from mapmore_cli.modelling.pieces.cross_validation import with_trusted_residual
-    from mapmore_cli.modelling.pieces.shaped import shaped
+class PiecesMaker(Maker):
+    """Fits and fuses segments."""
 
-    quantities = given.dataset.quantities
-    curves, recipe = _trained(part, given.dataset)
-    model = method.fuse(part.name, curves, given.segmentation, result, recipe, quantities)
-    if result.backbone is not None:
-        model = with_trusted_residual(
-            model,
+    def fit(self, part: ModelChoices, given: Given) -> FitResult:
+        """Return the terms of every segment, fitted to what the backbone leaves where there is one;
+        raises FitError where its fit failed.
+        """
+        return self.fit_together(part, given)[0]
+
+    def fit_together(self, part: ModelChoices, given: Given) -> tuple[FitResult, ...]:
+        """Return the same for every output: terms are those of all of them."""
+        from mapmore_cli.modelling.pieces import build as method
+
+        curves, recipe = _trained(part, given.dataset)
+        backbone, notes = _backbone(part, given, curves, recipe)
+        total = sum(len(curve.segments) for curve in given.segmentation)
+        done = count(1)
+        fits = method.fit(
             curves,
+            given.segmentation,
             recipe,
-            quantities,
-            lambda done, total: given.progress("folds", done, total),
+            backbone,
+            lambda: given.progress("segments", next(done), total),
+            given.dataset.also,
         )
-    return shaped(model, curves, given.segmentation, recipe)
+        return tuple(FitResult(PiecesFit(segments), backbone, notes) for segments in fits)
+
+    def build(self, part: ModelChoices, given: Given, result: FitResult) -> Model:
+        """Fuse; on a backbone, keep as much of the residual as left-out training data support."""
+        from mapmore_cli.modelling.pieces import build as method
+        from mapmore_cli.modelling.pieces.cross_validation import with_trusted_residual
+        from mapmore_cli.modelling.pieces.shaped import shaped
+
+        quantities = given.dataset.quantities
+        curves, recipe = _trained(part, given.dataset)
+        model = method.fuse(part.name, curves, given.segmentation, result, recipe, quantities)
+        if result.backbone is not None:
+            model = with_trusted_residual(
+                model,
+                curves,
+                recipe,
+                quantities,
+                lambda done, total: given.progress("folds", done, total),
+            )
+        return shaped(model, curves, given.segmentation, recipe)

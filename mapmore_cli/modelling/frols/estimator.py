@@ -204,7 +204,7 @@ class FROLS:
         """Return the parameters by name."""
         return {one.name: getattr(self, one.name) for one in fields(self)}
 
-    def set_params(self, **given: Any) -> Self:
+    def set_params(self, **given: object) -> Self:
         """Set parameters; raises `ValueError` for one that there is not."""
         known = self.get_params()
         for name, value in given.items():
@@ -244,7 +244,7 @@ class FROLS:
             )
 
 
-def _names_of_frame(X: Any) -> list[str] | None:
+def _names_of_frame(X: object) -> list[str] | None:
     """Return the names of a frame's columns; None where there are none, or they are not all
     text.
     """
@@ -255,7 +255,7 @@ def _names_of_frame(X: Any) -> list[str] | None:
     return names if names and len(names) == len(labels) else None
 
 
-def _numeric_table(X: Any) -> Array:
+def _numeric_table(X: object) -> Array:
     """Return a table of numbers, (n, m); raises `ValueError` or `TypeError` for anything else."""
     if hasattr(X, "toarray"):
         raise TypeError(
@@ -274,7 +274,7 @@ def _numeric_table(X: Any) -> Array:
     return values
 
 
-def _target(y: Any, rows: int) -> Array:
+def _target(y: object, rows: int) -> Array:
     if y is None:
         raise ValueError("requires y to be passed, but the target y is None")
     values = _finite_numbers(y, "y")
@@ -306,7 +306,7 @@ def _no_unit(numbers: Array, unit: str) -> Array:
     raise ValueError(f"it has the unit {unit}, and no unit is known here: give plain numbers")
 
 
-def _finite_numbers(values: Any, name: str) -> Array:
+def _finite_numbers(values: object, name: str) -> Array:
     """Finite real numbers; raises `ValueError` for others."""
     try:
         found = Door(_no_unit).numbers(values, name)

@@ -13,13 +13,20 @@ from mapmore_cli.domain import plugins
 from mapmore_cli.domain.fits import FormulaFit
 from mapmore_cli.domain.models import Formula as Body
 from mapmore_cli.modelling.expressions import to_text
-from mapmore_cli.modelling.kinds import Kind
+from mapmore_cli.modelling.kinds import Kind, Verbs
 from mapmore_cli.modelling.literature import formulas
 from mapmore_cli.modelling.literature.formula import LOAD_CYCLES, TARGET, Formula
 from mapmore_cli.modelling.literature.own import formula_of, is_definition, is_family
 from mapmore_cli.modelling.literature.problem import Nonlinear
 
-KIND = Kind("formula", Body, FormulaFit, __name__)
+
+def _verbs() -> Verbs:
+    from mapmore_cli.modelling.literature.model import FormulaVerbs
+
+    return FormulaVerbs()
+
+
+KIND = Kind("formula", Body, FormulaFit, _verbs)
 
 __all__ = [
     "LOAD_CYCLES",

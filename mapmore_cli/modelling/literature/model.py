@@ -24,6 +24,7 @@ from mapmore_cli.modelling.expressions import (
     multiply,
     substitute,
 )
+from mapmore_cli.modelling.kinds import Verbs
 from mapmore_cli.modelling.literature.formula import with_numbers
 from mapmore_cli.modelling.program.writing import Inputs, Writer, limit
 
@@ -49,27 +50,6 @@ def build(
         for curve in ordered
     )
     return Model(name, output, tuple(quantities[i] for i in inputs), Formula(fit, level, ranges))
-
-
-def simulate(model: Model, columns: Columns) -> Run:
-    """Return the formula at every row, (n,); NaN where an input is."""
-    body = model.body
-    assert isinstance(body, Formula)
-    return Run(
-        where_finite(model.inputs, columns, lambda inputs, n: backbone_values(body.fit, inputs, n))
-    )
-
-
-def parameters(model: Model) -> int:
-    """Return the parameters of the formula."""
-    assert isinstance(model.body, Formula)
-    return len(model.body.fit.parameters)
-
-
-def equations(model: Model, units: Mapping[str, float]) -> tuple[Equation, ...]:
-    """Return the formula with its parameters put in."""
-    assert isinstance(model.body, Formula)
-    return formula_equations(model.body.fit, units)
 
 
 def backbone_values(fit: FormulaFit | None, inputs: Columns, n: int) -> Array:
@@ -107,13 +87,6 @@ def where_finite(
         return np.where(finite, value(given, n), np.nan)
 
 
-def write(m: Writer, model: Model, inputs: Inputs) -> Expression:
-    """Write a formula alone."""
-    assert isinstance(model.body, Formula)
-    limit(m, model.body.ranges, model.body.level, inputs)
-    return formula_value(m, model.body.fit, inputs)
-
-
 def formula_value(
     m: Writer, fit: FormulaFit | None, inputs: Mapping[str, Expression]
 ) -> Expression:
@@ -136,3 +109,33 @@ def formula_value(
             "export the models that it is compared with, or a formula of the damping force itself",
         )
     return m.let("formula", substitute(with_numbers(model.expression, fit.parameters), inputs))
+
+
+class FormulaVerbs(Verbs):
+    """What a formula does as a model."""
+
+    def simulate(self, model: Model, columns: Columns) -> Run:
+        """Return the formula at every row, (n,); NaN where an input is."""
+        body = model.body
+        assert isinstance(body, Formula)
+        return Run(
+            where_finite(
+                model.inputs, columns, lambda inputs, n: backbone_values(body.fit, inputs, n)
+            )
+        )
+
+    def parameters(self, model: Model) -> int:
+        """Return the parameters of the formula."""
+        assert isinstance(model.body, Formula)
+        return len(model.body.fit.parameters)
+
+    def equations(self, model: Model, units: Mapping[str, float]) -> tuple[Equation, ...]:
+        """Return the formula with its parameters put in."""
+        assert isinstance(model.body, Formula)
+        return formula_equations(model.body.fit, units)
+
+    def write(self, m: Writer, model: Model, inputs: Inputs) -> Expression:
+        """Write a formula alone."""
+        assert isinstance(model.body, Formula)
+        limit(m, model.body.ranges, model.body.level, inputs)
+        return formula_value(m, model.body.fit, inputs)

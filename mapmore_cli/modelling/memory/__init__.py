@@ -4,6 +4,13 @@ regression.
 
 from mapmore_cli.domain.fits import MemoryFit
 from mapmore_cli.domain.models import Memory
-from mapmore_cli.modelling.kinds import Kind
+from mapmore_cli.modelling.kinds import Kind, Verbs
 
-KIND = Kind("memory", Memory, MemoryFit, __name__, over_time=True)
+
+def _verbs() -> Verbs:
+    from mapmore_cli.modelling.memory.model import MemoryVerbs
+
+    return MemoryVerbs()
+
+
+KIND = Kind("memory", Memory, MemoryFit, _verbs, over_time=True)

@@ -27,7 +27,7 @@ from mapmore_cli.modelling.expressions.operators import OPERATORS
 from mapmore_cli.modelling.expressions.states import Lagged, Measured, Operated, State, state
 from mapmore_cli.modelling.expressions.syntax import ONE, ZERO, Product
 from mapmore_cli.modelling.memory.states import setting_of
-from mapmore_cli.modelling.program.model import functions_with_slopes, with_slopes_by
+from mapmore_cli.modelling.program.slopes import functions_with_slopes, with_slopes_by
 from mapmore_cli.modelling.program.statements import Block, Recall
 from mapmore_cli.modelling.program.values import Run, ready_for_columns, ready_for_one_sample
 from mapmore_cli.modelling.program.writing import Inputs, Writer, product_as_written, total

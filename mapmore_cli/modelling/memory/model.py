@@ -28,6 +28,7 @@ from mapmore_cli.modelling.expressions import (
 )
 from mapmore_cli.modelling.expressions.states import Measured
 from mapmore_cli.modelling.expressions.syntax import ONE, ZERO, Condition
+from mapmore_cli.modelling.kinds import Verbs
 from mapmore_cli.modelling.literature.model import (
     backbone_values,
     formula_equations,
@@ -68,106 +69,6 @@ def build(
     )
 
 
-def running(model: Model, ahead: bool = False) -> Callable[[Columns], Run]:
-    """Return what tells the next rows of a recording each time that it is called: in free run, or
-    one step `ahead`; on the backbone where there is one.
-    """
-    along = Along(_memory_of(model).model, ahead)
-
-    def next_rows(columns: Columns) -> Run:
-        run = along(columns)
-        return Run(_base(model, columns) + run.values, run.diverged)
-
-    return next_rows
-
-
-def simulate(model: Model, columns: Columns, ahead: bool = False) -> Run:
-    """Return the model in free run along one recording, (n,), or one step `ahead`."""
-    next_rows, diverged, rows = running(model, ahead), list[int](), 0
-
-    def values(block: Columns) -> Array:
-        nonlocal rows
-        numbers = np.arange(rows, rows + row_count(block))
-        with numbered(numbers):
-            run = next_rows(block)
-        diverged.extend(numbers[list(run.diverged)].tolist())
-        rows += len(numbers)
-        return run.values
-
-    return Run(row_by_row(values, columns), tuple(diverged))
-
-
-def one_step(model: Model, columns: Columns) -> Array:
-    """Prediction of every row from the measured past, (n,); NaN before there is history."""
-    return simulate(model, columns, ahead=True).values
-
-
-def settled(model: Model, columns: Columns) -> Array:
-    """Return the output where the inputs stand still, (n,): a fed-back one by Steffensen's method.
-
-    Coefficients are (k,), or (k, n): others at each place. Raises FitError where the output comes
-    to no rest.
-    """
-    from scipy.optimize import fixed_point
-
-    memory, base = _memory_of(model).model, _base(model, columns)
-    terms, start = list(map(parse, memory.terms)), np.full(len(base), memory.limits[1])
-
-    def following(y: Array) -> Array:
-        """Return the next output after one that has always been y."""
-        states = evaluate_states(memory.states, {**columns, memory.output: y}, still=True)
-        parts = dictionary_matrix(terms, states, len(y)) * memory.theta.T
-        return np.asarray(parts.sum(axis=1) + memory.constant)
-
-    with suppress(NotFinite, RuntimeError), np.errstate(all="ignore"):
-        rest = fixed_point(following, start) if fed_back(model) else following(start)
-        if (np.clip(rest, *bounds_of(memory.limits)) == rest).all():
-            return np.asarray(base + rest)
-    raise FitError(
-        "fit.shape: with inputs that stand still, the fitted model comes to no rest",
-        "use fewer delays of the output, or remove it",
-    )
-
-
-def equations(model: Model, units: Mapping[str, float]) -> tuple[Equation, ...]:
-    """Return the backbone first, then the equation of the next output."""
-    body = _memory_of(model)
-    own, limits = (
-        body.model,
-        united([*(one.limits for one in body.ranges), {body.model.output: body.model.limits}]),
-    )
-    return *formula_equations(body.backbone, units), equation(
-        PIECE, own.terms, own.theta, own.scaling, limits, units
-    )
-
-
-def rules(model: Model) -> Iterator[str]:
-    """Yield how the model is run."""
-    body = _memory_of(model)
-    memory = body.model
-    if body.backbone is not None:
-        yield f"{model.output.name} is {body.backbone.name} plus what has memory."
-    most = max(fed_back_states(memory.states, memory.output).values(), default=0)
-    first = f"the first {most} measured samples" if most > 1 else "the first measured sample"
-    start = f"from {first} of {memory.output}" if most else f"without measured {memory.output}"
-    yield f"Runs free {start}, at steps of {memory.states.step:.6g} s."
-
-
-def parameters(model: Model) -> int:
-    """Return the coefficients of the terms, with the model's own constant where it has one, and the
-    parameters of the backbone.
-    """
-    body = _memory_of(model)
-    own = len(body.model.theta) + (body.model.constant != 0.0)
-    return own + (0 if body.backbone is None else len(body.backbone.parameters))
-
-
-def fed_back(model: Model) -> tuple[str, ...]:
-    """Return the output, where the model goes on from it."""
-    memory = _memory_of(model).model
-    return (memory.output,) if fed_back_states(memory.states, memory.output) else ()
-
-
 def _base(model: Model, columns: Columns) -> Array:
     body = _memory_of(model)
     if body.backbone is None and not model.inputs:
@@ -180,14 +81,6 @@ def _base(model: Model, columns: Columns) -> Array:
 def _memory_of(model: Model) -> Memory:
     assert isinstance(model.body, Memory)
     return model.body
-
-
-def write(m: Writer, model: Model, inputs: Inputs) -> Expression:
-    """Write a model with memory, on its backbone where it has one."""
-    body = _memory_of(model)
-    limit(m, body.ranges, None, inputs)
-    m.kept.steps.append(body.model.states.step)
-    return m.let("model", formula_value(m, body.backbone, inputs) + _written(m, body.model, inputs))
 
 
 def _written(m: Writer, model: MemoryModel, inputs: Inputs) -> Expression:
@@ -238,10 +131,115 @@ def _sum_of_terms(m: Writer, model: MemoryModel, names: Mapping[str, Expression]
     return parts.summed(m, base, [m.let("weight", total(own)) for own in sums.values()], names)
 
 
-def faults(model: Model) -> Iterator[str]:
-    """Say what of a stored model no prediction would notice."""
-    memory = _memory_of(model).model
-    if memory.output != model.output.name or not all(
-        parse(text).names <= {*memory.states.names} for text in memory.terms
-    ):
-        yield "its terms are of other states than it has"
+class MemoryVerbs(Verbs):
+    """What a model with memory does."""
+
+    def running(self, model: Model, ahead: bool = False) -> Callable[[Columns], Run]:
+        """Return what tells the next rows of a recording each time that it is called: in free run,
+        or one step `ahead`; on the backbone where there is one.
+        """
+        along = Along(_memory_of(model).model, ahead)
+
+        def next_rows(columns: Columns) -> Run:
+            run = along(columns)
+            return Run(_base(model, columns) + run.values, run.diverged)
+
+        return next_rows
+
+    def simulate(self, model: Model, columns: Columns, ahead: bool = False) -> Run:
+        """Return the model in free run along one recording, (n,), or one step `ahead`."""
+        next_rows, diverged, rows = self.running(model, ahead), list[int](), 0
+
+        def values(block: Columns) -> Array:
+            nonlocal rows
+            numbers = np.arange(rows, rows + row_count(block))
+            with numbered(numbers):
+                run = next_rows(block)
+            diverged.extend(numbers[list(run.diverged)].tolist())
+            rows += len(numbers)
+            return run.values
+
+        return Run(row_by_row(values, columns), tuple(diverged))
+
+    def one_step(self, model: Model, columns: Columns) -> Array:
+        """Prediction of every row from the measured past, (n,); NaN before there is history."""
+        return self.simulate(model, columns, ahead=True).values
+
+    def settled(self, model: Model, columns: Columns) -> Array:
+        """Return the output where the inputs stand still, (n,): a fed-back one by Steffensen's
+        method.
+
+        Coefficients are (k,), or (k, n): others at each place. Raises FitError where the output
+        comes to no rest.
+        """
+        from scipy.optimize import fixed_point
+
+        memory, base = _memory_of(model).model, _base(model, columns)
+        terms, start = list(map(parse, memory.terms)), np.full(len(base), memory.limits[1])
+
+        def following(y: Array) -> Array:
+            """Return the next output after one that has always been y."""
+            states = evaluate_states(memory.states, {**columns, memory.output: y}, still=True)
+            parts = dictionary_matrix(terms, states, len(y)) * memory.theta.T
+            return np.asarray(parts.sum(axis=1) + memory.constant)
+
+        with suppress(NotFinite, RuntimeError), np.errstate(all="ignore"):
+            rest = fixed_point(following, start) if self.fed_back(model) else following(start)
+            if (np.clip(rest, *bounds_of(memory.limits)) == rest).all():
+                return np.asarray(base + rest)
+        raise FitError(
+            "fit.shape: with inputs that stand still, the fitted model comes to no rest",
+            "use fewer delays of the output, or remove it",
+        )
+
+    def equations(self, model: Model, units: Mapping[str, float]) -> tuple[Equation, ...]:
+        """Return the backbone first, then the equation of the next output."""
+        body = _memory_of(model)
+        own, limits = (
+            body.model,
+            united([*(one.limits for one in body.ranges), {body.model.output: body.model.limits}]),
+        )
+        return *formula_equations(body.backbone, units), equation(
+            PIECE, own.terms, own.theta, own.scaling, limits, units
+        )
+
+    def rules(self, model: Model) -> Iterator[str]:
+        """Yield how the model is run."""
+        body = _memory_of(model)
+        memory = body.model
+        if body.backbone is not None:
+            yield f"{model.output.name} is {body.backbone.name} plus what has memory."
+        most = max(fed_back_states(memory.states, memory.output).values(), default=0)
+        first = f"the first {most} measured samples" if most > 1 else "the first measured sample"
+        start = f"from {first} of {memory.output}" if most else f"without measured {memory.output}"
+        yield f"Runs free {start}, at steps of {memory.states.step:.6g} s."
+
+    def parameters(self, model: Model) -> int:
+        """Return the coefficients of the terms, with the model's own constant where it has one, and
+        the parameters of the backbone.
+        """
+        body = _memory_of(model)
+        own = len(body.model.theta) + (body.model.constant != 0.0)
+        return own + (0 if body.backbone is None else len(body.backbone.parameters))
+
+    def fed_back(self, model: Model) -> tuple[str, ...]:
+        """Return the output, where the model goes on from it."""
+        memory = _memory_of(model).model
+        return (memory.output,) if fed_back_states(memory.states, memory.output) else ()
+
+    def write(self, m: Writer, model: Model, inputs: Inputs) -> Expression:
+        """Write a model with memory, on its backbone where it has one."""
+        body = _memory_of(model)
+        limit(m, body.ranges, None, inputs)
+        m.kept.steps.append(body.model.states.step)
+        return m.let(
+            "model", formula_value(m, body.backbone, inputs) + _written(m, body.model, inputs)
+        )
+
+    def faults(self, model: Model) -> Iterator[str]:
+        """Say what of a stored model no prediction would notice."""
+        memory = _memory_of(model).model
+        if memory.output != model.output.name or not all(
+            parse(text).names <= {*memory.states.names} for text in memory.terms
+        ):
+            yield "its terms are of other states than it has"

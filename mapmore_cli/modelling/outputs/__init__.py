@@ -2,6 +2,13 @@
 
 from mapmore_cli.domain.models import Outputs
 from mapmore_cli.domain.results import OutputsFit
-from mapmore_cli.modelling.kinds import Kind
+from mapmore_cli.modelling.kinds import Kind, Verbs
 
-KIND = Kind("outputs", Outputs, OutputsFit, __name__)
+
+def _verbs() -> Verbs:
+    from mapmore_cli.modelling.outputs.model import OutputsVerbs
+
+    return OutputsVerbs()
+
+
+KIND = Kind("outputs", Outputs, OutputsFit, _verbs)

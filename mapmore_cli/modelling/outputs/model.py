@@ -9,7 +9,11 @@ import numpy as np
 
 from mapmore_cli.domain.arrays import BoolArray, Columns
 from mapmore_cli.domain.models import Equation, Model, Outputs
+from mapmore_cli.domain.results import Run
 from mapmore_cli.modelling import kinds
+from mapmore_cli.modelling.expressions import Expression
+from mapmore_cli.modelling.kinds import Verbs
+from mapmore_cli.modelling.program.writing import Inputs, Writer
 
 
 def joined(name: str, models: Sequence[Model]) -> Model:
@@ -25,56 +29,55 @@ def joined(name: str, models: Sequence[Model]) -> Model:
     )
 
 
-def refuse(model: Model, *_: object) -> None:
-    """Refuse to stand for one number, in a prediction or in a program."""
-    kinds.alone(model)
-
-
-simulate = write = refuse
-
-
-def outside_range(model: Model, columns: Columns) -> BoolArray:
-    """Return True where an input is beyond the training range of any output, (n,)."""
-    beyond: BoolArray = np.logical_or.reduce(
-        [kinds.outside_range(one, columns) for one in model.each]
-    )
-    return beyond
-
-
-def equations(model: Model, units: Mapping[str, float]) -> tuple[Equation, ...]:
-    """Return the equations of every output, named after it."""
-    return tuple(
-        replace(row, id=f"{one.output.name}: {row.id}")
-        for one in model.each
-        for row in kinds.equations(one, units)
-    )
-
-
-def rules(model: Model) -> tuple[str, ...]:
-    """Return how the equations are put together, alike for all outputs."""
-    return tuple(dict.fromkeys(rule for one in model.each for rule in kinds.rules(one)))
-
-
-def parameters(model: Model) -> int:
-    """Return the parameters of all outputs."""
-    return sum(map(kinds.parameters, model.each))
-
-
-def faults(model: Model) -> Iterator[str]:
-    """Yield why a stored one is refused."""
-    each = model.each
-    names = [one.output.name for one in each]
-    if len(names) < 2 or len({*names}) < len(names) or model.output != each[0].output:
-        yield "its outputs are not several, each with a name of its own"
-    if any(isinstance(one.body, Outputs) for one in each):
-        yield "one of its outputs is several outputs"
-    if {*model.inputs} != {one for part in each for one in part.inputs}:
-        yield "its inputs are not those of its outputs"
-    if len({_shared(one) for one in each}) > 1:
-        yield "its outputs do not share their segments"
-
-
 def _shared(model: Model) -> tuple[object, ...]:
     pieces = model.pieces
     cells = () if pieces is None else tuple((one.id, one.cell) for one in pieces.segments)
     return type(model.body), model.level, cells
+
+
+class OutputsVerbs(Verbs):
+    """What a model of several outputs does; it refuses to stand for one number."""
+
+    def simulate(self, model: Model, columns: Columns) -> Run:
+        """Predict the one output; UsageError where there are several."""
+        return kinds.simulate(kinds.alone(model), columns)
+
+    def write(self, m: Writer, model: Model, inputs: Inputs) -> Expression:
+        """Write the one output; UsageError where there are several."""
+        return kinds.verbs_of(model).write(m, kinds.alone(model), inputs)
+
+    def outside_range(self, model: Model, columns: Columns) -> BoolArray:
+        """Return True where an input is beyond the training range of any output, (n,)."""
+        beyond: BoolArray = np.logical_or.reduce(
+            [kinds.outside_range(one, columns) for one in model.each]
+        )
+        return beyond
+
+    def equations(self, model: Model, units: Mapping[str, float]) -> tuple[Equation, ...]:
+        """Return the equations of every output, named after it."""
+        return tuple(
+            replace(row, id=f"{one.output.name}: {row.id}")
+            for one in model.each
+            for row in kinds.equations(one, units)
+        )
+
+    def rules(self, model: Model) -> tuple[str, ...]:
+        """Return how the equations are put together, alike for all outputs."""
+        return tuple(dict.fromkeys(rule for one in model.each for rule in kinds.rules(one)))
+
+    def parameters(self, model: Model) -> int:
+        """Return the parameters of all outputs."""
+        return sum(map(kinds.parameters, model.each))
+
+    def faults(self, model: Model) -> Iterator[str]:
+        """Yield why a stored one is refused."""
+        each = model.each
+        names = [one.output.name for one in each]
+        if len(names) < 2 or len({*names}) < len(names) or model.output != each[0].output:
+            yield "its outputs are not several, each with a name of its own"
+        if any(isinstance(one.body, Outputs) for one in each):
+            yield "one of its outputs is several outputs"
+        if {*model.inputs} != {one for part in each for one in part.inputs}:
+            yield "its inputs are not those of its outputs"
+        if len({_shared(one) for one in each}) > 1:
+            yield "its outputs do not share their segments"

@@ -4,6 +4,13 @@ with smooth weights.
 
 from mapmore_cli.domain.models import Pieces
 from mapmore_cli.domain.results import PiecesFit
-from mapmore_cli.modelling.kinds import Kind
+from mapmore_cli.modelling.kinds import Kind, Verbs
 
-KIND = Kind("pieces", Pieces, PiecesFit, __name__)
+
+def _verbs() -> Verbs:
+    from mapmore_cli.modelling.pieces.model import PiecesVerbs
+
+    return PiecesVerbs()
+
+
+KIND = Kind("pieces", Pieces, PiecesFit, _verbs)

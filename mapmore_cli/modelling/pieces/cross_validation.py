@@ -30,9 +30,9 @@ from mapmore_cli.domain.models import FoldError, Model, Pieces, SegmentFunction
 from mapmore_cli.domain.recording import Curve, Quantity
 from mapmore_cli.modelling import literature
 from mapmore_cli.modelling.expressions import candidate
+from mapmore_cli.modelling.kinds import predict
 from mapmore_cli.modelling.literature.backbone import fit_formula, pooled
 from mapmore_cli.modelling.pieces.build import build, quantities_in
-from mapmore_cli.modelling.pieces.model import simulate
 from mapmore_cli.modelling.pieces.recipe import Cuts, Recipe
 
 # contiguous blocks of a curve or a surface where there are too few levels to leave one out; the
@@ -120,7 +120,7 @@ def _of_fold(
         if formula is None
         else literature.of(formula).predict(formula.parameters, rows)
     )
-    return measured, alone, simulate(model, rows).values - alone
+    return measured, alone, predict(model, rows) - alone
 
 
 def _of_fewer_samples(recipe: Recipe) -> Recipe:

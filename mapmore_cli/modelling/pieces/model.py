@@ -12,6 +12,7 @@ from mapmore_cli.domain.models import CurveFunction, Equation, Model, Pieces, Se
 from mapmore_cli.domain.results import Run
 from mapmore_cli.modelling.equations import equation
 from mapmore_cli.modelling.expressions import Expression, parse
+from mapmore_cli.modelling.kinds import Verbs
 from mapmore_cli.modelling.literature.model import (
     backbone_values,
     formula_equations,
@@ -43,41 +44,12 @@ OUTER_LEVEL = {
 """What is said of the steps of `definition`."""
 
 
-def simulate(model: Model, columns: Columns) -> Run:
-    """Return `backbone(inputs) + sum_i f_i(E(x)) prod_j w_ij(x_j)` at every row, (n,) (M1 eq 5, M2
-    eq 9); NaN where an input is.
-    """
-    body = _pieces_body(model)
-    names = tuple(quantity.name for quantity in model.inputs)
-    pieces = _ready(body, names) if any(curve.segments for curve in body.curves) else None
-
-    def value(inputs: dict[str, Array], n: int) -> Array:
-        base = backbone_values(body.backbone, inputs, n)
-        return base if pieces is None else base + pieces(inputs)[0]
-
-    return Run(where_finite(model.inputs, columns, value))
-
-
 @lru_cache(maxsize=8)
 def _ready(body: Pieces, names: tuple[str, ...]) -> Callable[[Columns], list[Array]]:
     """Return the pieces ready for many calls; to write their program takes ten times as long as to
     predict a few rows.
     """
     return evaluator(pieces_program(body, names))
-
-
-def equations(model: Model, units: Mapping[str, float]) -> tuple[Equation, ...]:
-    """Return the backbone first, then every segment function, in the model's units or in others."""
-    body = _pieces_body(model)
-    pieces = (
-        equation(
-            *(one.id, one.terms, one.theta, one.scaling, {**curve.limits, **one.limits}, units),
-            weight=_weight(one, curve, body, units),
-        )
-        for curve in body.curves
-        for one in curve.segments
-    )
-    return *formula_equations(body.backbone, units), *pieces
 
 
 def _weight(
@@ -102,69 +74,101 @@ def _weight(
     return "; ".join(words)
 
 
-def rules(model: Model) -> Iterator[str]:
-    """Yield how the pieces are put together, and what holds beyond the limits (M2 eq 9-12)."""
-    body = _pieces_body(model)
-    level = body.level
-    if not body.segments:
-        return
-    if body.backbone is not None:
-        yield f"{model.output.name} is {body.backbone.name} plus the pieces."
-    if any(len(ends) > 2 for curve in body.curves for ends in curve.boundaries):
-        yield rule_of_weights(body)
-    if level is not None and len(body.curves) > 1:
-        between = "(1 - t) times the lower curve plus t times the upper"
-        if body.fusion.levels == "pchip":
-            between = "the cubic of Fritsch and Butland (PCHIP) through the values of the curves"
-        shrink = body.fusion.shrink
-        carried = f", all times {shrink:.6g} + {1 - shrink:.6g}*(1 - 2*t)^2"
-        yield (
-            f"Between two levels of {level}, at the share t of the way: {between}"
-            f"{carried * (shrink < 1.0)}."
-        )
-    for name, sides in body.fusion.extrapolation.items():
-        known = OUTER_LEVEL if name == level else OUTSIDE
-        below, above = (known.get(str(side), f"it is taken to be {side}") for side in sides)
-        told = f"below its limits {below}, above {above}"
-        yield f"{name}: {f'beyond its limits {below}' if below == above else told}."
-
-
-def parameters(model: Model) -> int:
-    """Return the number of coefficients of all segments and of parameters of the backbone."""
-    body = _pieces_body(model)
-    return sum(len(one.theta) for one in body.segments) + (
-        0 if body.backbone is None else len(body.backbone.parameters)
-    )
-
-
 def _pieces_body(model: Model) -> Pieces:
     assert isinstance(model.body, Pieces)
     return model.body
 
 
-def write(m: Writer, model: Model, inputs: Inputs) -> Expression:
-    """Write pieces, on their backbone where they have one."""
-    body = _pieces_body(model)
-    limit(m, body.ranges, body.level, inputs)
-    base = formula_value(m, body.backbone, inputs)
-    if not body.segments:
-        return base
-    return m.let(
-        "model",
-        base
-        + pieces_value(
-            m, body, {quantity.name: inputs[quantity.name] for quantity in model.inputs}
-        ),
-    )
+class PiecesVerbs(Verbs):
+    """What MAPMORE does as a model."""
 
+    def simulate(self, model: Model, columns: Columns) -> Run:
+        """Return `backbone(inputs) + sum_i f_i(E(x)) prod_j w_ij(x_j)` at every row, (n,) (M1 eq 5,
+        M2 eq 9); NaN where an input is.
+        """
+        body = _pieces_body(model)
+        names = tuple(quantity.name for quantity in model.inputs)
+        pieces = _ready(body, names) if any(curve.segments for curve in body.curves) else None
 
-def faults(model: Model) -> Iterator[str]:
-    """Say what of a stored model no prediction would notice."""
-    levels = np.array([curve.level for curve in _pieces_body(model).curves], dtype=np.float64)
-    if model.level is not None and not (np.isfinite(levels).all() and (np.diff(levels) > 0).all()):
-        yield "the levels of its curves do not ascend"
-    for segment in _pieces_body(model).segments:
-        if not frozenset().union(*(parse(text).names for text in segment.terms)) <= {
-            *segment.scaling.variables
-        }:
-            yield f"the terms of {segment.id} are of other quantities than its scaling"
+        def value(inputs: dict[str, Array], n: int) -> Array:
+            base = backbone_values(body.backbone, inputs, n)
+            return base if pieces is None else base + pieces(inputs)[0]
+
+        return Run(where_finite(model.inputs, columns, value))
+
+    def equations(self, model: Model, units: Mapping[str, float]) -> tuple[Equation, ...]:
+        """Return the backbone first, then every segment function, in the model's units or in
+        others.
+        """
+        body = _pieces_body(model)
+        pieces = (
+            equation(
+                *(one.id, one.terms, one.theta, one.scaling, {**curve.limits, **one.limits}, units),
+                weight=_weight(one, curve, body, units),
+            )
+            for curve in body.curves
+            for one in curve.segments
+        )
+        return *formula_equations(body.backbone, units), *pieces
+
+    def rules(self, model: Model) -> Iterator[str]:
+        """Yield how the pieces are put together, and what holds beyond the limits (M2 eq 9-12)."""
+        body = _pieces_body(model)
+        fusion, level = body.fusion, body.level
+        if not body.segments:
+            return
+        if body.backbone is not None:
+            yield f"{model.output.name} is {body.backbone.name} plus the pieces."
+        if any(len(ends) > 2 for curve in body.curves for ends in curve.boundaries):
+            yield rule_of_weights(body)
+        if level is not None and len(body.curves) > 1:
+            between = "(1 - t) times the lower curve plus t times the upper"
+            if fusion.levels == "pchip":
+                between = (
+                    "the cubic of Fritsch and Butland (PCHIP) through the values of the curves"
+                )
+            carried = f", all times {fusion.shrink:.6g} + {1 - fusion.shrink:.6g}*(1 - 2*t)^2"
+            yield (
+                f"Between two levels of {level}, at the share t of the way: {between}"
+                f"{carried * (fusion.shrink < 1.0)}."
+            )
+        for name, sides in fusion.extrapolation.items():
+            known = OUTER_LEVEL if name == level else OUTSIDE
+            below, above = (known.get(str(side), f"it is taken to be {side}") for side in sides)
+            told = f"below its limits {below}, above {above}"
+            yield f"{name}: {f'beyond its limits {below}' if below == above else told}."
+
+    def parameters(self, model: Model) -> int:
+        """Return the number of coefficients of all segments and of parameters of the backbone."""
+        body = _pieces_body(model)
+        return sum(len(one.theta) for one in body.segments) + (
+            0 if body.backbone is None else len(body.backbone.parameters)
+        )
+
+    def write(self, m: Writer, model: Model, inputs: Inputs) -> Expression:
+        """Write pieces, on their backbone where they have one."""
+        body = _pieces_body(model)
+        limit(m, body.ranges, body.level, inputs)
+        base = formula_value(m, body.backbone, inputs)
+        if not body.segments:
+            return base
+        return m.let(
+            "model",
+            base
+            + pieces_value(
+                m, body, {quantity.name: inputs[quantity.name] for quantity in model.inputs}
+            ),
+        )
+
+    def faults(self, model: Model) -> Iterator[str]:
+        """Say what of a stored model no prediction would notice."""
+        levels = np.array([curve.level for curve in _pieces_body(model).curves], dtype=np.float64)
+        if model.level is not None and not (
+            np.isfinite(levels).all() and (np.diff(levels) > 0).all()
+        ):
+            yield "the levels of its curves do not ascend"
+        for segment in _pieces_body(model).segments:
+            if not frozenset().union(*(parse(text).names for text in segment.terms)) <= {
+                *segment.scaling.variables
+            }:
+                yield f"the terms of {segment.id} are of other quantities than its scaling"

@@ -9,7 +9,7 @@ import numpy as np
 from mapmore_cli.domain.arrays import extremes
 from mapmore_cli.domain.models import Model, Pieces
 from mapmore_cli.domain.recording import Curve
-from mapmore_cli.modelling.pieces.model import simulate
+from mapmore_cli.modelling.kinds import predict
 from mapmore_cli.modelling.pieces.recipe import Recipe
 
 REACH, ASTRAY = 0.1, 1.5
@@ -77,7 +77,7 @@ def exploding_curves(model: Model, curves: Sequence[Curve], target: str) -> list
         if all(len(segment.terms) < 2 for segment in one.segments):
             continue
         at = {} if body.level is None else {body.level: np.full(len(rows), one.level)}
-        values = simulate(model, {**places, **at}).values
+        values = predict(model, {**places, **at})
         if (np.abs(values - (low + high) / 2) > ASTRAY * (high - low)).any():
             found.append(one.curve)
     return found

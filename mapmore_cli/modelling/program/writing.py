@@ -20,7 +20,6 @@ from mapmore_cli.modelling.expressions.syntax import (
     expression,
     names_in,
 )
-from mapmore_cli.modelling.kinds import limits
 from mapmore_cli.modelling.program.statements import (
     Block,
     Choose,
@@ -35,6 +34,7 @@ from mapmore_cli.modelling.program.statements import (
     Statement,
     Use,
 )
+from mapmore_cli.modelling.ranges import limits
 
 Side = Operand | Callable[[], Operand]
 """A value, or a function that writes the statements of one; its statements run only where this side

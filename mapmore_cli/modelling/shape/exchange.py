@@ -16,7 +16,7 @@ from mapmore_cli.domain.arrays import Array, BoolArray, Columns, Ranges, extreme
 from mapmore_cli.domain.errors import FitError
 from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.recording import united
-from mapmore_cli.modelling.program.model import program_of
+from mapmore_cli.modelling.programs import program_of
 from mapmore_cli.modelling.shape.least_squares import least_squares_under
 from mapmore_cli.modelling.shape.region import Region
 from mapmore_cli.modelling.shape.stencils import Asked, Stencils, nodes_of, stencils_on

@@ -11,8 +11,8 @@ import numpy as np
 from mapmore_cli.domain.arrays import Array, BoolArray, Columns
 from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.recording import Curve
-from mapmore_cli.modelling.kinds import OUTSIDE_TOLERANCE, InputRange, limits
 from mapmore_cli.modelling.literature.backbone import pooled_training
+from mapmore_cli.modelling.ranges import OUTSIDE_TOLERANCE, InputRange, limits
 from mapmore_cli.modelling.selection import Fit
 from mapmore_cli.modelling.shape.stencils import Asked
 

@@ -15,7 +15,7 @@ from mapmore_cli.domain.errors import FitError
 from mapmore_cli.domain.models import KeptShape, Model, Shape
 from mapmore_cli.domain.recording import Curve
 from mapmore_cli.modelling.kinds import predict, runs_over_time, settled
-from mapmore_cli.modelling.program.model import program_of
+from mapmore_cli.modelling.programs import program_of
 from mapmore_cli.modelling.selection import Fit
 from mapmore_cli.modelling.shape.region import Region, region_of
 from mapmore_cli.modelling.shape.stencils import POINTS, Asked, asked_of, nodes_of, stencils_on

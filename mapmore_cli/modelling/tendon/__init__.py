@@ -9,7 +9,7 @@ from typing import Annotated
 
 from mapmore_cli.domain.arrays import Number
 from mapmore_cli.domain.models import Body, Model
-from mapmore_cli.modelling.kinds import Kind
+from mapmore_cli.modelling.kinds import Kind, Verbs
 
 
 @dataclass(frozen=True)
@@ -28,4 +28,10 @@ class Tendon(Body):
         return (self.muscle,)
 
 
-KIND = Kind("tendon", Tendon, None, __name__, over_time=True)
+def _verbs() -> Verbs:
+    from mapmore_cli.modelling.tendon.model import TendonVerbs
+
+    return TendonVerbs()
+
+
+KIND = Kind("tendon", Tendon, None, _verbs, over_time=True)

@@ -5,7 +5,6 @@ shorter by what the tendon is stretched, its shortening velocity v larger by the
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import Any
 
 import numpy as np
 
@@ -15,6 +14,9 @@ from mapmore_cli.domain.foreign import tex_text
 from mapmore_cli.domain.models import Equation, Model
 from mapmore_cli.domain.results import Run
 from mapmore_cli.modelling import kinds
+from mapmore_cli.modelling.expressions import Expression
+from mapmore_cli.modelling.kinds import Verbs
+from mapmore_cli.modelling.program.writing import Inputs, Writer
 from mapmore_cli.modelling.tendon import Tendon
 
 STEPS = 30
@@ -51,11 +53,6 @@ def solve(
     return force
 
 
-def simulate(model: Model, columns: Columns) -> Run:
-    """Return the force at every row of a recording, (n,). Raises DataError without its time."""
-    return Run(_force(model, columns), ())
-
-
 def _force(model: Model, columns: Columns) -> Array:
     body = _body(model)
     if "time" not in columns and "velocity" in columns:
@@ -64,36 +61,40 @@ def _force(model: Model, columns: Columns) -> Array:
     return solve(lambda own: kinds.predict(body.muscle, own), rows, body.stiffness, body.force)
 
 
-def outside_range(model: Model, columns: Columns) -> BoolArray:
-    """Return True where the muscle itself is beyond its training range, (n,)."""
-    body = _body(model)
-    own = muscle_columns(columns, _force(model, columns), body.stiffness, body.force)
-    return kinds.outside_range(body.muscle, own)
-
-
-def equations(model: Model, units: Mapping[str, float]) -> tuple[Equation, ...]:
-    """Return what the tendon makes of the length; then the equations of the muscle."""
-    body, force = _body(model), model.output.name
-    stretched = f"length = length - ({force} - {body.force:g})/{body.stiffness:g}"
-    latex = rf"\text{{{tex_text(stretched)}}}"
-    own = kinds.equations(body.muscle, units)
-    return (Equation(f"{body.muscle.name}: tendon", stretched, latex), *own)
-
-
-def parameters(model: Model) -> int:
-    """Return those of the muscle: the tendon is given."""
-    return kinds.parameters(_body(model).muscle)
-
-
-def write(_m: Any, model: Model, _inputs: Any) -> Any:
-    """Refuse: the force is the root of an equation at every sample, which no program solves."""
-    raise DataError(
-        f"{model.name}: a force behind a tendon is the root of an equation at every sample, which "
-        "no exported program solves",
-        f"export the muscle alone, {_body(model).muscle.name}",
-    )
-
-
 def _body(model: Model) -> Tendon:
     assert isinstance(model.body, Tendon)
     return model.body
+
+
+class TendonVerbs(Verbs):
+    """What a muscle behind a tendon does."""
+
+    def simulate(self, model: Model, columns: Columns) -> Run:
+        """Return the force at every row of a recording, (n,). Raises DataError without its time."""
+        return Run(_force(model, columns), ())
+
+    def outside_range(self, model: Model, columns: Columns) -> BoolArray:
+        """Return True where the muscle itself is beyond its training range, (n,)."""
+        body = _body(model)
+        own = muscle_columns(columns, _force(model, columns), body.stiffness, body.force)
+        return kinds.outside_range(body.muscle, own)
+
+    def equations(self, model: Model, units: Mapping[str, float]) -> tuple[Equation, ...]:
+        """Return what the tendon makes of the length; then the equations of the muscle."""
+        body, force = _body(model), model.output.name
+        stretched = f"length = length - ({force} - {body.force:g})/{body.stiffness:g}"
+        latex = rf"\text{{{tex_text(stretched)}}}"
+        own = kinds.equations(body.muscle, units)
+        return (Equation(f"{body.muscle.name}: tendon", stretched, latex), *own)
+
+    def parameters(self, model: Model) -> int:
+        """Return those of the muscle: the tendon is given."""
+        return kinds.parameters(_body(model).muscle)
+
+    def write(self, m: Writer, model: Model, inputs: Inputs) -> Expression:  # noqa: ARG002
+        """Refuse: the force is the root of an equation at every sample, which no program solves."""
+        raise DataError(
+            f"{model.name}: a force behind a tendon is the root of an equation at every sample, "
+            "which no exported program solves",
+            f"export the muscle alone, {_body(model).muscle.name}",
+        )

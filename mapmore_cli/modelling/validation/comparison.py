@@ -17,7 +17,8 @@ import numpy as np
 
 from mapmore_cli.domain.arrays import Array, Ranges
 from mapmore_cli.domain.models import CurveRange, Model, Pieces, SegmentFunction
-from mapmore_cli.modelling.kinds import limits, predict
+from mapmore_cli.modelling.kinds import predict
+from mapmore_cli.modelling.ranges import limits
 from mapmore_cli.modelling.validation.intervals import half_widths
 from mapmore_cli.modelling.validation.significance import sign_permutation, weighted_mean
 

@@ -50,7 +50,7 @@ def draw_line(ax: Axes, x: Array, y: Array, sets_scale: bool = True, **look: Any
         ax.add_artist(Line2D(x, y, **look))
 
 
-def draw_dots(ax: Axes, x: Array, y: Array, most: int = DOTS, **look: Any) -> None:
+def draw_dots(ax: Axes, x: Array, y: Array, most: int = DOTS, **look: object) -> None:
     """Draw samples as dots, thinned so that the extremes remain."""
     rows = cloud(y, most)
     draw_line(ax, x[rows], y[rows], **DOT | {"markeredgewidth": 0} | look)
@@ -72,7 +72,9 @@ def draw_band(ax: Axes, x: Array, y: Array, **look: Any) -> None:
     draw_line(ax, x, y, **look)
 
 
-def shade_between(ax: Axes, x: Array, ends: Iterable[Array], colour: Any, label: str = "") -> None:
+def shade_between(
+    ax: Axes, x: Array, ends: Iterable[Array], colour: object, label: str = ""
+) -> None:
     """Shade what lies between two ends, (n,) each."""
     low, high = ends
     ax.fill_between(x, low, high, color=colour, alpha=PALE, linewidth=0, zorder=1, label=label)

@@ -105,7 +105,7 @@ class ModelStyle:
     """How one model looks in every figure."""
 
     colour: str
-    dashes: Any
+    dashes: object
     width: float
     marker: str
     zorder: float = 4.0

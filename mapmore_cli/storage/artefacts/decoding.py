@@ -161,9 +161,9 @@ def _plain_value(node: Any, own: Hint, path: str) -> Any:
         raise Invalid(path, f"is none of {', '.join(own.inner)}")
     if own.kind is float and (type(node) is int or node in ("nan", "inf", "-inf")):
         return float(node)
-    expected = {Literal: str, Any: types.NoneType}.get(own.kind, own.kind)
+    expected = str if own.kind is Literal else own.kind
     if type(node) is not expected:
-        raise Invalid(path, f"is no {expected.__name__}")  # type: ignore[attr-defined]
+        raise Invalid(path, f"is no {expected.__name__}")
     if expected is str and not is_one_line(node):
         raise Invalid(path, f"has control characters or line breaks: {node[:60]!r}")
     return node

@@ -26,7 +26,7 @@ import numpy as np
 
 from mapmore_cli.domain.declared import Checked
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.domain.fits import Scaling, SegmentedCurve
+from mapmore_cli.domain.fits import Fit, Scaling, SegmentedCurve
 from mapmore_cli.domain.foreign import is_one_line
 from mapmore_cli.domain.models import Body, Model, Pieces
 from mapmore_cli.domain.recording import Dataset
@@ -128,8 +128,8 @@ def stored_fields(type_: Any) -> dict[str, tuple[Any, Any]]:
 
 @cache
 def bodies(kind: Any) -> dict[str, type]:
-    """Return what a model consists of (`Body`), or what was fitted (`Any`), by its kind."""
-    if kind not in (Body, Any):
+    """Return what a model consists of (`Body`), or what was fitted (`Fit`), by its kind."""
+    if kind not in (Body, Fit):
         return {}
     return {one.name: type_ for one in kinds() if (type_ := one.body if kind is Body else one.fit)}
 

@@ -16,7 +16,7 @@ from functools import partial
 from importlib import import_module
 from itertools import zip_longest
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -38,6 +38,9 @@ from mapmore_cli.storage.tables.members import (
     table_of_fields,
 )
 from mapmore_cli.storage.tables.overview import tree_reader
+
+if TYPE_CHECKING:
+    import h5py
 
 
 @contextmanager
@@ -66,7 +69,7 @@ def opened_hdf5(
                 yield _member(file)
 
 
-def _member(node: Any) -> Member:
+def _member(node: h5py.HLObject) -> Member:
     if hasattr(node, "keys"):
         return group_of(f"a group of {len(node)}", list(node), lambda name: _below(node, name))
     if getattr(node, "shape", None) is None:
@@ -84,11 +87,11 @@ def _member(node: Any) -> Member:
     )
 
 
-def _unit_noted(node: Any) -> Noted:
+def _unit_noted(node: object) -> Noted:
     return Noted(str(next(filter(None, (_attribute(node, name) for name in UNIT)), "")))
 
 
-def _below(group: Any, name: str) -> Member:
+def _below(group: h5py.Group, name: str) -> Member:
     if (node := group.get(name)) is None:
         raise DataError(
             f"'{name}' is a link that leads nowhere",
@@ -106,7 +109,7 @@ PACKING = ("scale_factor", "add_offset", *LIMITS, UNSIGNED, *MISSING)
 """Attributes by which netCDF says what the stored numbers mean."""
 
 
-def _attribute(node: Any, name: str) -> Any:
+def _attribute(node: h5py.HLObject, name: str) -> Any:
     """Return the numbers of an attribute, or its one text; None where there is none, or one that is
     too long.
     """
@@ -155,7 +158,7 @@ def _meant(stored: Any, said: Mapping[str, Any]) -> Any:
 EMPTY = Member("an empty array", values=lambda _: np.zeros(0))
 
 
-def _reader(dataset: Any, field: str | None = None) -> Callable[[Selection], Any]:
+def _reader(dataset: h5py.Dataset, field: str | None = None) -> Callable[[Selection], Any]:
     """Return what reads a selection of a dataset, or of a field of it."""
     import h5py
 
@@ -173,7 +176,7 @@ def _reader(dataset: Any, field: str | None = None) -> Callable[[Selection], Any
     return read
 
 
-def _texts(dataset: Any, values: Any) -> Any:
+def _texts(dataset: h5py.Dataset, values: Any) -> Any:
     """Return texts of any length. They are read in parts that cannot fill the memory, up to the
     limit of what a file may unpack to.
     """
@@ -191,7 +194,7 @@ def _texts(dataset: Any, values: Any) -> Any:
 # arrays are references ------------------
 
 
-def _matlab_struct(group: Any, kind: str = "a struct") -> Member:
+def _matlab_struct(group: h5py.Group, kind: str = "a struct") -> Member:
     # #refs# and #subsystem# are MATLAB's own
     names = [name for name in group if not name.startswith("#")]
 
@@ -201,7 +204,7 @@ def _matlab_struct(group: Any, kind: str = "a struct") -> Member:
     return group_of(kind, names, member) if kind == "the file" else Member(kind, names, member)
 
 
-def _matlab_member(node: Any) -> Member:
+def _matlab_member(node: h5py.HLObject) -> Member:
     if np.any(_attribute(node, "MATLAB_object_decode")):
         raise object_of_matlab(node.name.lstrip("/"), _class_of(node))
     if not hasattr(node, "keys"):
@@ -221,7 +224,7 @@ def _matlab_member(node: Any) -> Member:
     )
 
 
-def _matlab_array(dataset: Any) -> Member:
+def _matlab_array(dataset: h5py.Dataset) -> Member:
     # of an empty array, its size is stored
     empty, shape = np.any(_attribute(dataset, "MATLAB_empty")), dataset.shape[::-1]
     if _class_of(dataset) == "cell" and _holds_references(dataset):
@@ -245,15 +248,15 @@ def _matlab_array(dataset: Any) -> Member:
     return array_of(read, shape, _unit_noted(dataset))
 
 
-def _class_of(node: Any) -> str:
+def _class_of(node: object) -> str:
     return str(_attribute(node, "MATLAB_class") or "")
 
 
-def _holds_references(node: Any) -> bool:
+def _holds_references(node: object) -> bool:
     return getattr(node, "dtype", None) == np.dtype("O")
 
 
-def _referred(dataset: Any, index: int) -> Member:
+def _referred(dataset: h5py.Dataset, index: int) -> Member:
     """Return what a reference leads to, by its number in MATLAB's order."""
     return _matlab_member(dataset.file[_own_values(dataset)[()].reshape(-1)[index]])
 
@@ -276,13 +279,13 @@ _read: ContextVar[dict[str, int]] = ContextVar("_read")
 """Bytes of each array of the open file that was read so far, by its name."""
 
 
-def _refuse_other_files(file: Any, label: str) -> None:
+def _refuse_other_files(file: h5py.File, label: str) -> None:
     """Raise DataError for links to other files, before one is followed: they may lead anywhere on
     this computer.
     """
     from h5py import h5l
 
-    def other(name: bytes, info: Any) -> bytes | None:
+    def other(name: bytes, info: h5py.h5l.LinkInfo) -> bytes | None:
         return name if info.type == h5l.TYPE_EXTERNAL else None
 
     if name := file.id.links.visit(other, info=True):
@@ -293,7 +296,7 @@ def _refuse_other_files(file: Any, label: str) -> None:
     _read.set({})
 
 
-def _own_values(dataset: Any, selection: Selection = ()) -> Any:
+def _own_values(dataset: h5py.Dataset, selection: Selection = ()) -> Any:
     """Return the dataset, of which a selection is read next.
 
     Raises DataError where its values lie in other files (external storage, virtual datasets), and
@@ -316,7 +319,7 @@ def _own_values(dataset: Any, selection: Selection = ()) -> Any:
     return dataset
 
 
-def _refuse_other_filters(dataset: Any) -> None:
+def _refuse_other_filters(dataset: h5py.Dataset) -> None:
     """Raise DataError for values that are packed by a filter which is not installed."""
     from h5py import h5z
 

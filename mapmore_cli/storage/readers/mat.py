@@ -205,7 +205,7 @@ def _version_4(path: Path) -> Iterator[tuple[str, Any]]:
     """
     from scipy.io import loadmat, whosmat
 
-    def member(value: Any, name: str) -> Member:
+    def member(value: object, name: str) -> Member:
         if not isinstance(value, np.ndarray):
             raise _sparse(name)
         return array_of(value.__getitem__, value.shape)

@@ -6,7 +6,7 @@ import json
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.storage.tables import (
@@ -17,6 +17,10 @@ from mapmore_cli.storage.tables import (
 )
 from mapmore_cli.storage.tables.members import Member, Selection, array_of
 from mapmore_cli.storage.tables.overview import tree_reader
+
+if TYPE_CHECKING:
+    from pyarrow import Field
+    from pyarrow.parquet import ParquetFile
 
 UNIT = ("unit", "units")
 """Keys under which programs note the unit of a column, in any case of letters."""
@@ -41,7 +45,7 @@ def opened_parquet(path: Path, label: str, _request: TableRequest | None) -> Ite
         yield Member(kind, names, lambda name: _parquet_column(file, fields[name], size))
 
 
-def _parquet_column(file: Any, field: Any, size: int) -> Member:
+def _parquet_column(file: ParquetFile, field: Field, size: int) -> Member:
     """Return a column of a file of so many bytes; DataError for one of texts, lists or structs."""
     from pyarrow import types
 
@@ -61,7 +65,7 @@ def _parquet_column(file: Any, field: Any, size: int) -> Member:
     return array_of(values, (file.metadata.num_rows,), Noted(_unit_noted(file, field)))
 
 
-def _unit_noted(file: Any, field: Any) -> str:
+def _unit_noted(file: ParquetFile, field: Field) -> str:
     """Return the unit that the metadata of a column name, or the `attrs` of a frame of pandas."""
     said = {key.decode().casefold(): value for key, value in (field.metadata or {}).items()}
     for key in UNIT:

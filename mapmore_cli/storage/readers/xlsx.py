@@ -99,11 +99,11 @@ def peek_xlsx(path: Path, most: int) -> Iterable[Top]:
     ]
 
 
-def _is_filled(cell: Any) -> bool:
+def _is_filled(cell: object) -> bool:
     return bool(str(cell).strip() if isinstance(cell, str | Lacking) else cell is not None)
 
 
-def _is_no_text(cell: Any) -> bool:
+def _is_no_text(cell: object) -> bool:
     return not isinstance(cell, str) and holds_number(cell)
 
 

@@ -114,17 +114,22 @@ class OpenEnd:
     decimal: str = "."
 
 
+IN_MEMORY = "row from 0"
+"""The place of samples that came as arrays: nobody wrote a file of them."""
+
+
 @dataclass(frozen=True)
 class RawTable:
     """Columns as the file holds them, before scaling and units.
 
     `columns` has one `(n,)` array for each column of the request, NaN where a cell is empty.
-    `label` names the table in messages (the file, and the part of it), and `doubts` are warnings of
-    its reader. `rows` is `(n,)`, where each sample stands: its `place` is a `row` (line of a text
-    file, row of a sheet, both from 1) or an `index` (of an array, from 0). `element` tells the
-    recordings of one file apart, by number or by the title of their sheet; None where it holds a
-    single one. `noted` is what the file says of its columns. `breaks_off` and `open_end` are what
-    its reader found at the end of the file, which the gate judges (`tables/gate.py`).
+    `label` names the table in messages (the file, and the part of it), `titles` the columns where
+    they were renamed, and `doubts` are warnings of its reader. `rows` is `(n,)`, where each sample
+    stands: its `place` is a `row` (line of a text file, row of a sheet, both from 1), an `index`
+    (of an array, from 0) or `IN_MEMORY`. `element` tells the recordings of one file apart, by
+    number or by the title of their sheet; None where it holds a single one. `noted` is what the
+    file says of its columns. `breaks_off` and `open_end` are what its reader found at the end of
+    the file, which the gate judges (`tables/gate.py`).
     """
 
     columns: Mapping[Any, Array]
@@ -136,6 +141,7 @@ class RawTable:
     noted: Mapping[Any, Noted] = field(default_factory=dict)
     breaks_off: Cut | None = None
     open_end: OpenEnd | None = None
+    titles: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def size(self) -> int:
@@ -144,6 +150,8 @@ class RawTable:
 
     def at(self, sample: int) -> str:
         """Where a sample stands, for messages: `a.csv:row 17`."""
+        if self.place == IN_MEMORY:
+            return f"{self.label}, row {self.rows[sample]} (from 0)"
         return f"{self.label}:{self.place} {self.rows[sample]}"
 
     def is_empty_at(self, sample: int) -> bool:

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from decimal import Decimal
 from numbers import Real
-from typing import Any, Self
+from typing import Self
 
 from mapmore_cli.domain.errors import DataError
 
@@ -115,7 +115,7 @@ class NotANumber(DataError):
         return self
 
 
-def number_of(cell: Any, decimal: str = ".", thousands: str | None = None) -> float | None:
+def number_of(cell: object, decimal: str = ".", thousands: str | None = None) -> float | None:
     """Return the number in a cell, NaN where it is empty; None for anything else.
 
     Infinity is read, as `nan` is: the spec says what becomes of values that are none.
@@ -165,7 +165,7 @@ class CellReader:
     )
     form: str = ""
 
-    def __call__(self, cell: Any) -> float:
+    def __call__(self, cell: object) -> float:
         """Return the number, or that of the stamp; NaN where there is none. Raises NotANumber."""
         if isinstance(cell, Lacking):
             raise NotANumber("", cell.said, cell.remedy)
@@ -196,7 +196,7 @@ class CellReader:
             raise NotANumber(text, f"is {form}, where {self.form} stands above", remedy)
         return seconds
 
-    def _stamp(self, cell: Any, text: str, value: float | None) -> tuple[str, float] | None:
+    def _stamp(self, cell: object, text: str, value: float | None) -> tuple[str, float] | None:
         """Return form and number of a cell of the time."""
         if self.format is None and value is not None:
             return NUMBER, value
@@ -248,7 +248,7 @@ def stamp_of(text: str) -> tuple[str, float] | None:
     return None
 
 
-def holds_number(cell: Any, decimal: str = ".") -> bool:
+def holds_number(cell: object, decimal: str = ".") -> bool:
     """Whether a cell holds a number or a stamp, rather than a word for a missing one."""
     text = str(cell).strip()
     return bool(text) if number_of(cell, decimal) is not None else stamp_of(text) is not None

@@ -33,7 +33,7 @@ EVERY = "[*]"
 _STEP = re.compile(r"(?P<separator>[./]?)(?:(?P<name>[^./\[\]]+)|\[(?P<index>[^\[\]]*)\])")
 
 
-def _impossible(_: Any) -> Any:
+def _impossible(_: object) -> Any:
     raise TypeError("the member is of another kind")
 
 
@@ -295,7 +295,7 @@ def _column(
     return as_numbers(values.reshape(-1), f"{label}: '{address}'", read), member.noted
 
 
-def as_numbers(values: Any, what: str, read: CellReader | None = None) -> Array:
+def as_numbers(values: object, what: str, read: CellReader | None = None) -> Array:
     """Return an array as numbers of the same shape; `read` is what reads the cells of its column.
 
     Text is read cell by cell. Time stamps are seconds since 1970, where the column may have them.

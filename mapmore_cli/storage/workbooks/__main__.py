@@ -85,7 +85,7 @@ def _mark(cells: list[list[Any]], facts: Iterable[Fact]) -> None:
                 }
 
 
-def _plain(cell: Any) -> Any:
+def _plain(cell: object) -> object:
     """Return a date as midnight of that day, and whole numbers as such: `2026`, not `2026.0`."""
     if isinstance(cell, date) and not isinstance(cell, datetime):
         return datetime.combine(cell, time())

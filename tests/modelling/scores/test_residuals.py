@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from common import dataset_of
+from common import dataset_of as dataset_of_columns
 from surfaces import QUANTITIES, built, changed, curves, recipe
 
 from mapmore_cli.domain.arrays import extremes
@@ -57,7 +57,7 @@ def test_rows_of_the_model_itself_are_judged_over_all_curves():
     scale = metrics.normaliser("max", extremes(y), "force", "validate")
 
     def told(values, model=OWN, curve="all"):
-        given = dataset_of({"force": y}, held_out=np.ones(3, dtype=bool), output="force")
+        given = dataset_of_columns({"force": y}, held_out=np.ones(3, dtype=bool), output="force")
         said = [Forecast.of(np.array(values))]
         rows = metrics.score_rows(model, "static", said, given, scale)
         return alarms_of(next(row for row in rows if row.curve == curve))

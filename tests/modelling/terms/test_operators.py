@@ -24,7 +24,7 @@ from mapmore_cli.modelling.expressions.operator import (
     from_rest,
 )
 from mapmore_cli.modelling.expressions.operators import OPERATORS, families
-from mapmore_cli.modelling.program.model import with_slopes_by
+from mapmore_cli.modelling.program.slopes import with_slopes_by
 from mapmore_cli.modelling.program.values import ready_for_columns
 from mapmore_cli.modelling.program.writing import Writer
 

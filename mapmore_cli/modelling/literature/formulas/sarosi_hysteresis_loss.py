@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, ClassVar, NamedTuple
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 
@@ -102,7 +102,7 @@ class HysteresisLoss(Formula):
 
     fitted_to: ClassVar[str] = LOAD_CYCLES
 
-    def fit(self, *_: Any, **__: Any) -> FormulaFit:
+    def fit(self, *_: object, **__: object) -> FormulaFit:
         """Raise `DataError`: a damping force cannot show the energy that a load cycle loses."""
         raise DataError(
             f"{self.name} is fitted to load cycles, not to the target",

@@ -1,4 +1,4 @@
-"""A model of any kind as a program, and the derivatives that follow from it.
+"""The derivatives that follow from a program.
 
 Every name is followed by its derivatives, by the chain rule on the syntax trees. At a boundary the
 slope is that of the case that holds there; a case that holds at one point alone (`==`) has none,
@@ -10,12 +10,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from mapmore_cli.domain.arrays import Array, Columns
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.domain.models import Model
 from mapmore_cli.modelling.expressions import Expression, Name, add, derivative, multiply
 from mapmore_cli.modelling.expressions.syntax import ONE, ZERO
-from mapmore_cli.modelling.kinds import alone, kind_of, numbers_in_reach
 from mapmore_cli.modelling.program.statements import (
     Block,
     Choose,
@@ -25,52 +22,8 @@ from mapmore_cli.modelling.program.statements import (
     Statement,
     Use,
 )
-from mapmore_cli.modelling.program.values import INPUT, evaluator
-from mapmore_cli.modelling.program.writing import Inputs, Writer, pruned, pruned_block
-from mapmore_cli.modelling.signals.sampling import UNEVEN
-
-
-def program_of(model: Model) -> Program:
-    """Return the model as a program of one sample's numbers, from which other languages and
-    derivatives follow.
-
-    Raises DataError where parts have different times between samples or go on from different
-    outputs, or one is no closed expression, and where a coefficient is too large to be a number.
-    """
-    m = Writer()
-    names = {quantity.name: Name(f"{INPUT}{quantity.name}") for quantity in model.inputs}
-    with numbers_in_reach(model):
-        values = [write(m, one, names) for one in model.each]
-    steps = m.kept.steps
-    if steps and max(steps) > min(steps) * (1 + UNEVEN):
-        found = (
-            f"the parts of {model.name} count samples of {min(steps):g} s and of {max(steps):g} s"
-        )
-        raise DataError(found, "train them at the same time steps")
-    if len(m.kept.fed_back) > 1:
-        raise DataError(
-            f"the parts of {model.name} go on from {', '.join(m.kept.fed_back)}",
-            "export the parts one by one",
-        )
-    with numbers_in_reach(model):
-        return m.program(tuple(names), *values)
-
-
-def write(m: Writer, model: Model, inputs: Inputs) -> Expression:
-    """Write a model of any kind; return its output."""
-    value: Expression = kind_of(model).verb("write")(m, model, inputs)
-    return value
-
-
-def slopes(model: Model, columns: Columns) -> dict[str, Array]:
-    """Return the derivative of the output for every input, (n,) each; NaN where an input is not
-    finite.
-
-    Raises DataError for a model with memory, and where a part of the model is no closed expression.
-    """
-    _, *found = evaluator(with_slopes(program_of(alone(model))))(columns)
-    return {quantity.name: slope for quantity, slope in zip(model.inputs, found, strict=True)}
-
+from mapmore_cli.modelling.program.values import INPUT
+from mapmore_cli.modelling.program.writing import pruned, pruned_block
 
 Slopes = tuple[Expression, ...]  # derivatives by each direction
 FUNCTION = "{}_slopes"  # name of a function that returns its value and its derivatives

@@ -1,0 +1,55 @@
+"""A model of any kind as a program, as numbers of one sample or its derivatives."""
+
+from __future__ import annotations
+
+from mapmore_cli.domain.arrays import Array, Columns
+from mapmore_cli.domain.errors import DataError
+from mapmore_cli.domain.models import Model
+from mapmore_cli.modelling.expressions import Expression, Name
+from mapmore_cli.modelling.kinds import alone, numbers_in_reach, verbs_of
+from mapmore_cli.modelling.program.slopes import with_slopes
+from mapmore_cli.modelling.program.statements import Program
+from mapmore_cli.modelling.program.values import INPUT, evaluator
+from mapmore_cli.modelling.program.writing import Inputs, Writer
+from mapmore_cli.modelling.signals.sampling import UNEVEN
+
+
+def program_of(model: Model) -> Program:
+    """Return the model as a program of one sample's numbers, from which other languages and
+    derivatives follow.
+
+    Raises DataError where parts have different times between samples or go on from different
+    outputs, or one is no closed expression, and where a coefficient is too large to be a number.
+    """
+    m = Writer()
+    names = {quantity.name: Name(f"{INPUT}{quantity.name}") for quantity in model.inputs}
+    with numbers_in_reach(model):
+        values = [write(m, one, names) for one in model.each]
+    steps = m.kept.steps
+    if steps and max(steps) > min(steps) * (1 + UNEVEN):
+        found = (
+            f"the parts of {model.name} count samples of {min(steps):g} s and of {max(steps):g} s"
+        )
+        raise DataError(found, "train them at the same time steps")
+    if len(m.kept.fed_back) > 1:
+        raise DataError(
+            f"the parts of {model.name} go on from {', '.join(m.kept.fed_back)}",
+            "export the parts one by one",
+        )
+    with numbers_in_reach(model):
+        return m.program(tuple(names), *values)
+
+
+def write(m: Writer, model: Model, inputs: Inputs) -> Expression:
+    """Write a model of any kind; return its output."""
+    return verbs_of(model).write(m, model, inputs)
+
+
+def slopes(model: Model, columns: Columns) -> dict[str, Array]:
+    """Return the derivative of the output for every input, (n,) each; NaN where an input is not
+    finite.
+
+    Raises DataError for a model with memory, and where a part of the model is no closed expression.
+    """
+    _, *found = evaluator(with_slopes(program_of(alone(model))))(columns)
+    return {quantity.name: slope for quantity, slope in zip(model.inputs, found, strict=True)}

@@ -1,0 +1,65 @@
+"""Where a model was trained: the range of every input, between the levels of its curves."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from mapmore_cli.domain.arrays import Array, BoolArray, Columns, row_count
+from mapmore_cli.domain.models import CurveRange
+
+OUTSIDE_TOLERANCE = 1e-9
+"""Inputs within this fraction of a range beyond its end still count as inside: the end itself must
+not be flagged by rounding.
+"""
+
+
+class InputRange(NamedTuple):
+    """Training range of one input: `low` to `high`, (L,) each; linear between `levels`, (L,), of
+    the input `at` where that is not None.
+    """
+
+    name: str
+    at: str | None
+    levels: Array
+    low: Array
+    high: Array
+
+
+def limits(ranges: Sequence[CurveRange], level: str | None) -> Iterator[InputRange]:
+    """Yield the training range of every input, the level first: its own is that of its levels, (1,)
+    each.
+
+    That of any other input is interpolated linearly between the curves, since each curve has its
+    own (free strain grows with pressure).
+    """
+    if not ranges:
+        return
+    levels = (
+        np.array([one.level for one in ranges], dtype=np.float64)
+        if level is not None
+        else np.empty(0)
+    )
+    if level is not None:
+        yield InputRange(level, None, levels, levels[:1], levels[-1:])
+    for name in ranges[0].limits:
+        if name != level:
+            low, high = np.array([one.limits[name] for one in ranges]).T
+            yield InputRange(name, level, levels, low, high)
+
+
+def outside_limits(ranges: Sequence[CurveRange], level: str | None, columns: Columns) -> BoolArray:
+    """Return True where an input lies beyond its training range, (n,)."""
+    outside = np.zeros(row_count(columns), dtype=np.bool_)
+    for name, at, levels, *ends in limits(ranges, level):
+        if name in columns:
+            low, high = (
+                end[:1] if at is None else np.interp(columns[at], levels, end) for end in ends
+            )
+            margin = OUTSIDE_TOLERANCE * np.maximum(
+                high - low, np.maximum(np.abs(low), np.abs(high))
+            )
+            outside |= (columns[name] < low - margin) | (columns[name] > high + margin)
+    return outside

@@ -1,0 +1,26 @@
+"""Where the page of a run lies, and the order of its figures."""
+
+from __future__ import annotations
+
+from mapmore_cli.domain.plugins import points
+
+RUN_PAGE = "report/index.html"
+"""The page of a run, in its folder."""
+
+FIGURES = {
+    "data": "data",
+    "fit": "fit",
+    "error": "fit",
+    "surface": "fit",
+    "residual_map": "fit",
+    "residuals": "fit",
+    "nrmse": "nrmse",
+    "bands": "nrmse",
+    "segments": "segments",
+    "terms": "terms",
+    "convergence": "nrmse",
+}
+"""The figures in their order, with the section of the page that each stands in; those of plug-ins
+come last. A figure `NAME` is drawn by `reporting/figures/NAME.py`, or an entry point.
+"""
+FIGURES |= {name: "nrmse" for name in sorted(points("figures")) if name not in FIGURES}
