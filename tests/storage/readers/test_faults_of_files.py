@@ -320,11 +320,11 @@ def test_the_date_of_a_header_is_read_once_and_not_for_every_row(tmp_path, monke
 
 def test_a_megabyte_of_blank_lines_is_counted_and_not_cut(tmp_path, monkeypatch):
     path = tmp_path / "log.csv"
-    path.write_text("t,F\n" + "1,2\n" + "\r\n \n" * 900_000 + "3,4\n", newline="")
+    path.write_text("t,F\n" + "1,2\n" + f"{' ' * 60}\r\n\n" * 50_000 + "3,4\n", newline="")
     cut, records = [], csv._records
     monkeypatch.setattr(
         csv, "_records", lambda *how: (cut.append(one) or one for one in records(*how))
     )
     (table,) = READERS["csv"].read(path, TableRequest("log", ("F",)))
-    assert table.rows.tolist() == [2, 1_800_003]
-    assert len(cut) < 1_800_000
+    assert table.rows.tolist() == [2, 100_003]
+    assert len(cut) < 100_000
