@@ -236,8 +236,9 @@ def cut_by_level(
                     }
                     there = picked(places, mask)
                     parts.append(LevelPart(kept, value, columns, there, whole, number))
+    there_are = {part.level for part in parts}
     for level in [] if levels is None else levels.at:
-        if not any(part.level == level for part in parts):
+        if level not in there_are:
             assert levels is not None
             values = np.concatenate([one.columns[levels.of] for log in logs for one in log])
             raise DataError(

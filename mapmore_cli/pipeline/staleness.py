@@ -309,6 +309,8 @@ def fingerprint(
 
 def slice_differences(stage: str, old: Any, new: Any) -> list[str]:
     """Every changed key of a stage's slice with both values, as `fuse.z_s: 0.25 -> 0.3`."""
+    if old == new:
+        return []
     if not isinstance(old, dict):  # a record that somebody edited
         return list(_differences(stage, old, new))
     return [

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from statistics import median
 
 from mapmore_cli.domain.scores import OWN, REPEATABILITY, Published, Score, deciding
@@ -42,7 +43,7 @@ class CampaignScores:
     groups: Mapping[str, str] = field(default_factory=dict)
     failed: Sequence[str] = ()
 
-    @property
+    @cached_property
     def pooled(self) -> dict[str, Pooled]:
         """The scores that count, by run."""
         return {

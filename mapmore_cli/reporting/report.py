@@ -84,6 +84,7 @@ def render_campaign(
 ) -> str:
     """Return the page: `pages` are links by run, `failed` the messages of runs that did not end."""
     template = environment().get_template("campaign.html")
+    tables = [table.head(MOST_ROWS) for table in tables]
     return template.render(title=title, tables=tables, figures=figures, pages=pages, failed=failed)
 
 

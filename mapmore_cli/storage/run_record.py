@@ -19,7 +19,7 @@ import os
 import platform
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, fields
-from functools import cache
+from functools import cache, lru_cache
 from importlib.metadata import version
 from itertools import pairwise
 from pathlib import Path
@@ -146,7 +146,13 @@ _DAMAGE = (OSError, ValueError, TypeError, KeyError, AttributeError, OverflowErr
 def _read_json(path: Path) -> Any:
     if not path.is_file():  # a pipe would be waited for
         raise FileNotFoundError(path)
-    return json.loads(path.read_text(encoding="utf-8"))
+    return _document(path.read_text(encoding="utf-8"))
+
+
+@lru_cache(maxsize=4)
+def _document(text: str) -> Any:
+    """Return a document, which nobody changes: one run's is asked for several times in a row."""
+    return json.loads(text)
 
 
 def stale_stages(records: Mapping[str, StageRecord]) -> dict[str, str]:

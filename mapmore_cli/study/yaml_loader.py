@@ -12,6 +12,7 @@ import json
 import os
 import re
 from collections.abc import Mapping
+from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
 from typing import Any, NoReturn
@@ -118,9 +119,29 @@ def tag_of(text: str) -> str:
     return next(tags, "str")
 
 
+@dataclass(frozen=True)
+class _Part:
+    """A value, known by how Python writes it: `1`, `1.0` and `True` are three."""
+
+    written: str
+    value: object = field(compare=False)
+
+
 def dump(value: object) -> str:
-    """YAML that `CoreLoader` reads back to the same value."""
-    text: str = yaml.dump(value, Dumper=_CoreDumper, sort_keys=False, allow_unicode=True, width=120)
+    """YAML that `CoreLoader` reads back to the same value.
+
+    The keys of a document are written one by one, and those of the last ones are kept: the specs of
+    a campaign differ in few of them, and to write YAML takes longer than to read it.
+    """
+    parts = [{key: one} for key, one in value.items()] if isinstance(value, dict) else []
+    return "".join(_dumped(_Part(repr(one), one)) for one in parts or [value])
+
+
+@lru_cache(maxsize=256)
+def _dumped(part: _Part) -> str:
+    text: str = yaml.dump(
+        part.value, Dumper=_CoreDumper, sort_keys=False, allow_unicode=True, width=120
+    )
     return text
 
 

@@ -39,8 +39,8 @@ class Target:
     """What is fuzzed: `name`, how one input is tried, and the outcomes that are past the syntax.
 
     `library` is what crashes and hangs are laid to where the input goes through foreign machine
-    code; `longest` the seconds of one input. `warm` imports and makes what all inputs need, once,
-    before the forks.
+    code; without one they are faults. `longest`: the seconds of one input. `warm` imports and makes
+    what all inputs need, once, before the forks.
     """
 
     name: str

@@ -182,4 +182,4 @@ def attempt(chance, _number, folder):
     return outcome
 
 
-TARGET = Target("small files", attempt, past=("read",), library="libhdf5", longest=20)
+TARGET = Target("small files", attempt, past=("read",), longest=20)

@@ -241,6 +241,22 @@ def test_the_model_that_ratios_are_taken_to_has_its_dots():
     assert [x for name, x in found if name == "a"] == [3, 4, 5]
 
 
+def test_of_thousands_of_runs_some_are_drawn_and_the_best():
+    """The figure stays as high as a page, and the page has the first rows of each table."""
+    text = "; ".join(f"r{i} mapmore {1 if i == 777 else 2 + i % 7} flat 9" for i in range(1500))
+    scores = CampaignScores(runs_of(text))
+    (drawing,) = campaign_figures(scores)
+    assert drawing.caption.endswith(
+        "101 of 1500 runs are drawn, the one that errs least among them."
+    )
+    assert "r777" in {name for name, _ in dots(scores)[2]}
+    assert drawing.grid.height < 25
+    page = render_campaign("many", campaign_tables(scores), [], {}, {})
+    assert "The first 400 of 1500 rows; all are in tables/" in page
+    assert "r399" in page
+    assert "r401" not in page
+
+
 def test_there_is_nothing_to_compare_in_one_run():
     assert campaign_figures(CampaignScores(runs_of("a mapmore 1 sarosi 2"))) == []
     assert campaign_figures(CampaignScores({})) == []

@@ -199,6 +199,14 @@ def courses_of(inputs, **fusion):
     return model, drawing
 
 
+def test_of_many_levels_some_are_marked_and_the_caption_says_how_many(inputs, monkeypatch):
+    monkeypatch.setattr("mapmore_cli.reporting.figures.panels.DOTS", 2)
+    _, drawing = courses_of(inputs)
+    assert " 2 of 3 training levels are drawn" in drawing.caption
+    marked = compose(drawing).axes[0].lines[1].get_xdata()
+    assert marked.tolist() == [80, 350]
+
+
 def test_long_curves_are_drawn_of_samples_with_the_extremes_among_them():
     """Scores, bands and counts are of all samples."""
     inputs = build(samples=30_000, levels=(80, 150, 250))

@@ -17,7 +17,7 @@ from spec_examples import STATIC, refusal
 from mapmore_cli.domain.errors import SpecError
 from mapmore_cli.study.loader import load
 from mapmore_cli.study.tree import SourceText, nearest, written
-from mapmore_cli.study.yaml_loader import dump, parse
+from mapmore_cli.study.yaml_loader import _CoreDumper, dump, parse
 
 
 def tree(text):
@@ -266,3 +266,12 @@ def test_the_reference_reader_agrees_where_both_versions_of_yaml_do():
 def test_other_readers_of_yaml_see_the_words_that_we_wrote(word):
     text = dump({word: word})
     assert yaml.safe_load(text) == written(tree(text)) == {word: word}
+
+
+def test_a_document_is_written_key_by_key_as_it_is_written_whole():
+    """What is kept of one document is not taken for what only equals it."""
+    for one in (1, True, 1.0, "1", [1, True], {"a": 1}, {"a": 1.0}, {}, [], None):
+        whole = {"x": one, "longer": list(range(40)), "y": {"z": one}}
+        text = yaml.dump(whole, Dumper=_CoreDumper, sort_keys=False, allow_unicode=True, width=120)
+        assert dump(whole) == text
+    assert dump({}) == "{}\n"

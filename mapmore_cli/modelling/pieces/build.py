@@ -51,6 +51,7 @@ from mapmore_cli.modelling.expressions import (
 from mapmore_cli.modelling.expressions.ranged import placed
 from mapmore_cli.modelling.frols import (
     TIE_TOLERANCE,
+    Blocks,
     Problem,
     Weighing,
     frols,
@@ -130,21 +131,24 @@ def fit(
     }
     terms = [candidate(text) for text in recipe.dictionary]
     recipes = [recipe, *(replace(recipe, target=name) for name in also)]
+    single = {one.id for one in curves}
     fits = []
     for segmented in segmentation:
         curve = fitted[segmented.curve]
         for one in segmented.segments:
-            origin = _labels_of_curves(one.rows, curves, curve)
+            origin = _labels_of_curves(one.rows, curves, curve, curve.id not in single)
             fits.append(fit_together(one, curve.columns, terms, recipes, origin))
             tick()
     return tuple(zip(*fits, strict=True))
 
 
-def _labels_of_curves(rows: Rows, curves: Sequence[Curve], curve: Curve) -> IntArray | None:
+def _labels_of_curves(
+    rows: Rows, curves: Sequence[Curve], curve: Curve, pooled: bool
+) -> IntArray | None:
     """Return which residuals go together, (n,): those of a curve where several are pooled, else
     those of a recording; None where all are of one.
     """
-    if all(one.id != curve.id for one in curves):
+    if pooled:
         ends = np.cumsum([one.size for one in curves])
         return np.searchsorted(ends, row_numbers(rows), side="right")
     alone = curve.origin is None or len(curve.recordings) < 2
@@ -177,11 +181,12 @@ def fit_together(
         raise DataError(what, f"{ways}, or set fit.max_terms below {max(2, n)}")
     variables = quantities_in(terms)
     outputs = [_samples_of(segment, columns, variables, one, origin) for one in recipes]
-    best, least = tuple[SegmentFit, ...](), np.inf
+    best, least = None, np.inf
     robust = recipe.fit.loss != "squares"
     errs = "scale" if robust else "sse"  # weighted squares do not compare
     inputs = outputs[0].inputs
     ends = {name: np.array(extremes(x)) for name, x in zip(variables, inputs, strict=True)}
+    choosing = outputs if robust else [one.without_errors() for one in outputs]
     places = zip(*(one.placements(recipe, variables) for one in outputs), strict=True)
     for place, found in enumerate(places):
         scalings: Sequence[Scaling] = found
@@ -194,7 +199,7 @@ def fit_together(
             if robust:
                 scalings, selections = _robust(own, scalings, outputs, recipe, place)
             else:
-                selections = _selected_terms(own, scalings, outputs, recipe)
+                selections = _selected_terms(own, scalings, choosing, recipe)
         except NotFinite as error:
             remedy = (
                 "terms are evaluated in the segment's scaled coordinates; set fit.scaling: "
@@ -202,11 +207,16 @@ def fit_together(
             )
             raise DataError(f"segment {segment.id}: {error}", remedy) from error
         error_ = sum(getattr(one, errs) for one in selections)
-        if not best or error_ < least * (1 - TIE_TOLERANCE):
+        if best is None or error_ < least * (1 - TIE_TOLERANCE):
             least = error_
-            head = (segment.id, segment.curve, segment.cell, written)
-            best = tuple(SegmentFit(*head, *own) for own in zip(scalings, selections, strict=True))
-    return best
+            best = own, written, tuple(zip(scalings, selections, strict=True))
+    assert best is not None  # there is at least one placement
+    own, written, found = best
+    head = (segment.id, segment.curve, segment.cell, written)
+    return tuple(
+        SegmentFit(*head, scaling, one if robust else output.with_errors(own, scaling, one))
+        for output, (scaling, one) in zip(outputs, found, strict=True)
+    )
 
 
 # samples for each term of the fit by which outliers are found
@@ -229,6 +239,25 @@ class _Samples:
         if sigma is not None:
             weights = (1.0 if robust is None else robust) / sigma**2
         return placements(recipe.fit.scaling, self.inputs, self.y, variables, weights)
+
+    def without_errors(self) -> _Samples:
+        """Return the same for choosing a placement, which standard errors do not decide: those by
+        what goes together along a recording take longer than the choice of few terms.
+        """
+        alone = self.weighing.curves is None
+        return replace(self, weighing=replace(self.weighing, recorded=None)) if alone else self
+
+    def with_errors(
+        self, terms: Sequence[Expression], scaling: Scaling, found: Selection
+    ) -> Selection:
+        """Return what was chosen `without_errors` with its standard errors."""
+        if self.weighing.curves is not None:
+            return found
+
+        def only(chosen: IntArray) -> Blocks:
+            return partial(self.blocks, [terms[i] for i in chosen], scaling)
+
+        return self.weighing.with_errors(found, only, None)
 
     def blocks(
         self, terms: Sequence[Expression], scaling: Scaling
@@ -361,13 +390,15 @@ def fuse(
     }
     inputs = tuple(sorted(needed if level is None else {*needed, level}))
     training = {curve.id: curve for curve in training_curves(curves, level is not None)}
+    fits = dict[str, list[SegmentFit]]()
+    for fit in result.segments:
+        fits.setdefault(fit.curve, []).append(fit)
     functions = []
     for s in sorted(segmentation, key=lambda s: (s.level is not None, s.level)):
         curve, rows = training[s.curve], {one.id: one.rows for one in s.segments}
         segments = tuple(
             _segment_function(f, samples_at(curve.columns, rows[f.id], s.variables))
-            for f in result.segments
-            if f.curve == s.curve
+            for f in fits.get(s.curve, ())
         )
         functions.append(
             CurveFunction(

@@ -199,6 +199,9 @@ ROUNDING = 1e-10
 """NRMSE below which an error is that of rounding; on a logarithmic axis it would leave no room for
 the others.
 """
+MOST_RUNS = 100
+"""Runs of a campaign in its figure; of more, some stand for all."""
+
 BEST_OTHER = "best of the others"
 FLOOR: dict[str, Any] = {
     "marker": "|",
@@ -211,12 +214,20 @@ FLOOR: dict[str, Any] = {
 def campaign_figures(scores: CampaignScores) -> list[Drawing]:
     """Return a line of dots for each run on a logarithmic axis: the runs' own model, the one that
     ratios are taken to, the best of a run's others, and repeated measurements; none for a single
-    run.
+    run. Of very many some are drawn, the run with the least error among them.
     """
-    runs, own, exact = list(scores.pooled), scores.own, list[str]()
+    pooled, own, exact = scores.pooled, scores.own, list[str]()
+    every = list(pooled)
+    known = {run: pooled[run][own].nrmse for run in every if own in pooled[run]}
+    best = min(
+        filter(lambda run: np.isfinite(known[run]), known), key=known.__getitem__, default=""
+    )
+    shown = {best, *(every[i] for i in panels.evenly(len(every), MOST_RUNS))}
+    runs = [run for run in every if run in shown]
     names = dict.fromkeys([own, scores.relative_to, BEST_OTHER, REPEATABILITY])
     errors = {name: np.full(len(runs), np.nan) for name in names if name}
-    for place, (run, by_model) in enumerate(scores.pooled.items()):
+    for place, run in enumerate(runs):
+        by_model = pooled[run]
         known = {model: row.nrmse for model, row in by_model.items() if row.nrmse > ROUNDING}
         others = [known[model] for model in known.keys() - {own, REPEATABILITY}]
         known[BEST_OTHER] = min(filter(np.isfinite, others), default=np.nan)
@@ -244,5 +255,9 @@ def campaign_figures(scores: CampaignScores) -> list[Drawing]:
     caption = f"NRMSE of every run, further left is better. The {BEST_OTHER}: known afterwards."
     if exact:
         caption += f" Without a dot, since its error is but rounding: {own} in {', '.join(exact)}."
+    if len(runs) < len(every):
+        caption += (
+            f" {len(runs)} of {len(every)} runs are drawn, the one that errs least among them."
+        )
     grid = Layout(0.45 + 0.21 * len(runs), width=DOUBLE)
     return [Drawing("nrmse", caption, (Panel("", on, "NRMSE (%)", ("",)),), grid)]

@@ -146,10 +146,12 @@ def level_figures(inputs: ReportInputs, pieces: Pieces) -> list[Drawing]:
         predict(inputs.model, columns | {along.name: np.full(len(x), place)}) for place in places
     ]
 
+    marked = levels[panels.evenly(len(levels), panels.DOTS)]
+
     def on(ax: Axes) -> None:
         for colour, y in zip(style.level_colours(len(courses)), courses, strict=True):
-            ax.plot(x, y, color=colour, linewidth=1.2)
-            ax.plot(levels, y[np.isin(x, levels)], color=colour, **panels.DOT)
+            panels.draw_trace(ax, x, y, color=colour, linewidth=1.2)
+            ax.plot(marked, y[np.isin(x, marked)], color=colour, **panels.DOT)
 
     data = {panels.heading(level): x}
     for place, y in zip(places, courses, strict=True):
@@ -158,6 +160,7 @@ def level_figures(inputs: ReportInputs, pieces: Pieces) -> list[Drawing]:
     at += "" if along.unit == "1" else f" {along.unit}"
     what = f"{inputs.own} over {level.name} at {at}"
     caption = f"{output.name} of {what}; dots mark the training levels."
+    caption += panels.some_of(len(marked), len(levels), "training levels")
     if pieces.fusion.shrink < 1.0:
         caption += (
             f" Midway between levels, {pieces.fusion.shrink:.0%} of what the pieces explain on the "

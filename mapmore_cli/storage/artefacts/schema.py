@@ -190,7 +190,7 @@ def resolved(unit: str, units: Units) -> str:
         found = units.get(name, f"[{name}]")
         return f"({found}){power}" if power and re.search(r"[*/ ^]", found) else f"{found}{power}"
 
-    return re.sub(r"\[([^\]]*)\](\^?)", known, unit)
+    return re.sub(r"\[([^\]]*)\](\^?)", known, unit) if "[" in unit else unit
 
 
 def encoded(
@@ -200,6 +200,8 @@ def encoded(
 
     `outer` are description and unit of the field that it is a part of.
     """
+    if value is None or type(value) in (bool, int, str):
+        return _checked_line(value)
     own = taken_apart(hint)
     label = (own.description, own.unit) if own.description else outer
     if own.kind is Union:

@@ -145,6 +145,9 @@ def _blocks_of(
     """
     while block := lines.block():
         last.append(block)
+        if not block.strip(b"\r\n "):  # millions of blank lines
+            lines.take(block, len(block.splitlines()))
+            continue
         values = values_of_text(block, layout)
         if values:
             for (_, _, read), column in zip(layout.wanted, values, strict=True):

@@ -79,14 +79,14 @@ class LvmSegment:
         """
         first, step = self.number("X0"), self.number("Delta_X")
         places = [place for place, title in enumerate(self.titles) if title == TIME]
+        later, is_told = self.began - since, self.of_channel("X_Columns") == "No"
         rows = list[Row]()
         for count, (number, row) in enumerate(self.rows):
-            is_told = self.of_channel("X_Columns") == "No"
             cells = [first + count * step, *row[1:]] if is_told else list(row)
             for place in places:
                 time = number_of(cells[place], self.decimal) if place < len(cells) else None
                 if time is not None:
-                    cells[place] = time + (self.began - since)
+                    cells[place] = time + later
             rows.append((number, cells))
         return rows
 

@@ -122,11 +122,11 @@ def number_of(cell: object, decimal: str = ".", thousands: str | None = None) ->
     """
     if isinstance(cell, str):
         cell = cell.strip()
-        groups = (
-            rf"[+-]?\d{{1,3}}(?:{re.escape(thousands or '')}\d{{3}})+(?:{re.escape(decimal)}\d*)?"
-        )
-        if thousands is not None and re.fullmatch(groups, cell):
-            cell = cell.replace(thousands, "")
+        if thousands is not None:
+            groups = (
+                rf"[+-]?\d{{1,3}}(?:{re.escape(thousands)}\d{{3}})+(?:{re.escape(decimal)}\d*)?"
+            )
+            cell = cell.replace(thousands, "") if re.fullmatch(groups, cell) else cell
         if decimal != ".":
             cell = cell.replace(".", "x").replace(decimal, ".")
         if not cell:

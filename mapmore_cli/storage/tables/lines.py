@@ -225,23 +225,24 @@ def csv_records(
 
     reader = csv.reader(remembered(), delimiter=delimiter, strict=True)
     while True:
-        left_open = DataError(
-            f"{label}:row {row + 1}: a quotation mark opens here and is not closed",
-            "close it, or remove it",
-        )
         try:
             cells = next(reader, None)
         except csv.Error as error:
             if len(taken) != 1 or "end of data" in str(error):
-                raise left_open from error
+                raise _left_open(label, row) from error
             cells = taken[0].rstrip("\r\n").split(delimiter)
         if cells is None:
             return
         if len(taken) > 1 and any(_holds_record(cell, delimiter) for cell in cells):
-            raise left_open
+            raise _left_open(label, row)
         row += len(taken)
         yield "".join(taken), cells, row
         taken.clear()
+
+
+def _left_open(label: str, row: int) -> DataError:
+    what = f"{label}:row {row + 1}: a quotation mark opens here and is not closed"
+    return DataError(what, "close it, or remove it")
 
 
 def _holds_record(cell: str, delimiter: str) -> bool:

@@ -13,11 +13,11 @@ import numpy as np
 import pytest
 import scipy.io
 from reading import ODS, other_workbook, refused, workbook
-from test_lvm_reader import HEAD
+from test_lvm_reader import FIRST, HEAD
 
 from mapmore_cli.ingestion.clock import in_time_order
 from mapmore_cli.ingestion.samples import Samples
-from mapmore_cli.storage.readers import READERS, TableRequest
+from mapmore_cli.storage.readers import READERS, TableRequest, csv, lvm
 from mapmore_cli.storage.tables.gate import gated
 
 pa = pytest.importorskip("pyarrow")
@@ -306,3 +306,25 @@ def test_pages_that_do_not_fit_their_checksum(tmp_path):
                 READERS["parquet"].read(tmp_path / "a", TableRequest("a", ("F",)))
         else:
             assert READERS["parquet"].read(tmp_path / "a", TableRequest("a", ("F",)))
+
+
+def test_the_date_of_a_header_is_read_once_and_not_for_every_row(tmp_path, monkeypatch):
+    asked, path = [], tmp_path / "log.lvm"
+    path.write_text(HEAD + FIRST + "0.3\t1\t2\n" * 500)
+    read = lvm.stamp_of
+    monkeypatch.setattr(lvm, "stamp_of", lambda text: asked.append(text) or read(text))
+    (table,) = READERS["lvm"].read(path, TableRequest("log", ("F",)))
+    assert len(table.rows) == 503
+    assert len(asked) <= 3
+
+
+def test_a_megabyte_of_blank_lines_is_counted_and_not_cut(tmp_path, monkeypatch):
+    path = tmp_path / "log.csv"
+    path.write_text("t,F\n" + "1,2\n" + f"{' ' * 60}\r\n\n" * 50_000 + "3,4\n", newline="")
+    cut, records = [], csv._records
+    monkeypatch.setattr(
+        csv, "_records", lambda *how: (cut.append(one) or one for one in records(*how))
+    )
+    (table,) = READERS["csv"].read(path, TableRequest("log", ("F",)))
+    assert table.rows.tolist() == [2, 100_003]
+    assert len(cut) < 100_000
