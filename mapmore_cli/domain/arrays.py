@@ -149,7 +149,7 @@ def _in_files(blocks: Iterable[Sequence[Any]], kinds: Sequence[Any]) -> list[Any
     return list(map(np.frombuffer, contents, kinds))
 
 
-def by_blocks(function: Callable[..., Any], *columns: object, rows: int = ROWS) -> Any:
+def by_blocks(function: Callable[..., Any], *columns: Any, rows: int = ROWS) -> Any:
     """`function(*columns)`, where each row, or each choice of rows, depends on these rows alone."""
     if len(columns[0]) <= rows:  # thousands of short curves
         return function(*(column[:rows] for column in columns))

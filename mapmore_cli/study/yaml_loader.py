@@ -133,7 +133,9 @@ def dump(value: object) -> str:
     The keys of a document are written one by one, and those of the last ones are kept: the specs of
     a campaign differ in few of them, and to write YAML takes longer than to read it.
     """
-    parts = [{key: one} for key, one in value.items()] if isinstance(value, dict) else []
+    parts: list[object] = (
+        [{key: one} for key, one in value.items()] if isinstance(value, dict) else []
+    )
     return "".join(_dumped(_Part(repr(one), one)) for one in parts or [value])
 
 
