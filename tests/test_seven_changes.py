@@ -69,7 +69,7 @@ def test_half_of_a_change_is_noticed(patch, notices, tmp_path):
     else:
         paths = f"pythonpath={tmp_path} tests docs tests/exporting tests/modelling/pieces"
         test = str(PROJECT / "tests" / notices)
-        done = run(env, "-m", "pytest", "-q", "-o", paths, "-p", "no:cacheprovider", test,
+        done = run(env, "-m", "pytest", "-x", "-q", "-o", paths, "-p", "no:cacheprovider", test,
             cwd=PROJECT)  # fmt: skip
         assert "1 failed" in done.stdout, done.stdout + done.stderr
     assert done.returncode == 1
