@@ -148,7 +148,7 @@ def coverage_table() -> Table:
 
 
 def spread_table() -> Table:
-    """The least and the greatest coverage of each row of the table `coverage`."""
+    """Return the least and the greatest coverage of each row of the table `coverage`."""
     found = {(row[0], row[1]): [one for one in row[2:] if one is not None] for row in every_row()}
     cells = [
         (
