@@ -1,4 +1,5 @@
-"""Simulate how often new curves lie in their intervals: the table `coverage` of docs/intervals.md.
+"""Simulate how often new curves lie in their intervals: tables `coverage`, `spread` and `bent` of
+docs/intervals.md.
 
 A campaign measures K levels at n recordings each. A recording is a straight surface plus an offset
 of its own plus noise of standard deviation one, at `SAMPLES` strains. The model has a polynomial
@@ -9,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 
@@ -130,13 +132,40 @@ HEADS = (
 )
 
 
+@cache
+def every_row() -> list[tuple[Cell, ...]]:
+    """Return the rows of the table `coverage`."""
+    return rows()
+
+
 def coverage_table() -> Table:
     """Coverage where the model errs nothing between levels."""
     title = (
         f"New curves inside of their 95 % interval, {CAMPAIGNS * NEW} a cell, by the standard "
         "deviation from recording to recording over that of the noise"
     )
-    return Table.of("coverage", title, HEADS, rows())
+    return Table.of("coverage", title, HEADS, every_row())
+
+
+def spread_table() -> Table:
+    """Return the least and the greatest coverage of each row of the table `coverage`."""
+    found = {(row[0], row[1]): [one for one in row[2:] if one is not None] for row in every_row()}
+    cells = [
+        (
+            count,
+            *(
+                f"{min(own):.1f} to {max(own):.1f}" if own else "none"
+                for own in (found[count, repeats] for repeats in RECORDINGS)
+            ),
+        )
+        for count in LEVELS
+    ]
+    title = (
+        "The same by levels and recordings of each: the least and the greatest per cent of every "
+        "row"
+    )
+    heads = ("levels", *(f"{repeats} recording{'s'[: repeats - 1]}" for repeats in RECORDINGS))
+    return Table.of("spread", title, heads, cells)
 
 
 BEND = 30.0

@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 import yaml
-from interval_coverage import bent_table, coverage_table
+from interval_coverage import bent_table, coverage_table, spread_table
 from pages import DOCS, rms, run, shipped, write_page
 from planning_tables import FESTO, LEVELS, quiet, trained_on
 
@@ -468,6 +468,7 @@ if __name__ == "__main__":
         "intervals.md",
         {
             "coverage": lambda _runs: coverage_table(),
+            "spread": lambda _runs: spread_table(),
             "bent": lambda _runs: bent_table(),
             "simulated": simulated,
             "measured": measured,

@@ -35,8 +35,8 @@ PUBLISHED = DOCS / "papers" / "published"
 
 
 def finished(entry: Entry, runs: Path) -> Finished:
-    """Return a run, brought up to date with its report."""
-    return run_one(Job(entry.config, runs, entry.overrides))
+    """Return a run, brought up to date with its scores."""
+    return run_one(Job(entry.config, runs, entry.overrides, until="validate"))
 
 
 @cache

@@ -19,7 +19,7 @@ def in_per_cent(row):
     """The coverage in the cells of a row of the tables `coverage` and `bent`; NaN where there are
     no intervals.
     """
-    return np.array([np.nan if cell in (None, "") else float(cell) for cell in row[2:]])
+    return np.array([np.nan if cell in (None, "", "–") else float(cell) for cell in row[2:]])
 
 
 def test_a_row_of_the_coverage():
@@ -30,15 +30,38 @@ def test_a_row_of_the_coverage():
 
 @pytest.mark.long
 def test_new_curves_are_covered_wherever_there_are_intervals():
-    """Every row, 1 000 new curves a cell; the page has what is found here, once it is made."""
+    """Every row, 1 000 new curves a cell; the page has what is found here."""
     found = interval_coverage.rows()
     shares = np.array([in_per_cent(row) for row in found])
     refused = {row[:2] for row, own in zip(found, shares, strict=True) if np.isnan(own).all()}
     assert refused == {(2, 1), (3, 1)}
     assert np.nanmin(shares) >= 93
     assert np.nanmax(shares) <= 99
-    for own, said in zip(shares, rows_of("coverage", PAGE), strict=False):
+    for own, said in zip(shares, rows_of("coverage", PAGE), strict=True):
         np.testing.assert_allclose(own, in_per_cent(said), atol=0.11)
+
+
+def test_the_page_says_what_the_cells_of_the_coverage_are():
+    """The range of all cells, in words and in the table `spread`."""
+    text, rows = PAGE.read_text(encoding="utf-8"), rows_of("coverage", PAGE)
+    assert {tuple(map(int, row[:2])) for row in rows} == {
+        (count, repeats)
+        for count in interval_coverage.LEVELS
+        for repeats in interval_coverage.RECORDINGS
+    }
+    for name, words in (
+        ("coverage", "Of all cells, {:.1f} to {:.1f} % lie inside"),
+        ("bent", "Where the surface bends between the levels, {:.1f} to {:.1f} % lie inside"),
+    ):
+        cells = [in_per_cent(row) for row in rows_of(name, PAGE)]
+        assert words.format(np.nanmin(cells), np.nanmax(cells)) in text
+    spread = {row[0]: row[1:] for row in rows_of("spread", PAGE)}
+    for row in rows:
+        cells = in_per_cent(row)
+        told = "none"
+        if np.isfinite(cells).any():
+            told = f"{np.nanmin(cells):.1f} to {np.nanmax(cells):.1f}"
+        assert spread[row[0]][int(row[1]) - 1] == told
 
 
 def test_a_simulated_row():

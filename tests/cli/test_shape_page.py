@@ -9,7 +9,7 @@ import shape_tables
 from cli_samples import CONFIGS, csv_rows
 from page_tables import DOCS, page_table
 
-from mapmore_cli.modelling.shape import region
+from mapmore_cli.modelling.shape import support
 
 PAGE = DOCS / "shape.md"
 SHAPE = "fit.shape={pressure: increasing, strain: decreasing}"
@@ -73,6 +73,6 @@ def test_the_summary_keeps_what_the_page_promises():
 
 def test_the_numbers_of_the_page_are_those_of_the_code():
     text = PAGE.read_text(encoding="utf-8")
-    assert f"more than {region.CONTRADICTED * 100:.0f} %" in text
-    assert region.FEWEST == 10
+    assert f"more than {support.CONTRADICTED * 100:.0f} %" in text
+    assert support.FEWEST == 10
     assert "fewer than ten" in text

@@ -14,9 +14,9 @@ from mapmore_cli.modelling.literature.formula import Formula, LinearForm
 from mapmore_cli.modelling.literature.problem import Nonlinear
 
 # Sought from a factor on the force that is next to none up to ten times the active force at the
-# fastest velocity. H's table I prints it negative for every muscle: with the other sign, motion
-# would be driven and not damped.
-DAMPING = Nonlinear("b0", per="velocity", intervals=((-10.0, -1e-4),))
+# fastest velocity. H's table I prints it negative for every muscle, but the sign of a joint's
+# velocity is the user's: with that sign as a bound the measured pair is fitted worse.
+DAMPING = Nonlinear("b0", per="velocity", intervals=((-10.0, -1e-4), (1e-4, 10.0)))
 
 FORMULA = Formula(
     name="muscle_like",
