@@ -150,7 +150,7 @@ def coverage_table() -> Table:
 def spread_table() -> Table:
     """Return the least and the greatest coverage of each row of the table `coverage`."""
     found = {(row[0], row[1]): [one for one in row[2:] if one is not None] for row in every_row()}
-    cells = [
+    cells: list[tuple[Cell, ...]] = [
         (
             count,
             *(
