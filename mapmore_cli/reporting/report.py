@@ -27,7 +27,7 @@ from mapmore_cli.reporting.figures.style import figure_style
 from mapmore_cli.reporting.inputs import ReportInputs
 from mapmore_cli.reporting.order import FIGURES
 from mapmore_cli.reporting.score_tables import scored, verdict_sentence
-from mapmore_cli.reporting.sections import all_tables, sections_of
+from mapmore_cli.reporting.sections import all_tables, sections_of, shown_by
 from mapmore_cli.reporting.table import (
     Table,
     environment,
@@ -68,6 +68,7 @@ def _words_of(inputs: ReportInputs, figures: Figures) -> dict[str, object]:
         "inputs": inputs,
         "verdict": verdict_sentence(scores, *known, inputs.validation.warnings),
         "alert": bool(table.alert),
+        "has_own_section": shown_by(inputs.fit.body) is not None,
         "sections": sections_of(inputs),
         "figures": figures,
         "errors": {fit.id: training_rmse(fit) for fit in inputs.fit.segments},

@@ -5,13 +5,13 @@ folder; its place on the page is a line of the page's order.
 from pathlib import Path
 
 TEMPLATE = Path(__file__).parents[2] / "docs/examples/plugin/mapmore_template/figure.py"
-FILE, ORDER = "reporting/figures/scatter.py", "domain/scores.py"
+FILE, ORDER = "reporting/figures/scatter.py", "reporting/order.py"
 ROW = '    "convergence": "nrmse",\n'
 DRAWN = {FILE: TEMPLATE.read_text(encoding="utf-8")}
 PLACED = {ORDER: [(ROW, f'{ROW}    "scatter": "fit",\n')]}
 PATCH = {**DRAWN, **PLACED}
 WORKS = """
-from mapmore_cli.domain.scores import FIGURES
+from mapmore_cli.reporting.order import FIGURES
 from mapmore_cli.reporting.figures import scatter
 from mapmore_cli.study.experiment import Report
 assert "scatter" in Report().figures and callable(scatter.draw)

@@ -10,11 +10,13 @@ from mapmore_cli.checking.rules import Issue, Issues, Subject
 from mapmore_cli.checking.rules.curves import inputs_of_model
 from mapmore_cli.domain.errors import DataError, FitError
 from mapmore_cli.fitting.kinds.choices import level_of
+from mapmore_cli.fitting.kinds.dictionary import terms_of
 from mapmore_cli.fitting.kinds.pieces import cuts_of
 from mapmore_cli.modelling.pieces.recipe import Cuts
 from mapmore_cli.modelling.pieces.segmentation import cut_by_course
 from mapmore_cli.modelling.shape.support import refuse_unsupported
 from mapmore_cli.study.check_study import formula_called, rivals_of
+from mapmore_cli.study.sections.dictionary import remembers
 
 FEWER = "use fewer segments, lower `fit.max_terms`, or keep more samples of this curve"
 
@@ -24,7 +26,7 @@ def short_segments(subject: Subject) -> Issues:
     spec, dataset = subject.spec, subject.dataset
     if spec.model.type != "mapmore":
         return
-    least = spec.fit.max_terms
+    least = _most_terms(subject)
     counts = [int(np.count_nonzero(curve.training)) for curve in dataset.curves]
     cuts = [cut for cut in spec.segment.values() if isinstance(cut, Cuts)]
     if any(cut.method == "optimal" for cut in cuts):  # its segments are known after the fit
@@ -52,9 +54,15 @@ def short_segments(subject: Subject) -> Issues:
             yield _short(subject, f"{told}: too few for {least} term{'s' * (least > 1)}")
 
 
+def _most_terms(subject: Subject) -> int:
+    """Return how many terms a segment can have: no more than the dictionary."""
+    most, dictionary = subject.spec.fit.max_terms, subject.spec.dictionary
+    return most if remembers(dictionary) else min(most, len(terms_of(dictionary)) or most)
+
+
 def _too_many_to_place(subject: Subject, cuts: list[Cuts], counts: list[int]) -> Issues:
     """Find curves that have too few samples for the segments that the fits will choose."""
-    each = subject.spec.fit.max_terms + 1
+    each = _most_terms(subject) + 1
     for curve, count in zip(subject.dataset.curves, counts, strict=True):
         for cut in cuts:
             needed = (cut.count or 1) * max(cut.least, each)

@@ -97,7 +97,7 @@ def segment(
     fitted = {curve.id: residual_of(curve, recipe.target, backbone) for curve in training}
 
     def cost(curve: Curve, rows: IntArray) -> float:
-        if len(rows) <= recipe.fit.max_terms:
+        if len(rows) <= min(recipe.fit.max_terms, len(terms)):
             return float("inf")
         trial, columns = Segment(f"{curve.id}/trial", curve.id, (), rows), fitted[curve.id].columns
         fits = fit_together(trial, columns, terms, recipes)
@@ -171,8 +171,8 @@ def fit_together(
     not. `origin` says which residuals go together, (n,), for the rows of the segment.
     """
     recipe, n = recipes[0], len(segment.rows)
-    if n <= recipe.fit.max_terms:
-        most = recipe.fit.max_terms
+    most = min(recipe.fit.max_terms, len(terms))
+    if n <= most:
         ways = (
             f"use fewer segments, join them by `min_samples: {most + 1}`, keep more samples "
             "of this curve"

@@ -114,7 +114,7 @@ class PiecesVerbs(Verbs):
     def rules(self, model: Model) -> Iterator[str]:
         """Yield how the pieces are put together, and what holds beyond the limits (M2 eq 9-12)."""
         body = _pieces_body(model)
-        fusion, level = body.fusion, body.level
+        level = body.level
         if not body.segments:
             return
         if body.backbone is not None:
@@ -123,16 +123,17 @@ class PiecesVerbs(Verbs):
             yield rule_of_weights(body)
         if level is not None and len(body.curves) > 1:
             between = "(1 - t) times the lower curve plus t times the upper"
-            if fusion.levels == "pchip":
+            if body.fusion.levels == "pchip":
                 between = (
                     "the cubic of Fritsch and Butland (PCHIP) through the values of the curves"
                 )
-            carried = f", all times {fusion.shrink:.6g} + {1 - fusion.shrink:.6g}*(1 - 2*t)^2"
+            shrink = body.fusion.shrink
+            carried = f", all times {shrink:.6g} + {1 - shrink:.6g}*(1 - 2*t)^2"
             yield (
                 f"Between two levels of {level}, at the share t of the way: {between}"
-                f"{carried * (fusion.shrink < 1.0)}."
+                f"{carried * (shrink < 1.0)}."
             )
-        for name, sides in fusion.extrapolation.items():
+        for name, sides in body.fusion.extrapolation.items():
             known = OUTER_LEVEL if name == level else OUTSIDE
             below, above = (known.get(str(side), f"it is taken to be {side}") for side in sides)
             told = f"below its limits {below}, above {above}"

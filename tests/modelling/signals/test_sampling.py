@@ -49,9 +49,14 @@ def test_an_envelope_has_the_ends_of_every_run(values, limit, less):
 
 
 def test_shares_and_parts_of_long_records_are_even(monkeypatch):
-    monkeypatch.setattr(sampling, "MANY", 10)
-    assert [len(even_share(np.arange(n))) for n in (10, 11, 20, 21, 100)] == [10, 6, 10, 7, 10]
-    assert even_share(np.arange(21.0)).tolist() == [0, 3, 6, 9, 12, 15, 18]
+    assert [len(even_share(np.arange(n), 10)) for n in (10, 11, 20, 21, 100)] == [
+        10,
+        10,
+        10,
+        10,
+        10,
+    ]
+    assert even_share(np.arange(28.0), 10).tolist() == [*range(0, 28, 3)]
     monkeypatch.setattr(sampling, "PARTS", 3)
     monkeypatch.setattr(sampling, "PART", 4)
     assert even_parts(12) == [slice(0, 12)]
