@@ -183,7 +183,7 @@ def _of_validation(validation: Validation) -> View:
     """Return the scores pooled and by curve, and the formulas that were fitted as competitors."""
     if validation.others:
         views = map(_of_validation, validation.each)
-        return View(*_of_outputs([next(iter(one.units)) for one in validation.each], views))
+        return View(*_of_outputs([next(iter(one.units), "") for one in validation.each], views))
     pooled = of_scores(validation.table)
     lines = [f"warning: {warning}" for warning in validation.warnings]
     for name, formula in validation.formulas.items():

@@ -110,7 +110,8 @@ def test_check_ends_with_the_code_of_what_has_to_be_mended(study, mapmore):
         ("data.columns.strain.scale=100", 3, "strain-in-per-cent"),
         ("fit.max_terms=30", 4, "short-segment"),
     ):
-        wrong = mapmore("check", study, "--json", "--set", setting, code=code, says=found)
+        many = ("--set", "dictionary.0.polynomial.order=20")
+        wrong = mapmore("check", study, "--json", "--set", setting, *many, code=code, says=found)
         assert {issue["id"] for issue in json.loads(wrong.stdout)["issues"]} == {found}
 
 
