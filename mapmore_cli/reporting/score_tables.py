@@ -134,8 +134,8 @@ def verdict_sentence(
     where there are any.
 
     `target` is what was scored; `failed` names the competitors that have no scores, because their
-    fit failed. An `alert` comes first, then that one of the `warnings` which says that held-out
-    data chose the structure. Competitors that were trained on held-out data are named, and not
+    fit failed. That one of the `warnings` which says that held-out data chose the structure comes
+    first, then an `alert`. Competitors that were trained on held-out data are named, and not
     compared.
     """
     head = f"Alert: {alert}. " if alert else ""
@@ -168,7 +168,7 @@ def verdict_sentence(
         comparison += f"; {', '.join(seen)} {trained} not compared"
     chosen = [f"{said.split(':')[0]}; " for said in warnings if said.startswith(STRUCTURE_SEEN)]
     predicts = f"{own} predicts {target.name} with {errors} {where}; {comparison}"
-    return f"{head}{''.join(chosen[:1])}{predicts}{''.join(floors)}."
+    return f"{''.join(chosen[:1])}{head}{predicts}{''.join(floors)}."
 
 
 TRAINED = "was trained on held-out samples, and is"
