@@ -173,8 +173,8 @@ class Score:
     @classmethod
     def of(cls, model: str, target: str, split: str, curve: str, row: Compared) -> Score:
         """Compute a row from its samples."""
-        numbers = {name: one.of(row) for name, one in MEASURES.items()}
-        return cls(model, target, split, curve, normaliser_name=row.scale.name, **numbers)  # type: ignore[arg-type]
+        numbers: dict[str, Any] = {name: one.of(row) for name, one in MEASURES.items()}
+        return cls(model, target, split, curve, normaliser_name=row.scale.name, **numbers)
 
     @property
     def far(self) -> bool:

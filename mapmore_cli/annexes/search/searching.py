@@ -121,7 +121,8 @@ def search(
     if part.by_level or uneven:  # a model that runs along recordings cannot be fitted then
         situation = replace(situation, step=None)
     training = cut_short(training, held_run(dataset), situation.timed)
-    added = [part.value for part in plugins.parts("families", Mapping)]  # type: ignore[type-abstract]
+    parts = plugins.parts("families", Mapping)  # type: ignore[type-abstract]
+    added = [part.value for part in parts]
     families = [*map(family, FAMILIES), *added]
     listed = [one for known in families for one in offered_structures(known, situation)]
     bench = Bench.of(training, situation, part, dataset)

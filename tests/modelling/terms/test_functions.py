@@ -48,7 +48,10 @@ def _called(name, language, suffix=""):
 def _numbers(language, text):
     """The lines of a program in an interpreted language, of every function at every place."""
     words = {"inf": ("Inf", "Infinity"), "nan": ("NaN", "NaN")}
-    number = lambda x: words.get(str(abs(x)), (repr(float(x)),) * 2)[language == "javascript"]  # noqa: E731
+
+    def number(x):
+        return words.get(str(abs(x)), (repr(float(x)),) * 2)[language == "javascript"]
+
     places = [("-" if x < 0 else "") + number(abs(x)) for x in PLACES]
     return "".join(
         text.format(x=x, f=_called(name, language)) for x in places for name in FUNCTIONS
