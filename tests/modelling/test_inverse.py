@@ -14,7 +14,14 @@ from surfaces import built, curves
 
 from mapmore_cli.domain.errors import DataError, UsageError
 from mapmore_cli.modelling.forecast import forecast
-from mapmore_cli.modelling.inverse import invert, knots, solve_for_input
+from mapmore_cli.modelling.inverse import (
+    SAME,
+    invert,
+    knots,
+    may_turn_twice,
+    parts_between,
+    solve_for_input,
+)
 from mapmore_cli.modelling.kinds import predict
 from mapmore_cli.modelling.pieces.recipe import Cuts
 from mapmore_cli.modelling.programs import slopes
@@ -211,3 +218,40 @@ def test_a_strain_that_no_force_makes_has_the_force_at_the_end_of_the_range():
     wanted = columns["strain"][:2]
     nearest = np.abs(fine[:, None] - wanted).min(axis=0)
     assert (np.abs(at_ends - wanted) <= nearest + 1e-9).all()
+
+
+def test_ninety_six_parts_of_all_intervals_and_two_of_each_are_scanned():
+    assert [parts_between(np.arange(n)) for n in (2, 5, 6, 49, 50, 200)] == [96, 24, 20, 2, 2, 2]
+
+
+@pytest.mark.parametrize(("beyond", "status"), [(0.3, "one"), (3.0, "none")])
+def test_an_output_just_beyond_the_range_has_the_end_as_its_solution(beyond, status):
+    """What is beyond by less than rounding, `SAME` times the span of outputs or the output itself,
+    whichever is more.
+    """
+    rows, ends = {"pressure": np.full(2, 150.0)}, knots(MODEL, "force")[[0, -1]]
+    at_ends = predict(MODEL, {**rows, "force": ends})
+    out = beyond * SAME * max(np.ptp(at_ends), np.abs(at_ends).max())
+    wanted = at_ends + out * np.sign(at_ends - at_ends[::-1])
+    found = invert(MODEL, wanted, rows, "force")
+    assert found.status == (status, status)
+    if status == "one":
+        assert found.picked == pytest.approx(ends, abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("ends", "slopes_", "twice"),
+    [
+        ((0.5, 1.5), (1.0, 1.0), False),  # straight
+        ((0.5, 1.5), (2.9, 2.9), False),  # a cubic that still rises
+        ((0.5, 1.5), (3.1, 0.0), True),
+        ((0.5, 1.5), (0.0, 3.1), True),
+        ((-0.5, -1.5), (-3.1, 0.0), True),
+        ((0.5, 1.5), (-1.1, 0.0), True),  # it starts downward, and ends above
+        ((5.0, 6.0), (3.1, 0.0), False),  # zero is farther away than it can stray
+    ],
+)
+def test_a_part_may_turn_twice_by_its_slopes_at_both_ends(ends, slopes_, twice):
+    """The bound of Fritsch and Carlson (1980), of a part of width one."""
+    values = (np.array([one]) for one in (*ends, *slopes_))
+    assert may_turn_twice(*values, np.ones(1)).tolist() == [twice]

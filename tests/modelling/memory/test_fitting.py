@@ -23,6 +23,7 @@ from mapmore_cli.modelling.expressions.families import lags, operated
 from mapmore_cli.modelling.expressions.operators.play import play
 from mapmore_cli.modelling.memory.fitting import fit_with_memory
 from mapmore_cli.modelling.memory.free_run import Along
+from mapmore_cli.modelling.memory.training import TrainingData
 
 NARX = texts(lags(["y", "x"], [1, 2]), 2)
 LAGGED = recipe_of("y", NARX, STEP, max_terms=4)
@@ -232,3 +233,37 @@ def test_what_cannot_be_fitted_is_refused_with_what_to_do(samples, recipe, told)
     x, y = (values[:samples] for values in hysteretic(100, 1))
     with pytest.raises(DataError, match=told):
         fit_with_memory([record(x=x, y=y, still=np.full(samples, 3.0))], recipe)
+
+
+def test_errors_of_a_regularised_fit_are_those_of_its_normal_equations():
+    """Of records too short to say that neighbours err together: `N^-1 P'P N^-1 s^2`, N = P'P + the
+    ridge times every candidate's squares about its mean, of P about its mean.
+    """
+    rng, ridge = np.random.default_rng(3), 0.05
+    P, noise = 2.0 + rng.normal(size=(60, 2)), 0.1 * rng.normal(size=60)
+    y = P @ [1.5, -0.8] + 3.0 + noise
+    parts = [slice(start, start + 15) for start in range(0, 60, 15)]
+    records = [record(x=P[part, 0], w=P[part, 1], y=y[part]) for part in parts]
+    fit = fit_with_memory(records, recipe_of("y", ("x", "w"), STEP, max_terms=2, ridge=ridge))
+    centred = P - P.mean(axis=0)
+    normal = centred.T @ centred + ridge * np.diag(np.sum(centred**2, axis=0))
+    theta = np.linalg.solve(normal, centred.T @ (y - y.mean()))
+    order = [fit.model.terms.index(name) for name in ("x", "w")]
+    assert fit.model.theta[order] == pytest.approx(theta)
+    left = y - y.mean() - centred @ theta
+    spread = np.linalg.solve(normal, centred.T)
+    errors = np.sqrt(np.diag(spread @ spread.T) * (left @ left) / (60 - 2))
+    assert fit.model.theta_error[order] == pytest.approx(errors, rel=1e-9)
+
+
+def test_a_free_run_ends_with_the_last_sample_that_counts():
+    """What comes after is simulated for nothing, and may even let the run diverge."""
+    (one,) = narx_records(count=1)
+    beginning = replace(one, training=np.arange(200) < 60)
+    data = TrainingData([beginning, replace(one, training=np.zeros(200, dtype=bool))], LAGGED)
+    problem = data.problem(np.array([0, 1]))
+    (piece,) = problem.pieces(np.empty(0))
+    assert (piece.start + piece.size, problem.counted[0].tolist()) == (
+        60,
+        [True] * (60 - piece.start),
+    )

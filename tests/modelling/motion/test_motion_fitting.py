@@ -203,3 +203,19 @@ def test_a_boundary_at_the_end_of_the_input_cannot_be_joined():
     u = np.clip(2 * sine(), 0, 5)
     with pytest.raises(DataError, match="at an end of the training input, which goes from 0 to 5"):
         fit_motion([record(u, u)], recipe(sections=(5.0,), switching=BUMPLESS))
+
+
+@pytest.mark.parametrize(("samples", "enough"), [(3, False), (4, True)])
+def test_a_section_needs_more_samples_than_it_has_parameters(samples, enough):
+    u = np.concatenate([np.linspace(0, 1, 20), np.linspace(2, 2.1, samples)])
+    if enough:
+        assert fit_motion([record(u, u)], recipe(sections=(1.5,))).searches[1].samples == 4
+    else:
+        with pytest.raises(DataError, match=r"section 2 .*: 3 training sample.* for 3 parameters"):
+            fit_motion([record(u, u)], recipe(sections=(1.5,)))
+
+
+def test_a_section_may_be_as_slow_as_a_quarter_of_the_longest_record():
+    """A drift asks for a pole as slow as may be; the short record says nothing."""
+    records = [record(sine(n), np.linspace(0, n, n)) for n in (80, 240)]
+    assert one(records)[0].radius == pytest.approx(np.exp(-1 / (0.25 * 240)), abs=1e-7)

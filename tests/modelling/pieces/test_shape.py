@@ -25,8 +25,8 @@ from mapmore_cli.modelling.literature.backbone import fit_formula
 from mapmore_cli.modelling.pieces.recipe import Cuts
 from mapmore_cli.modelling.shape.least_squares import least_squares_under
 from mapmore_cli.modelling.shape.stencils import POINTS
-from mapmore_cli.modelling.shape.support import refuse_unsupported
-from mapmore_cli.modelling.shape.violations import known_shape, verified
+from mapmore_cli.modelling.shape.support import LEVEL, RUNS, refuse_unsupported
+from mapmore_cli.modelling.shape.violations import known_shape, verified, with_shape
 
 SHAPE = {"pressure": "increasing", "strain": "decreasing"}
 WAVY = {"shape": SHAPE, "max_terms": 3}
@@ -286,3 +286,32 @@ def test_samples_count_by_their_uncertainty():
     assert any(one.binds for one in plain.shape.kept)
     for one, other in zip(plain.body.segments, weighted.body.segments, strict=True):
         assert other.theta == pytest.approx(one.theta, rel=1e-6, abs=1e-8)
+
+
+def test_the_level_of_the_test_against_noise_is_met_exactly():
+    """A share of `(1 + count) / (RUNS + 1)` can be equal to the level (Davison and Hinkley 1997,
+    section 4.2).
+    """
+    assert (RUNS + 1) * LEVEL == pytest.approx(round((RUNS + 1) * LEVEL), abs=1e-12)
+
+
+@pytest.mark.parametrize(("times", "notes"), [(1.08, 0), (1.12, 1)])
+def test_what_a_shape_costs_is_noted_from_a_tenth_on(times, notes):
+    """A model that is off everywhere, so that its training error is so many times as large."""
+    samples, plain = curves(held_out=()), built(curves(held_out=()), max_terms=3)
+    errors = np.concatenate([predict(plain, s.columns) - s.columns["force"] for s in samples])
+    mean, square = errors.mean(), np.mean(errors**2)
+    off = -mean + np.sqrt(mean**2 + (times**2 - 1) * square)
+
+    def moved(one):
+        level = one.scaling.y_intercept + off
+        return replace(one, scaling=replace(one.scaling, y_intercept=level))
+
+    moved_curves = tuple(
+        replace(curve, segments=tuple(map(moved, curve.segments))) for curve in plain.body.curves
+    )
+    model = replace(plain, body=replace(plain.body, curves=moved_curves))
+    found = with_shape(plain, model, samples, None, recipe(shape=SHAPE).fit)
+    assert found.shape.training == pytest.approx(times * found.shape.training_without)
+    assert found.shape.training_without == pytest.approx(np.sqrt(square))
+    assert len(found.notes) == len(plain.notes) + notes

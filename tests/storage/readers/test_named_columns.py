@@ -1,5 +1,6 @@
 """Archives of NumPy arrays and tables in Parquet: columns by name, and what is no column."""
 
+import struct
 import zipfile
 
 import numpy as np
@@ -66,10 +67,19 @@ def test_what_is_no_column_of_numbers(folder):
         refusal([f"a.{kind}: ", told, "\n"], kind, folder / f"a.{kind}", column)
 
 
+def lying_about_its_size(archive):
+    """An archive that declares more packed bytes for its part than it has itself."""
+    whole = bytearray(archive.read_bytes())
+    struct.pack_into("<I", whole, whole.rindex(b"PK\x01\x02") + 20, 10**9)
+    archive.write_bytes(whole)
+    return archive
+
+
 def test_what_unpacks_to_far_more_than_it_has_is_not_unpacked(tmp_path, monkeypatch):
     monkeypatch.setattr("mapmore_cli.storage.tables.BOMB_SIZE", 1_000_000)
     np.savez_compressed(tmp_path / "a.npz", x=np.zeros(1_000_000))
     refusal(["a.npz: 'x' unpacks from"], "npz", tmp_path / "a.npz", "x")
+    refusal(["'x' unpacks from"], "npz", lying_about_its_size(tmp_path / "a.npz"), "x")
     parquet.write_table(pa.table({"x": np.zeros(1_000_000)}), tmp_path / "a.parquet")
     refusal(["a.parquet: each column unpacks"], "parquet", tmp_path / "a.parquet", "x")
     np.save(tmp_path / "x.npy", T)
