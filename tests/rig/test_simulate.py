@@ -2,7 +2,6 @@
 
 import subprocess
 import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -19,7 +18,7 @@ from datasets.rig.simulate import (
     recording,
     simulate,
 )
-from mapmore_cli.domain.errors import SpecError, WriteError
+from mapmore_cli.domain.errors import SpecError
 
 PROJECT = DATASETS.parent
 PEANO = "peano/load_cycles"
@@ -100,52 +99,6 @@ def test_another_pressure_leaves_the_others_as_they_were(tmp_path):
         simulate(spec(PEANO, f"experiment.pressures={pressures}"), tmp_path / name, silent)
     for name in ("load_cycle_080.csv", "load_cycle_200.csv"):
         assert (tmp_path / "few" / name).read_bytes() == (tmp_path / "more" / name).read_bytes()
-
-
-def test_progress_is_reported_for_each_recording(tmp_path):
-    seen = []
-    simulate(
-        spec(PEANO, *SHORT[1:], "experiment.pressures=[80, 82.5]"),
-        tmp_path,
-        lambda *step: seen.append(step),
-    )
-    assert seen == [("simulate", 1, 2), ("simulate", 2, 2)]
-    assert sorted(path.name for path in tmp_path.iterdir()) == [
-        "load_cycle_080.csv",
-        "load_cycle_82.5.csv",
-    ]
-
-
-def test_a_failed_write_leaves_the_old_file_and_nothing_else(tmp_path, monkeypatch):
-    (tmp_path / "load_cycle_080.csv").write_text("old")
-
-    def full(self, target):
-        raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr(Path, "replace", full)
-    with pytest.raises(WriteError, match=r"cannot be written.*No space left"):
-        simulate(spec(PEANO, *SHORT), tmp_path, silent, force=True)
-    assert [path.name for path in tmp_path.iterdir()] == ["load_cycle_080.csv"]
-    assert (tmp_path / "load_cycle_080.csv").read_text() == "old"
-
-
-def test_a_file_in_place_of_the_folder_is_refused(tmp_path):
-    (tmp_path / "taken").write_text("")
-    with pytest.raises(WriteError, match="taken"):
-        simulate(spec(PEANO, *SHORT), tmp_path / "taken", silent)
-
-
-def test_the_second_campaign_of_the_example_regenerates(tmp_path):
-    """`python -m datasets.rig` writes what `mapmore example` copies."""
-    line = [sys.executable, "-m", "datasets.rig", "datasets/peano/autumn/load_cycles.yaml"]
-    line += ["-o", tmp_path, "--set", "experiment.pressures=[80]"]
-    made = subprocess.run(line, cwd=PROJECT, check=True, capture_output=True, text=True)
-    path = tmp_path / "load_cycle_080.csv"
-    assert made.stdout == f"{path}\n"
-    shipped = PROJECT / "mapmore_cli/pipeline/shipped/autumn/load_cycle_080.csv"
-    assert np.loadtxt(path, delimiter=",", skiprows=1) == pytest.approx(
-        np.loadtxt(shipped, delimiter=",", skiprows=1), abs=0.11
-    )  # one step of the pressure's or the force's sensor
 
 
 def test_a_simulation_that_cannot_be_made_ends_with_the_code_of_its_error(tmp_path):
