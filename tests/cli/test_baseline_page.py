@@ -6,20 +6,7 @@ from pathlib import Path
 
 import baseline_tables
 import pytest
-from cli_samples import PROJECT, held_out
 from page_tables import DOCS, numbers, page_table
-
-
-@pytest.mark.long
-def test_the_page_says_what_a_gaussian_process_gets(tmp_path, document):
-    pytest.importorskip("sklearn")
-    printed = numbers(page_table("baselines", DOCS / "baselines.md")["peano-static"])
-    names = ("sarosi", "gaussian_process")
-    against = f"validate.against=[{', '.join(names)}]"
-    spec = PROJECT / "configs" / "m2" / "peano-static.yaml"
-    scores = held_out(document("validate", spec, "--runs", tmp_path, "-q", "--set", against))
-    for name in ("mapmore", *names):
-        assert 100 * scores[name]["nrmse"] == pytest.approx(printed[name], rel=0.02)
 
 
 @pytest.mark.parametrize("study", ["m1/peano-m1-static", "m1/peano-m1-hysteresis"])

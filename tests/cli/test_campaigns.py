@@ -6,7 +6,6 @@ import re
 import pytest
 from cli_samples import edit, write_study
 
-from mapmore_cli.domain.errors import SpecError
 from mapmore_cli.study.campaign import load_campaign
 
 pytestmark = pytest.mark.usefixtures("batch_here")
@@ -60,22 +59,6 @@ def test_a_campaign_runs_its_variants_and_writes_its_page(campaign, tmp_path, ma
     assert broken.startswith("broken: failed: error:")
 
 
-def test_pages_are_written_where_they_are_asked_for(campaign, tmp_path, mapmore):
-    result = mapmore("batch", campaign, "-q", "--jobs", 1, "--no-pages")
-    assert "ratio, geometric mean" in result.stdout
-    assert "page: " not in result.stdout.replace("campaign page: ", "")
-    assert "href" not in (tmp_path / "runs" / "sweep" / "index.html").read_text().split("Pages")[1]
-    one = tmp_path / "runs" / "one"
-    assert (one / "scores.json").is_file()
-    assert not (one / "report").exists()
-
-    again = mapmore("batch", campaign, "--jobs", 1, "--json")
-    stages = json.loads(again.stdout)["runs"][0]["stages"]
-    assert [name for name, what in stages.items() if what == "done"] == ["report"]
-    assert (one / "report" / "index.html").is_file()
-    assert 'href="../two/' in (tmp_path / "runs" / "sweep" / "index.html").read_text()
-
-
 def test_overrides_of_the_command_line_come_last(campaign, tmp_path, mapmore):
     arguments = ("batch", campaign, "--json", "-q", "--jobs", 1)
     result = mapmore(
@@ -90,26 +73,6 @@ def test_paths_start_at_the_campaign(campaign):
     _, entries = load_campaign(campaign)
     assert {entry.config for entry in entries} == {campaign.parent / "bench.yaml"}
     assert entries[1].overrides == ('name="two"', "fit.max_terms=2", 'fuse={"z_s": 0.4}')
-
-
-def test_variables_in_the_paths_of_a_variant_are_expanded(campaign, tmp_path, monkeypatch):
-    """They are paths, with settings of their own or without; a text that is none keeps refusing
-    them.
-    """
-    monkeypatch.setenv("MAPMORE_DATA", str(tmp_path))
-    text = campaign.read_text()
-    variant = "{name: one, set: {fit.max_terms: 1}}"
-    files = (
-        '["${MAPMORE_DATA}/bench_1.csv", {path: "${MAPMORE_DATA}/bench_2.csv", keep: '
-        "[{quantity: time, below: 2 s}]}]"
-    )
-    campaign.write_text(text.replace(variant, f"{{name: one, set: {{data.files: {files}}}}}"))
-    _, (one, *_) = load_campaign(campaign)
-    assert [f"{tmp_path}/bench_{k}.csv" in one.overrides[1] for k in (1, 2)] == [True, True]
-    assert "2 s" in one.overrides[1]
-    campaign.write_text(text.replace(variant, '{name: one, set: {muscle.name: "${MAPMORE_DATA}"}}'))
-    with pytest.raises(SpecError, match="no path"):
-        load_campaign(campaign)
 
 
 @pytest.mark.parametrize(
@@ -148,17 +111,6 @@ def test_every_run_of_a_campaign_is_checked(campaign, mapmore):
 
 def test_a_campaign_is_no_experiment(campaign, mapmore):
     mapmore("run", campaign, code=3, says=["sweep.yaml:1:1", "campaign", "mapmore batch"])
-
-
-def test_two_campaigns_are_both_shown(campaign, mapmore):
-    text, other = CAMPAIGN[: CAMPAIGN.index("  - {name: broken")], campaign.with_name("other.yaml")
-    campaign.write_text(text)
-    other.write_text(text)
-    for change in (("sweep", "other"), ("name: one", "name: uno"), ("name: two", "name: due")):
-        edit(other, *change)
-    result = mapmore("batch", campaign, other, "-q", "--jobs", 1, code=0)
-    assert result.stdout.count("NRMSE of every run and model") == 2
-    assert result.stdout.count("campaign page:") == 2
 
 
 @pytest.mark.parametrize(

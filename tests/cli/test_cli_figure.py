@@ -3,8 +3,7 @@
 from pathlib import Path
 
 import numpy as np
-import pytest
-from cli_samples import csv_rows, options, write_lines
+from cli_samples import csv_rows, write_lines
 
 
 def test_one_curve_as_pdf_with_its_numbers(finished, mapmore):
@@ -18,46 +17,6 @@ def test_one_curve_as_pdf_with_its_numbers(finished, mapmore):
     assert {"strain [1]", "force [N]", "data", "mapmore [N]", "polynomial_2 [N]"} <= {*rows[0]}
     mapmore("figure", "bench", *arguments, "--runs", runs, code=0)
     assert Path("fig3.pdf").read_bytes() == first
-
-
-@pytest.mark.parametrize(
-    "curve", ["100 kPa", "200"]
-)  # 100 kPa trains, and has no panel of its own on the page
-def test_the_looks_of_one_figure(curve, finished, mapmore):
-    looks = options(
-        "report.style.width=120 mm",
-        "report.style.labels={force: Pull (N)}",
-        "report.style.font=No Font",
-    )
-    arguments = ("fit", "--curve", curve, "-o", "fig.svg", *looks)
-    assert mapmore("figure", finished[1] / "bench", *arguments, code=0).stderr == (
-        "warning: report.style.font: 'No Font' is not installed here; PDF and PNG "
-        "figures are set in another font\n"
-    )
-    text = Path("fig.svg").read_text()
-    assert f'width="{120 / 25.4 * 72:.6g}' in text
-    assert "Pull (N)" in text
-
-
-def test_the_style_of_the_spec(study, tmp_path, mapmore):
-    style = "{width: 88 mm, size: 8, font: No Such Font, labels: {strain: '$\\varepsilon$ (1)'}}"
-    report = f"report: {{figures: [fit], formats: [pdf, tex], style: {style}"
-    text = study.read_text().replace("report: {figures: [], formats: [html, csv]", report)
-    study.write_text(text)
-    mapmore("run", study, code=0, says="'No Such Font' is not installed here")
-    names = {path.name for path in (tmp_path / "runs" / "bench" / "report" / "panels").iterdir()}
-    assert names == {
-        "fit.pressure=200.pdf",
-        "fit.pressure=200.csv",
-        "fit_training.pdf",
-        "fit_training.csv",
-    }
-    assert (
-        r"\toprule"
-        in (tmp_path / "runs" / "bench" / "report" / "tables" / "scores.tex").read_text()
-    )
-    study.write_text(text.replace(r"\varepsilon", r"\input{x}"))
-    mapmore("run", study, "-q", code=3, says="report.style.labels.strain")
 
 
 def test_the_models_that_are_named_are_drawn_and_no_others(finished, mapmore):

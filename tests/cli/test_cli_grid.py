@@ -79,26 +79,6 @@ def test_what_is_refused_before_anything_is_computed(text, what):
     assert what in str(caught.value)
 
 
-@pytest.mark.parametrize(
-    ("to", "endings"), [("c", ["c", "c", "c", "h", "h"]), ("py", ["py"]), ("tex", ["tex"])]
-)
-def test_files_of_a_language_are_told(mapmore, model_file, tmp_path, to, endings):
-    result = mapmore("export", model_file, "--to", to, "-o", tmp_path / "out", code=0)
-    written = list((tmp_path / "out").iterdir())
-    assert sorted(path.suffix.removeprefix(".") for path in written) == endings
-    assert all(path.name in result.stdout for path in written)
-
-
-def test_a_unit_without_a_compiler_is_told_on_stderr(mapmore, model_file, tmp_path, monkeypatch):
-    monkeypatch.setenv("CC", "no-such-compiler")
-    result = mapmore("export", model_file, "--to", "fmu", "-o", tmp_path, code=0)
-    (file,) = tmp_path.iterdir()
-    assert file.suffix == ".fmu"
-    assert result.stdout == f"{file}\n"
-    assert "no C compiler here (no-such-compiler)" in result.stderr
-    assert mapmore("export", model_file, "--to", "fmu", "-o", tmp_path, "-q").stderr == ""
-
-
 def test_invert_finds_what_predict_gave(mapmore, model_file):
     at, wanted = Path("at.csv"), Path("wanted.csv")
     write_lines(at, "pressure,strain", "120,0.05", "180,0.1")

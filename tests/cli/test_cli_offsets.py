@@ -49,20 +49,6 @@ def test_errors_by_range_stand_beside(tmp_path, mapmore):
     )
 
 
-def test_check_hints_at_it(tmp_path, document):
-    found = {
-        name: [issue["id"] for issue in document("check", study(tmp_path, name))["issues"]]
-        for name in "xL"
-    }
-    assert ("offset" in found["L"], "offset" in found["x"]) == (True, False)
-    (tmp_path / "L.yaml").write_text(
-        (tmp_path / "L.yaml").read_text().replace("simple: false", "normaliser: range")
-    )
-    assert "offset" not in [
-        issue["id"] for issue in document("check", tmp_path / "L.yaml")["issues"]
-    ]
-
-
 def test_a_constant_by_itself_is_told(tmp_path, mapmore):
     spec = study(tmp_path, "L")
     spec.write_text(spec.read_text().replace("max_terms: 6", "max_terms: 1"))

@@ -8,16 +8,10 @@ import xml.etree.ElementTree as ET
 import numpy as np
 import pytest
 from cli_samples import (
-    OWN,
-    by_place,
-    change_forces,
     options,
-    page_of,
     write_lines,
     write_recording,
 )
-
-from mapmore_cli.pipeline.jobs import Job, run_one
 
 
 def test_a_missed_limit_stands_in_the_document_of_a_run(study, tmp_path, mapmore):
@@ -78,38 +72,8 @@ def test_a_level_that_was_measured_at_one_place_is_cut_into_one_segment(study, t
     assert float(grid.stdout.splitlines()[1].split(",")[2]) == pytest.approx(380)
 
 
-def reverse_held_out(folder):
-    """The held-out muscle pushes where the others pull."""
-    change_forces(folder / "bench_200.csv", lambda force: -0.5 * force)
-
-
 WORSE = "worse than the mean of what was measured"
 BEYOND_SCALE = "times the full scale (max|force| over validate)"
-
-
-def test_a_hopeless_model_is_called_so_everywhere(study, tmp_path, mapmore, document):
-    reverse_held_out(tmp_path)
-    first = mapmore("run", study, "--json", code=0, says=[WORSE, BEYOND_SCALE])
-    found = json.loads(first.stdout)
-    for words in (WORSE, BEYOND_SCALE):
-        assert sum(words in warning for warning in found["warnings"]) == 1
-    row = by_place(found)[OWN]
-    assert row["r2"] < 0
-    assert row["max_abs_error_fs"] > 1
-    mapmore("run", study, says="warning: R² on the held-out data is")  # though nothing was done
-    told = document("run", study, "-q")["warnings"]
-    quiet = [w for w in found["warnings"] if WORSE in w or BEYOND_SCALE in w]
-    (turned,) = [w for w in told if w not in quiet]
-    assert "bench_200.csv: the force is hardly ever positive" in turned
-    page = page_of()
-    assert page.count('<p class="warning">') == 3
-    assert WORSE in page
-    assert document("show", "runs/bench/validate.h5")["warnings"] == quiet
-    mapmore("run", study, "-q", "--set", "validate.require={r2: 0.5}", code=6)
-
-
-def test_a_good_model_is_not_warned_of(study, document):
-    assert document("validate", study, "-q")["warnings"] == []
 
 
 def test_pieces_that_add_nothing_are_told(study, tmp_path, document):
@@ -122,8 +86,3 @@ def test_pieces_that_add_nothing_are_told(study, tmp_path, document):
         "the model says the same as its backbone chou_hannaford, on every sample: its pieces "
         "add nothing"
     )
-
-
-def test_a_run_of_a_batch_has_them_first(study, tmp_path):
-    reverse_held_out(tmp_path)
-    assert WORSE in run_one(Job(study, tmp_path / "runs")).warnings[0]

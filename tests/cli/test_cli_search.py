@@ -10,7 +10,6 @@ from common import dataset_of
 
 from mapmore_cli.cli.views import verdict_lines
 from mapmore_cli.fitting.kinds.choices import model_choices
-from mapmore_cli.modelling.validation.significance import Ranked
 from mapmore_cli.study.loader import load
 
 pytestmark = pytest.mark.usefixtures("fewer_families")
@@ -72,37 +71,6 @@ def test_a_minimal_spec_is_a_study_and_what_it_found_repeats_without_a_search(tm
     assert set(reasons.values()) == {None}
 
 
-def test_first_lines_tell_of_better_models(tmp_path, mapmore, document, monkeypatch):
-    """The best formula of the search competes on the held-out data; a black box that errs less on
-    left-out training data is told.
-    """
-    from mapmore_cli.annexes.search import searching
-
-    # a plane
-    monkeypatch.setattr(
-        searching, "simplest_of", lambda sizes, *_, **__: Ranked(0, 0, *np.ones((2, len(sizes))))
-    )
-    mapmore("run", write_bare(tmp_path), "-q")
-    run = tmp_path / "runs/bare"
-    formulas = [
-        one
-        for one in json.loads((run / "search.json").read_text())["tried"]
-        if one["family"] == "formula" and not one["failure"]
-    ]
-    first, _, _ = (run / "report/index.html").read_text().partition("<nav")
-    note = next(
-        line
-        for line in json.loads((run / "search.json").read_text())["notes"]
-        if line.startswith("gaussian process errs")
-    )
-    assert "times less on left-out levels: the structure lacks something" in note
-    assert note in first
-    issues = document("check", tmp_path / "bare.yaml", "-q")["issues"]
-    assert ("structure", note) in {(one["id"], one["message"]) for one in issues}
-    assert "mapmore is worse" in first
-    assert formulas[0]["words"] == f"formula {load(run / 'found.yaml').spec.validation.against[0]}"
-
-
 def test_held_out_values_influence_nothing(tmp_path, mapmore):
     made = []
     for name, permuted in (("one", False), ("two", True)):
@@ -113,20 +81,6 @@ def test_held_out_values_influence_nothing(tmp_path, mapmore):
         tried["tried"] = [{**one, "seconds": None} for one in tried["tried"]]
         made.append((tried, (run / "found.yaml").read_bytes(), (run / "model.h5").read_bytes()))
     assert made[0] == made[1]
-
-
-@pytest.mark.long
-def test_tune_without_over_is_the_same_search(tmp_path, document):
-    spec = write_bare(tmp_path)
-    run = document("run", spec, "-q")
-    told = document("tune", spec, "-q")
-    assert told["found"] == run["search"]["found"]
-    by_hand = tmp_path / "hand.yaml"
-    by_hand.write_text(
-        SPEC.replace("name: bare", "name: hand")
-        + "dictionary: [{polynomial: {of: [strain], order: 1}}]\nfit: {max_terms: 2}\n"
-    )
-    assert document("tune", by_hand, "-q")["found"] == told["found"]
 
 
 def test_a_budget_that_cut_the_list_is_told(tmp_path, mapmore, monkeypatch):

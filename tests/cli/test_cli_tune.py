@@ -6,10 +6,8 @@ import numpy as np
 import pytest
 from cli_samples import (
     by_place,
-    change_forces,
     csv_rows,
     options,
-    write_columns,
     write_recording,
     write_study,
 )
@@ -30,19 +28,6 @@ def write_bench(folder, held_out=(300,)):
         )
         write_recording(folder, "bench", level, strain, force)
     return spec
-
-
-def write_record(folder, pressure, force, lags):
-    """A record over time, whose force is a sum of lags of the pressure."""
-    time = np.arange(len(force)) / 100
-    write_columns(folder / "record.csv", "t,P,F", time, pressure, force, fmt="%.6g")
-    (folder / "record.yaml").write_text(
-        "schema_version: 1\nname: record\ndata:\n  files: [record.csv]\n  columns: {time: "
-        "{column: t, unit: s}, "
-        "pressure: {column: P, unit: kPa}, force: {column: F, unit: N}}\ntarget: {column: force}\n"
-        f"dictionary: [{{lags: {{of: [pressure], steps: {list(range(lags))}}}}}]\n"
-    )
-    return folder / "record.yaml"
 
 
 @pytest.fixture
@@ -75,22 +60,6 @@ def test_the_simplest_that_is_as_good_as_the_best_is_named(tmp_path, tuned):
     assert found["set"] == [f"{key}={value}" for key, value in found["chosen"].items()]
 
 
-def test_permuted_held_out_forces_change_nothing(tmp_path, tuned):
-    for model in (
-        "model: {backbone: polynomial_2}\n",
-        "model: {type: literature, name: polynomial_2}\n",
-    ):
-        spec = write_bench(tmp_path)
-        spec.write_text(spec.read_text() + model)
-        over = ("--over", "fit.max_terms=1,2")
-        before = tuned(spec, *over)
-        change_forces(
-            tmp_path / "bench_300.csv",
-            lambda force: 3 * np.random.default_rng(0).permutation(force),
-        )
-        assert tuned(spec, *over) == before
-
-
 def test_a_fold_errs_as_a_run_that_holds_its_level_out(tmp_path, document, tuned):
     (trial,) = tuned(write_bench(tmp_path), "--over", "fit.max_terms=3")["trials"]
     tables = [np.loadtxt(tmp_path / f"bench_{p}.csv", delimiter=",", skiprows=1) for p in LEVELS]
@@ -114,28 +83,6 @@ def test_tables_figures_and_the_settings_to_use(tmp_path, mapmore):
     use = shlex.split(result.stdout.splitlines()[-1].partition(": ")[2])
     assert use[::2] == ["--set", "--set"]
     mapmore("validate", spec, "-q", *use, code=0)
-
-
-def test_few_levels_are_all_left_out_and_memory_leaves_blocks_out(tmp_path, tuned):
-    spec = write_bench(tmp_path, held_out=(200, 300, 500))
-    assert (
-        tuned(spec, "--over", "fit.max_terms=1,2")["left_out"]
-        == "each of the 3 training levels of pressure"
-    )
-    p = np.random.default_rng(3).normal(0, 20, 400)
-    memory = write_record(tmp_path, p, np.convolve(p, [0.5, 0.3, 0.2])[:400], lags=4)
-    found = tuned(
-        memory,
-        "--over",
-        "fit.max_terms=1,2,3,4",
-        "--set",
-        "data.split.validate={last: 0.25}",
-    )
-    assert found["chosen"] == {"fit.max_terms": 3}
-    assert (
-        found["left_out"]
-        == "each of 5 contiguous blocks of the training samples of every recording"
-    )
 
 
 def test_a_combination_that_cannot_be_fitted_is_told_and_the_rest_goes_on(tmp_path, mapmore):

@@ -14,7 +14,6 @@ from mapmore_cli.storage.artefacts import read_model
 
 PAGE, CONFIGS = DOCS / "export.md", DOCS.parent / "configs"
 LIMIT = 1e-12
-M2_NANOSECONDS = 50.0
 LARGEST_ERROR = 1e-6
 
 
@@ -76,18 +75,3 @@ def test_held_out_recordings_replayed_by_others(mapmore, tmp_path, study, reques
             if reader in TABLES
             else max(found[reader], row[reader]) < 1e-10
         )
-
-
-def test_the_sentence_of_replays_follows_from_its_table():
-    rows = [numbers(row) for row in page_table("replays", PAGE).values()]
-    assert (
-        max(
-            row[reader]
-            for row in rows
-            for reader in READERS
-            if reader in row and reader not in TABLES
-        )
-        < 1e-11
-    )
-    off = [row[reader] for row in rows for reader in TABLES if reader in row]
-    assert f"differ by {min(off):.2f} to {max(off):.2f} %" in PAGE.read_text(encoding="utf-8")

@@ -6,7 +6,6 @@ from pathlib import Path
 
 import formula_tables
 import global_fits
-import numpy as np
 import pytest
 from page_tables import rows_of
 
@@ -63,17 +62,3 @@ def test_every_constant_of_the_hinge_has_a_row_with_its_value_and_reason():
 
 def test_the_search_is_independent_of_the_program():
     assert "mapmore_cli" not in Path(global_fits.__file__).read_text("utf-8")
-
-
-@pytest.mark.parametrize("name", ["sarosi", pytest.param("kerscher", marks=pytest.mark.long)])
-def test_the_search_finds_what_was_planted(name):
-    """One nonlinear parameter, and three."""
-    rng = np.random.default_rng(0)
-    columns = {"pressure": rng.uniform(0, 600, 60), "strain": rng.uniform(0, 0.25, 60)}
-    p, x = columns["pressure"], columns["strain"]
-    force = (0.3 * p + 20) * np.exp(-12 * x) - 2 * p * x + p - 5
-    if name == "kerscher":
-        strain = (3.5 * np.exp(-p / 100) + 1.2) * x
-        braid = 3 * (1 - strain) ** 2 / np.tan(0.6) ** 2 - 1 / np.sin(0.6) ** 2
-        force = (0.3 * np.exp(-40 * x) + 0.5) * p * braid
-    assert global_fits.least_rmse(name, columns, force) < 1e-3

@@ -7,7 +7,6 @@ import re
 import resource
 import sys
 import threading
-import zipfile
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -16,7 +15,7 @@ import h5py
 import numpy as np
 import pytest
 import scipy.io
-from cli_samples import scored_run, write_lines, write_study
+from cli_samples import write_lines, write_study
 from common import process
 
 import mapmore_cli
@@ -57,12 +56,6 @@ def test_a_very_long_line_is_refused(tmp_path):
         read(path, "strain")
     with pytest.raises(DataError, match="row 1: is longer"):
         list(lines_of(Path("/dev/zero")))
-
-
-def test_lines_end_in_any_way(tmp_path):
-    path = tmp_path / "a.csv"
-    path.write_bytes(b"a,b\r\n1,2\r\n\r\n3,4\r5,6\n7,8")
-    assert list(lines_of(path)) == ["a,b\r\n", "1,2\r\n", "\r\n", "3,4\r", "5,6\n", "7,8"]
 
 
 def test_links_in_a_circle_give_each_recording_once(tmp_path):
@@ -226,24 +219,6 @@ def test_a_file_that_was_cut_within_its_last_number_is_refused(text, decimal, do
         READERS["csv"].read(tmp_path / "a.csv", request)
 
 
-def test_a_log_that_was_cut_short_is_an_error_unless_missing_values_are_dropped(
-    study, tmp_path, mapmore
-):
-    log = tmp_path / "bench_100.csv"
-    log.write_text(log.read_text()[:-5])
-    for command in (["ingest", study], ["check", study]):
-        mapmore(*command, code=4, says="the last line has no end")
-        assert "it is left out" in mapmore(*command, "--set", "data.missing=drop").stderr
-
-
-def test_strains_of_1e_25_are_checked_and_scored_as_others(study, mapmore):
-    """Squares of them are zero: `check` took strain and pressure for one signal."""
-    scaled = ["--set", "data.columns.strain.scale=1e-25"]
-    assert "RuntimeWarning" not in mapmore("check", study, *scaled, code=0).stderr
-    whole, tiny = (scored_run(mapmore, study, *more)[0]["mapmore"] for more in ([], scaled))
-    assert tiny == pytest.approx(whole, rel=1e-6)
-
-
 def test_commands_to_a_terminal_in_names_are_shown_and_not_obeyed():
     assert printable("a\x1b[2J\x9b31m\u202eb\r\tc\nd") == "a\\x1b[2J\\x9b31m\\u202eb\\r\tc\nd"
 
@@ -283,27 +258,6 @@ def test_recordings_do_not_lead_into_other_files(reader, tmp_path):
         file["run/x"] = h5py.ExternalLink(str(tmp_path / "other.h5"), "x")
     with pytest.raises(DataError, match="'run/x' is a link to another file"):
         READERS[reader].read(path, request)
-
-
-def test_a_row_number_that_no_sheet_has_is_refused(tmp_path):
-    openpyxl = pytest.importorskip("openpyxl")
-    book = openpyxl.Workbook()
-    for row in (["x"], [1], [2]):
-        book.active.append(row)
-    book.save(tmp_path / "a.xlsx")
-    with (
-        zipfile.ZipFile(tmp_path / "a.xlsx") as old,
-        zipfile.ZipFile(tmp_path / "far.xlsx", "w") as new,
-    ):
-        for member in old.infolist():
-            new.writestr(
-                member.filename,
-                old.read(member.filename)
-                .replace(b'r="3"', b'r="999999999999"')
-                .replace(b'"A3"', b'"A999999999999"'),
-            )
-    with pytest.raises(DataError, match="more memory, or processor time, than its size explains"):
-        READERS["xlsx"].read(tmp_path / "far.xlsx", TableRequest("far.xlsx", ("x",)))
 
 
 def test_whatever_a_library_raises_on_damage_is_wrong_data():

@@ -7,16 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 import test_memory_pipeline as memory
-from cli_samples import change_forces, csv_rows, edit, write_lines, write_study
+from cli_samples import change_forces, csv_rows, edit, write_study
 
-from mapmore_cli.domain.errors import SpecError
-from mapmore_cli.domain.recording import Curve, Dataset
-from mapmore_cli.fitting.kinds.choices import model_choices
-from mapmore_cli.fitting.left_out import residuals
 from mapmore_cli.modelling.forecast import forecast
 from mapmore_cli.modelling.validation.intervals import half_widths, many_curves
 from mapmore_cli.storage.artefacts import read_dataset, read_model
-from mapmore_cli.study.loader import load
 
 HELD = "  split: {validate: {pressure: [200]}}\n"
 KINDS = {
@@ -126,34 +121,6 @@ def test_runs_that_are_added_up_are_fitted_anew_without_a_level(study, tmp_path,
     assert left_out.offset == pytest.approx([errors.mean()], rel=1e-9)
 
 
-def test_runs_of_one_recording_are_added_up_without_intervals(tmp_path):
-    choices = model_choices(load(write_study(tmp_path)).spec)
-    columns = {"pressure": np.ones(9), "strain": np.arange(9.0), "force": np.ones(9)}
-    one = Dataset(
-        "force", None, {}, (), (Curve("a", None, columns, np.zeros(9, dtype=bool), ("a",)),)
-    )
-    with pytest.raises(SpecError, match="fewer than three"):
-        residuals(choices, one, {"part.yaml": tmp_path}, lambda _what, _done, _total: None, None)
-
-
-def test_a_part_that_the_fit_cannot_do_without_is_named(tmp_path, mapmore):
-    levels = "  levels: {of: pressure, at: [100, 200, 300]}\n"
-    formula = "model: {type: literature, name: sarosi}\n"
-    spec = asked(
-        write_study(tmp_path),
-        (HELD, ""),
-        (levels, ""),
-        ("target: static", "target: {column: force}"),
-        more=formula,
-    )
-    for level in (100, 300):  # without 200 kPa, four samples are left for six parameters
-        log = tmp_path / f"bench_{level}.csv"
-        write_lines(log, *log.read_text().splitlines()[:3])
-    result = mapmore("fuse", spec, "-q")
-    assert result.exit_code in (4, 5)
-    assert "validate.intervals: without bench_200" in result.stderr
-
-
 @pytest.fixture(scope="module")
 def model_file(tmp_path_factory, mapmore):
     """A run of four levels that holds 200 kPa out, with intervals; its page as well."""
@@ -194,12 +161,6 @@ def test_a_table_gains_the_ends(model_file, mapmore):
     )
     assert [rows[3][name] for name in ("force_predicted", "force_low")] == ["", ""]
     assert rows[2]["force_by_strain"] != ""
-
-
-def test_the_page_shows_the_band(model_file):
-    page = (model_file.parent / "report" / "index.html").read_text()
-    assert "The band holds a sample of a new curve with a probability of 95%" in page
-    assert "95% interval" in (model_file.parent / "report" / "fit.svg").read_text()
 
 
 BAD = {

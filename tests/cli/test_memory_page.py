@@ -7,7 +7,6 @@ import json
 import pytest
 from cli_samples import CONFIGS, OWN, by_place, options
 from page_tables import MEMORY, numbers, page_table
-from test_shipped_studies import NRMSE
 
 from mapmore_cli.storage.artefacts import read_fit, read_model
 from mapmore_cli.study.campaign import load_campaign
@@ -91,15 +90,6 @@ def test_identification_records_run_as_freely_as_the_peers(measured_data):
         assert row["peer's one step"] == pytest.approx(peer[run]["rrse_one"], abs=1e-5)
         assert row["RRSE, free run"] == pytest.approx(row["peer's"], rel=0.005)
         assert row["RRSE, one step"] == pytest.approx(row["peer's one step"], rel=0.005)
-
-
-def test_inner_reversals_are_shown_as_they_run():
-    table = page_table("reversals", MEMORY)
-    for name in REVERSALS:
-        errors = numbers(table[name])
-        assert errors == pytest.approx(
-            {model: 100 * told for model, told in NRMSE[name].items()}, rel=0.01
-        )
 
 
 STUDIES = CONFIGS / "identification"

@@ -2,7 +2,6 @@
 validated, mishaps are told.
 """
 
-import math
 import re
 from dataclasses import replace
 
@@ -18,7 +17,7 @@ from mapmore_cli.domain.models import CurveRange, Memory, Model
 from mapmore_cli.domain.recording import Quantity, Signal
 from mapmore_cli.modelling.kinds import predict
 from mapmore_cli.pipeline.predict import predicted_lines
-from mapmore_cli.storage.artefacts import read_dataset, read_fit, read_model, read_validation
+from mapmore_cli.storage.artefacts import read_dataset, read_model, read_validation
 
 STEP = 0.01
 GAP = 150
@@ -173,13 +172,6 @@ def predicted(mapmore, run_dir, rows):
     return [float(row["displacement_predicted"] or "nan") for row in out], result
 
 
-@pytest.fixture
-def narx_table(finished, mapmore):
-    """The recordings of the study with lags, and what predicts a table of them."""
-    run_dir = finished["narx"][1]
-    return measured(run_dir), lambda rows: predicted(mapmore, run_dir, rows)
-
-
 @pytest.mark.parametrize("name", sorted(PLANTED))
 def test_a_table_predicts_what_was_validated(name, finished, mapmore):
     run_dir = finished[name][1]
@@ -188,33 +180,6 @@ def test_a_table_predicts_what_was_validated(name, finished, mapmore):
     wanted = np.concatenate(read_validation(run_dir / "validate.h5").predictions["mapmore"])
     np.testing.assert_allclose(found, wanted, rtol=1e-11, atol=1e-300)
     assert np.isnan(wanted).sum() == {"narx": 12, "play": 0}[name]
-
-
-def test_the_row_of_a_mistake_counts_recordings_before_it(narx_table):
-    rows, predict_rows = narx_table
-    rows[5] = {**rows[5], "pressure": ""}
-    rows[440] = {**rows[440], "time": rows[439]["time"]}
-    assert "stdin:row 442: only 0 s after the one before" in predict_rows(rows)[1].stderr
-
-
-def test_a_run_that_diverges_leaves_cells_empty_and_says_where(narx_table):
-    rows, predict_rows = narx_table
-    found, result = predict_rows(
-        [{**row, "pressure": "30"} if i > 50 else row for i, row in enumerate(rows[:GAP])]
-    )
-    assert result.exit_code == 0
-    start = next(i for i, value in enumerate(found) if i > 2 and math.isnan(value))
-    assert 52 < start < 80
-    assert np.isnan(found[start:]).all()
-    assert f"warning: stdin:row {start + 2}: the free run diverges" in result.stderr
-
-
-def test_a_grid_has_no_time(finished, mapmore):
-    result = mapmore(
-        "predict", finished["play"][1] / "model.h5", "--grid", "pressure=0:1:0.5,load=0", code=2
-    )
-    assert "a grid has no time" in result.stderr
-    assert "time, load, pressure" in result.stderr
 
 
 # what goes wrong
@@ -247,24 +212,6 @@ def test_a_dictionary_beyond_memory_is_refused_with_numbers(family, finished, tm
 
 # show
 # --------------------------------------------------------------------------------------------------
-
-
-def test_show_tells_terms_coefficients_and_states(finished, mapmore, document):
-    run_dir = finished["play"][1]
-    fit = read_fit(run_dir / "fit.h5").memory
-    shown = document("show", run_dir / "fit.h5")
-    (segment,), memory = shown["segments"], shown["memory"]
-    assert segment["id"] == "memory"
-    assert segment["terms"] == memory["terms"] == list(fit.model.terms)
-    assert segment["err"] == fit.selection.err.tolist()
-    assert memory["states"]["ranges"]["pressure"] == list(fit.model.states.ranges["pressure"])
-    assert document("show", run_dir / "model.h5")["memory"]["theta"] == fit.model.theta.tolist()
-    for name, words in (
-        ("play", "training range, of which widths are parts"),
-        ("play", "Runs free without measured displacement, at steps of 0.01 s."),
-        ("narx", "Runs free from the first 2 measured samples of displacement"),
-    ):
-        assert words in mapmore("show", finished[name][1] / "model.h5").stdout
 
 
 STATES = StateSet(

@@ -7,7 +7,7 @@ import re
 
 import damping_tables
 import pytest
-from cli_samples import CONFIGS, by_place, held_out, options, without_figures
+from cli_samples import CONFIGS, by_place, held_out, without_figures
 from page_tables import DOCS, page_table
 from pages import read_rows
 
@@ -59,39 +59,6 @@ def test_the_page_shows_what_the_runs_say(study, muscle):
         assert [float(per_cent) for per_cent in told] == pytest.approx(
             [100 * found[model] for model in models], abs=0.051
         )
-
-
-@pytest.mark.parametrize(
-    ("name", "column"),
-    [("dmsp-20-88", "McKibben"), pytest.param("peano", "Peano", marks=pytest.mark.long)],
-)
-def test_the_page_says_what_the_static_study_from_80_kpa_costs(name, column, tmp_path, mapmore):
-    study = without_figures(M2 / f"{name}-damping-from-80.yaml", tmp_path)
-    mapmore("validate", study, "-q", code=0)
-    found = pooled(tmp_path / "runs" / study.stem)
-    table = page_table("from80", DAMPING)
-    told = {model: float(cells[column].strip("*")) for model, cells in table.items()}
-    assert told == pytest.approx({model: 100 * found[model] for model in told}, abs=0.051)
-
-
-@pytest.mark.parametrize(
-    ("name", "kind"),
-    [("dmsp-20-88", "McKibben"), pytest.param("peano", "Peano", marks=pytest.mark.long)],
-)
-def test_the_page_says_what_a_sensor_in_the_muscle_shows(name, kind, tmp_path, document):
-    settings = options(
-        "validate.against=[none, reynolds, peternel]",
-        "report.published=null",
-        "data.columns.pressure.column=Pm",
-    )
-    study = without_figures(M2 / f"{name}-damping.yaml", tmp_path)
-    found = held_out(document("validate", study, "-q", *settings))
-    row = page_table("untried", DAMPING)[f"{kind}: pressure taken in the muscle"]
-    told = [float(row[model]) for model in ("mapmore", "none", "reynolds", "peternel")]
-    assert told == pytest.approx(
-        [100 * found[model]["nrmse"] for model in ("mapmore", "none", "reynolds", "peternel")],
-        abs=0.051,
-    )
 
 
 @pytest.mark.usefixtures("measured_data")

@@ -9,8 +9,6 @@ import muscle_tables
 import pytest
 from page_tables import DOCS, numbers, page_table
 
-from mapmore_cli.study.loader import load
-
 WRIST, MUSCLE_LIKE = DOCS / "wrist.md", DOCS / "muscle-like.md"
 CONFIGS = DOCS.parent / "configs"
 
@@ -56,13 +54,6 @@ def test_the_muscle_like_page(name, runs):
     assert_shown(muscle_tables.MUSCLE_LIKE_TABLES[name](runs), MUSCLE_LIKE)
 
 
-def test_the_splits_begin_with_what_the_study_says(runs):
-    found = muscle_tables.scores(muscle_tables.run("muscle-like/muscle-like-16cm", runs))
-    row = numbers(page_table("splits", MUSCLE_LIKE)["blocks of 8 s"])
-    for model, score in found.items():
-        assert row[f"{model}, RMSE"] == pytest.approx(score.rmse, rel=0.01)
-
-
 def test_the_measured_pair(runs, measured_data):
     """And MAPMORE's error is no larger than that of the best formula, from a spec of less than
     forty lines.
@@ -80,20 +71,3 @@ def test_a_k_was_inert():
     assert f"{muscle_tables.size_of_eq_3():.1f} times too small" in WRIST.read_text(
         encoding="utf-8"
     )
-
-
-def test_every_study_of_both_folders_is_named_on_its_page_or_made_for_it():
-    for folder, page in (("wrist", WRIST), ("muscle-like", MUSCLE_LIKE)):
-        studies = sorted(
-            path for path in (CONFIGS / folder).glob("*.yaml") if not path.name.startswith("_")
-        )
-        told = (
-            page.read_text()
-            + (DOCS / "muscle_tables.py").read_text()
-            + "".join(path.read_text() for path in studies)
-        )
-        for path in studies:
-            assert load(path).spec.name == path.stem
-            assert path.stem in told.replace(f"name: {path.stem}", "") or "{length}cm" in told, (
-                path.stem
-            )

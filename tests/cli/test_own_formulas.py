@@ -1,7 +1,6 @@
 """Formulas of the user's own: as good as the built-in ones wherever these may stand."""
 
 import json
-import re
 from dataclasses import replace
 
 import numpy as np
@@ -76,59 +75,6 @@ def test_it_is_a_backbone_and_a_model_that_stands_alone(tmp_path, mapmore):
     code = {}
     exec((tmp_path / "muscle.py").read_text(), code)
     np.testing.assert_allclose(code["evaluate"](**points), own(**points), rtol=1e-12)
-
-
-def test_a_formula_as_the_model_and_in_a_sum():
-    levels = STUDY["levels"]
-    formula = {"type": "literature", "name": "our_sarosi"}
-    alone = mm.fit(FRAME, formulas=[SAROSI], model=formula, levels=levels)
-    # and not itself as a backbone
-    assert {row["model"] for row in alone.scores} == {
-        "mapmore",
-        "plane",
-        "quadratic",
-        "cubic",
-    }
-    assert alone.scores.of_model(split="train")["r2"] > 0.999
-    assert "exp(-" in alone.equations[0].text
-    pair = {"formula": "our_sarosi", "inputs": {"pressure": "pressure", "strain": "strain"}}
-    other = {
-        "formula": "linear_part",
-        "sign": -1,
-        "inputs": {"pressure": "pressure", "strain": "strain"},
-    }
-    linear = {"name": "linear_part", "expression": "s*strain*pressure^2", "parameters": {"s": {}}}
-    both = mm.fit(FRAME, formulas=[SAROSI, linear], model={"sum": [pair, other]}, levels=levels)
-    assert both.scores.of_model(split="train")["r2"] > 0.999
-
-
-def test_it_may_be_written_in_other_units():
-    """In bar: the same predictions, and parameters in those units."""
-    in_bar = {**SAROSI, "name": "in_bar", "units": {"pressure": "bar"}}
-    found = fitted(SAROSI, in_bar, validate={"against": ["our_sarosi", "in_bar"]})
-    assert rows(found, "in_bar") == pytest.approx(rows(found, "our_sarosi"), rel=1e-6)
-
-
-def test_units_of_parameters_are_shown(tmp_path, mapmore):
-    """In `show`, of a model and of a competitor, and on the page; a parameter without one has
-    none.
-    """
-    own = fitted(SAROSI, name="muscle", validate={"against": ["our_sarosi"]}, model=BACKBONE)
-    page = mm.run(own.to_yaml(tmp_path / "muscle.yaml"), tmp_path / "runs").page.read_text()
-    assert re.search(
-        r"a1 = \S+ N, a2 = \S+ N, a3 = -?[\d.]+, a4",
-        mapmore("show", tmp_path / "runs" / "muscle" / "fit.h5").stdout,
-    )
-    cells = re.findall(
-        r"our_sarosi</th><td>(\w+)</td><td>[\w "
-        r"]+</td><td>(a\d)</td><td[^>]*>[^<]*</td><td>([^<]*)</td>",
-        page,
-    )
-    assert sorted(cells) == sorted(
-        (role, f"a{i}", "–" if i == 3 else "N")
-        for role in ("backbone", "competitor")
-        for i in range(1, 7)
-    )
 
 
 def test_a_changed_file_makes_the_fits_stale(tmp_path):

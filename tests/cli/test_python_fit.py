@@ -13,7 +13,7 @@ from cli_samples import CONFIGS, write_columns
 
 import mapmore_cli as mm
 from mapmore_cli.api import fitted as fitted_module
-from mapmore_cli.domain.errors import DataError, SpecError, UsageError
+from mapmore_cli.domain.errors import DataError, SpecError
 from mapmore_cli.ingestion.files import expand
 from mapmore_cli.study.experiment import ExperimentSpec
 from mapmore_cli.study.schema import json_schema
@@ -242,25 +242,6 @@ def test_it_shows_itself(fitted):
     assert "<li><code>" in html
 
 
-def test_a_summary_of_a_model_that_keeps_a_shape_has_its_coefficients():
-    p, e = (grid.ravel() for grid in np.meshgrid([100.0, 200, 300], np.linspace(0, 0.2, 30)))
-    steep = p * (1 - e - np.tanh((e - 0.1) / 0.02))  # a polynomial overshoots beside the step
-    model = mm.fit(
-        {"pressure": p, "strain": e, "force": steep},
-        target="static",
-        segment={"strain": "none"},
-        dictionary=[{"polynomial": {"of": ["pressure", "strain"], "order": 5}}],
-        fit={"max_terms": 12, "shape": {"strain": "decreasing"}},
-    )
-    (one,) = model.model.pieces.segments
-    kept = dict(zip(one.terms, one.theta, strict=True))
-    shown = {row["term"]: row["coefficient"] for row in model.summary().records}
-    assert shown == pytest.approx(kept)
-    plain = [x for piece in model.fit.pieces for x in piece.selection.theta]
-    assert list(shown.values()) != pytest.approx(plain)
-    assert "identified" not in repr(model.summary())
-
-
 def test_a_summary_has_what_a_regression_table_has():
     """By hand: one straight line, y = 2 + 3 x and noise."""
     rng = np.random.default_rng(0)
@@ -289,16 +270,6 @@ def test_a_summary_has_what_a_regression_table_has():
     assert "<table>" in summary._repr_html_()
     flat = mm.fit({"x": x, "y": y - 3 * x}, **model.study.document | {"data": {}})
     assert any("Not told from zero" in note and "x of" in note for note in flat.summary().notes)
-
-
-def test_a_model_is_exported_and_predicts_frames_wherever_it_comes_from(fitted, tmp_path):
-    (module,) = fitted.export("numpy", tmp_path / "out")
-    assert module == tmp_path / "out" / "model_model.py"
-    loaded = mm.load_model(fitted.save(tmp_path / "model.h5"))
-    columns = {name: SECTIONS["columns"][name] for name in ("pressure", "strain")}
-    np.testing.assert_array_equal(loaded.predict(FRAME, columns), fitted.predict(FRAME))
-    with pytest.raises(UsageError, match="cobol"):
-        loaded.export("cobol", tmp_path)
 
 
 def test_what_tab_shows_are_the_sections_of_the_spec():

@@ -6,7 +6,7 @@ import json
 
 import numpy as np
 import pytest
-from cli_samples import options, page_of, write_lines, write_recording, write_study
+from cli_samples import options, page_of
 
 import mapmore_cli as mm
 from mapmore_cli.checking import applied
@@ -113,61 +113,3 @@ def test_fits_of_arrays_are_checked_as_well():
 
 # Models that lack a quantity, and labels
 # ------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(
-    "dictionary",
-    [
-        "[{products: {of: [{slow: {of: [pressure], tau: [0.05, 0.2]}}], order: 2}}]",
-        "[{lags: {of: [length], steps: [1]}}]",
-    ],
-)
-def test_a_model_without_inputs_gets_a_page(tmp_path, mapmore, dictionary):
-    rng = np.random.default_rng(0)
-    rows = [
-        f"{0.01 * i:.2f},{100 + 50 * np.sin(0.05 * i):.4f},{0.5 + 1e-3 * rng.normal():.6f}"
-        for i in range(400)
-    ]
-    write_lines(tmp_path / "m.csv", "t,P,L", *rows)
-    (tmp_path / "s.yaml").write_text(
-        "name: s\ndata:\n  files: [m.csv]\n  columns: {time: {column: t, unit: s}, pressure: "
-        "{column: P, unit: kPa}, "
-        f"length: {{column: L, unit: m}}}}\n  split: {{validate: {{last: 0.5}}}}\ntarget: "
-        f"{{column: length}}\ndictionary: {dictionary}\n"
-        "fit: {max_terms: 1}\n"
-    )
-    ended = mapmore("run", tmp_path / "s.yaml", code=0)
-    assert "no input was selected: the model only goes on from its own past" in ended.stderr
-    assert "Scores" in ended.stdout
-    assert (
-        "no input was selected" in (tmp_path / "runs" / "s" / "report" / "index.html").read_text()
-    )
-
-
-def test_every_figure_of_an_inverted_model_is_drawn(tmp_path, mapmore):
-    """Also that between the levels, where the model's own quantities stand at the axes."""
-    spec = write_study(tmp_path, levels=(100, 200, 300, 400))
-    force = np.linspace(0.0, 150.0, 40)
-    for level in (100, 200, 300, 400):
-        strain = (0.05 + 0.0004 * level) * (1 - force / 400) ** 1.2
-        write_recording(tmp_path, "bench", level, strain, force)
-    settings = options(
-        "target={column: strain}",
-        "validate={as: force}",
-        "segment={force: {method: even, count: 2, min_samples: 6}}",
-        "dictionary=[{polynomial: {of: [force], order: 2}}]",
-        "fit={max_terms: 2}",
-        "report={}",
-    )
-    mapmore("run", spec, *settings, code=0)
-    run = tmp_path / "runs" / "bench"
-    assert {*(run / "report").rglob("segments_levels*")}
-    mapmore("figure", run, "segments", "-o", tmp_path / "out.pdf", code=0)
-
-
-def test_a_label_that_cannot_be_set_is_found_before_anything_is_computed(study, tmp_path, mapmore):
-    deep = "report.style={labels: {force: '$x" + "^{x" * 120 + "}" * 120 + "$'}}"
-    assert "cannot be set" in mapmore("check", study, "--set", deep, code=3).stdout
-    mapmore("run", study, "--set", deep, code=3, says="cannot be set")
-    assert not (tmp_path / "runs" / "bench" / "model.h5").exists()
-    mapmore("run", study, "--set", "report.style={labels: {force: '$F_0^{x^{2}}$ (N)'}}", code=0)

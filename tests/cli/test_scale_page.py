@@ -4,7 +4,6 @@ import re
 
 import pytest
 import scale_tables as scale
-from hypothesis import given
 from hypothesis import strategies as st
 from page_tables import DOCS, numbers, page_table
 
@@ -24,17 +23,6 @@ def test_the_table_is_the_one_of_the_page():
 
 
 parts = st.floats(0, 5, width=16)
-
-
-@given(
-    loads=st.lists(st.tuples(parts, parts, parts, parts), min_size=1, max_size=12),
-    workers=st.integers(1, 6),
-)
-def test_nothing_is_faster_than_on_paper(loads, workers):
-    found = [scale.Load(*load) for load in loads]
-    took = scale.simulated(found, workers)
-    assert took >= scale.bounds(found, workers).least * (1 - 1e-12)
-    assert took <= sum(map(sum, loads)) * (1 + 1e-12)
 
 
 def test_commands_of_the_page_are_ours():

@@ -61,22 +61,6 @@ def test_all_rows_are_of_the_force(study, tmp_path, mapmore, document):
     assert "The model predicts strain; it is inverted, and scored as force." in page_of("turned")
 
 
-def test_the_inverted_model_stands_beside_the_direct_one(study, document):
-    """As a competitor whose target is another, also where every level is left out in turn."""
-    changed = "{target: {column: strain}, segment: {force: {method: even, count: 2}}, " + (
-        "dictionary: [{polynomial: {of: [force], order: 2}}], fit: {max_terms: 2}}"
-    )
-    given = options(
-        f"validate={{against: [{{set: {changed}, as: inverted}}]}}",
-        "data.split={leave_one_level_out: true}",
-    )
-    rows = by_place(document("validate", study, "-q", *given))
-    assert OWN in rows
-    inverted = rows["inverted", *OWN[1:]]
-    assert inverted["n"] == 120
-    assert 0 < inverted["nrmse"] < 1
-
-
 @pytest.mark.parametrize(
     ("settings", "words"),
     [

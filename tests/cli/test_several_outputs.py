@@ -94,11 +94,6 @@ def test_they_share_segments_and_terms(lever, document):
     assert [*document("show", run / "fit.h5")["outputs"]] == NAMES
 
 
-def test_a_run_is_shown_with_every_output(lever, mapmore):
-    told = mapmore("show", lever[0], code=0).stdout
-    assert all(f"Scores (target: {name})" in told for name in NAMES)
-
-
 def test_a_table_has_a_column_for_each_and_python_and_c_say_the_same(lever, tmp_path, mapmore):
     run, _ = lever
     rng, place = np.random.default_rng(1), run / "model.h5"
@@ -134,17 +129,6 @@ def test_a_table_has_a_column_for_each_and_python_and_c_say_the_same(lever, tmp_
     values = np.array(told.stdout.split(), dtype=float).reshape(-1, 3).T
     for name, column in zip(NAMES, values, strict=False):
         np.testing.assert_allclose(column, said[name], rtol=1e-12, atol=1e-12)
-
-
-def test_other_forms_are_written_for_each(lever, tmp_path, mapmore):
-    place = lever[0] / "model.h5"
-    mapmore("export", place, "--to", "py", "-o", tmp_path, code=0)
-    assert sorted(path.name for path in tmp_path.glob("*.py")) == [
-        f"lever_tip_{name}.py" for name in NAMES
-    ]
-    assert "tip_y" in mapmore("export", place, "--to", "tex", "-o", tmp_path, code=0).stdout or (
-        "tip\\_y" in (tmp_path / "lever_tip.tex").read_text()
-    )
 
 
 def test_what_is_done_with_one_output_says_so(lever, mapmore, document):
@@ -205,29 +189,6 @@ def test_units_and_limits_are_of_each_output(slow, mapmore, document):
         mapmore("validate", slow, "-q", "--runs", "runs", *settings, code=code, says=words)
     alone = options("target=x", "validate.require={rmse: {x: 1}}")
     mapmore("validate", slow, "-q", *alone, code=3, says="one for each")
-
-
-def test_every_output_is_judged(slow, mapmore):
-    table = np.genfromtxt("log.csv", delimiter=",", names=True)
-    write_columns("log.csv", "t,u,x,y", table["t"], table["u"], table["x"], 0 * table["y"] + 3)
-    assert "y is 3 in every sample" in mapmore("check", slow, code=4).stdout
-
-
-def test_python_fits_several(slow):
-    table = np.genfromtxt(slow.parent / "log.csv", delimiter=",", names=True)
-    fitted = mm.fit(
-        {"time": table["t"], **{name: table[name] for name in "uxy"}},
-        columns={name: {"column": name} for name in ("time", "u", "x", "y")},
-        target=["x", "y"],
-        dictionary=[{"terms": ["u", "slow(u, 0.3)"]}],
-        fit={"max_terms": 2},
-    )
-    assert fitted.scores.of_model(split="train", target="y")["target"] == "y"
-    assert {
-        row["segment"].split(":")[0] if "segment" in row else row["part"].split(":")[0]
-        for row in fitted.summary().records
-    } == {"x", "y"}
-    assert "x [1], y [1]" in repr(fitted)
 
 
 @pytest.mark.parametrize(

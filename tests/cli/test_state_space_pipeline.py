@@ -6,7 +6,7 @@ import json
 
 import numpy as np
 import pytest
-from cli_samples import PROJECT, by_place, csv_rows
+from cli_samples import PROJECT, by_place
 from common import rows_of
 
 import mapmore_cli
@@ -75,16 +75,6 @@ def test_the_model_file_holds_sections_that_predict_what_was_scored(finished):
     np.testing.assert_allclose(loaded(time=log["time"], input=log["input"]), simulated, atol=1e-12)
 
 
-def test_the_page_shows_sections_and_errors(finished):
-    folder, _ = finished
-    page = (folder / "report" / "index.html").read_text()
-    for words in ("Models of motion", "Errors over one wavelength"):
-        assert words in page
-    rows = csv_rows((folder / "report" / "tables" / "sections.csv").read_text())
-    assert [row["model"] for row in rows] == ["mapmore"] * 6 + ["one"] + ["joined"] * 3
-    assert {row["solver"] for row in rows} == {"least squares"}
-
-
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
@@ -120,23 +110,3 @@ units: {displacement: cm}                  units: {displacement: cm, time: ms}  
 )
 def test_slips_in_the_spec_are_told_at_their_place(old, new, words, mapmore, tmp_path):
     refused(mapmore, tmp_path, (old, new), 3, [words, "spec.yaml:"])
-
-
-@pytest.mark.parametrize(
-    ("change", "words"),
-    [
-        (
-            ("[2350 mV, 3.95]", "[6 V, 7 V]"),
-            "section rise 2 (input from 6 to 7): 0 training sample(s)",
-        ),
-        (("reference_full.csv", "reference_section_1.csv"), "section rise 2"),
-        (
-            ("  every: 5", "  every: 5\n  keep: [{quantity: input, below: 0.0001}]"),
-            "the input `input` is 0 at all",
-        ),
-        (("  every: 5", "  every: 200"), "too few for 3 parameters"),
-    ],
-    ids=["boundaries-beyond-the-data", "empty-section", "constant-input", "two-samples"],
-)
-def test_records_that_cannot_be_fitted_are_told_with_a_remedy(change, words, mapmore, tmp_path):
-    assert len(refused(mapmore, tmp_path, change, 4, words).strip().splitlines()) >= 2

@@ -2,12 +2,8 @@
 what is refused.
 """
 
-import json
-
 import numpy as np
 import pytest
-from cli_samples import CONFIGS, held_out
-from page_tables import DOCS, page_table
 
 SINGLE = """\
 name: {name}
@@ -108,17 +104,6 @@ def test_wrong_sums(summands, words, tmp_path, mapmore):
 def test_a_muscle_without_length_has_no_tendon(tmp_path, mapmore):
     spec = joint(tmp_path, RUNS.replace("sign: -1", "tendon: {stiffness: 1 N/mm}"))
     mapmore("validate", spec, code=3, says="is no function of `length`")
-
-
-def test_the_shipped_muscle_behind_a_tendon(tmp_path, mapmore, document):
-    """As docs/muscle-like.md has it; it is shown, and no program is written of it."""
-    study = CONFIGS / "muscle-like" / "muscle-like-tendon-known.yaml"
-    found = held_out(document("validate", study, "--runs", tmp_path, "-q"))["mapmore"]
-    row = page_table("outlook", DOCS / "muscle-like.md")["behind a tendon: muscle and known tendon"]
-    assert found["r2"] == pytest.approx(float(row["R²"]), abs=6e-5)
-    model = tmp_path / study.stem / "model.h5"
-    assert "length = length - (force - 10)/10000" in json.dumps(document("show", model))
-    mapmore("export", model, "--to", "c", says="root of an equation", code=4)
 
 
 def test_two_runs_whose_pressures_have_one_name_are_refused(tmp_path, mapmore):

@@ -36,25 +36,6 @@ def test_a_variation_scores_as_a_run_with_these_settings_does(varied, mapmore):
     assert rmse["two"] != rmse["mapmore"]
 
 
-def test_a_change_of_the_spec_changes_the_variation(varied, mapmore):
-    before, _ = scored_run(mapmore, varied)
-    changed = options("fit.max_terms=3", "segment.strain.count=1")
-    after, stages = scored_run(mapmore, varied, *changed)
-    assert after["two"] != before["two"]
-    assert stages["ingest"] == "up-to-date"
-    edit(varied, "fit.max_terms: 2", "fit.max_terms: 1")
-    again, _ = scored_run(mapmore, varied)
-    assert again["mapmore"] == before["mapmore"]
-    assert again["two"] != before["two"]
-
-
-def test_overrides_of_the_run_hold_for_its_variations(varied, mapmore):
-    scored_run(mapmore, varied, *options("name=renamed", "fit.scaling=none"))
-    text = Path("runs", "renamed.two", "experiment.yaml").read_text()
-    for told in ("name: renamed.two", "scaling: none", "max_terms: 2"):
-        assert told in text
-
-
 def test_a_variation_may_be_a_formula_or_lack_the_backbone(study, mapmore):
     formula = "{set: {model: {type: literature, name: polynomial_2}}, as: formula}"
     against(study, f"{{set: {{model.backbone: null}}, as: bare}}, {formula}")
@@ -62,30 +43,6 @@ def test_a_variation_may_be_a_formula_or_lack_the_backbone(study, mapmore):
     bare, _ = scored_run(mapmore, study, *options("validate={}", "name=bare"))
     assert rmse["bare"] == bare["mapmore"]
     assert rmse["formula"] == pytest.approx(rmse["polynomial_2"])
-
-
-def test_a_formula_takes_the_diameter_of_the_muscle(study, mapmore):
-    """As a competitor and as the run's own model; twice the area of a braid cannot give the same
-    force.
-    """
-    name, narrow = "tondu_lopez_fixed_area", "muscle.diameter=0.03"
-    against(study, name)
-    assert "needs the diameter" in mapmore("check", study).stderr
-    rmse, _ = scored_run(mapmore, study, *options(narrow))
-    wider, _ = scored_run(mapmore, study, *options("muscle.diameter=0.06"))
-    own = (f"model={{type: literature, name: {name}}}", "segment={}", "dictionary=[]")
-    alone, _ = scored_run(mapmore, study, *options(narrow, *own))
-    assert rmse[name] != wider[name]
-    assert alone["mapmore"] == pytest.approx(rmse[name], rel=1e-12)
-
-
-def test_a_formula_may_start_from_published_values(tmp_path, mapmore):
-    entry = (
-        "{model: sarosi, method: levenberg_marquardt, starts: published, as: from_published}, "
-        "sarosi"
-    )
-    rmse, _ = scored_run(mapmore, against(write_study(tmp_path), entry))
-    assert rmse["from_published"] == pytest.approx(rmse["sarosi"], rel=0.2)
 
 
 def test_repeated_measurements_get_rows_of_their_own(copied, tmp_path, mapmore, document):
@@ -107,18 +64,6 @@ def test_repeated_measurements_get_rows_of_their_own(copied, tmp_path, mapmore, 
         assert floor[key] == own[key]
     assert floor["n"] <= own["n"]
     assert "repeatability" in Path("runs", "bench", "report", "index.html").read_text()
-
-
-def test_the_resolved_spec_of_a_run_runs_again(varied, mapmore):
-    """`experiment.yaml` lies in another folder than its recordings, and means the same ones."""
-    first, _ = scored_run(mapmore, varied, "--runs", "deep/runs")
-    run = Path("deep", "runs", "bench")
-    again, _ = scored_run(mapmore, run / "experiment.yaml")
-    assert again == first
-    assert Path("runs", "bench", "scores.json").read_bytes() == (run / "scores.json").read_bytes()
-    before = (run / "experiment.yaml").read_bytes()
-    scored_run(mapmore, run / "experiment.yaml", "--runs", "deep/runs")
-    assert (run / "experiment.yaml").read_bytes() == before
 
 
 @pytest.fixture
@@ -202,15 +147,6 @@ def test_campaigns_do_not_share_a_name_for_different_runs(study, mapmore):
     mapmore("batch", "many.yaml", "-q", "--jobs", 1, code=7, says=told)
 
 
-def test_two_runs_may_be_compared_with_each_other(pair, mapmore):
-    """Only models are needed, and these stand before the comparison: there is no circle."""
-    bench, rival = pair
-    edit(rival, "against: [polynomial_2]", "against: [{run: bench.yaml}]")
-    one, _ = scored_run(mapmore, bench)
-    other, _ = scored_run(mapmore, rival)
-    assert (one["mapmore"], one["line"]) == (other["bench"], other["mapmore"])
-
-
 def test_runs_that_are_built_on_each_other_are_refused(pair, tmp_path, mapmore):
     """Also where one of them is only compared: its model needs what it is built on."""
     bench, rival = pair
@@ -218,14 +154,6 @@ def test_runs_that_are_built_on_each_other_are_refused(pair, tmp_path, mapmore):
     circle = "bench.yaml -> rival_base.yaml -> bench.yaml"
     for more in ((), ("--explain",)):
         mapmore("run", bench, *more, code=3, says=circle)
-
-
-def test_a_model_of_other_units_is_refused(pair, mapmore):
-    bench, rival = pair
-    rival.write_text(rival.read_text() + "units: {pressure: bar}\n")
-    edit(rival, "at: [100, 200, 300]", "at: [1, 2, 3]")
-    edit(rival, "pressure: [200]", "pressure: [2]")
-    mapmore("run", bench, code=3, says="pressure")
 
 
 @pytest.mark.parametrize(
