@@ -12,14 +12,12 @@ from tempfile import TemporaryDirectory
 
 import drafted_tables
 import numpy as np
-import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from pages import read_rows
 from recorded import checked, drafted, write
 
 from mapmore_cli.annexes.drafting.answers import Answers
-from mapmore_cli.annexes.drafting.page import draft_page
 from mapmore_cli.annexes.drafting.sources import find_studies
 from mapmore_cli.annexes.search.stage import search_slice
 from mapmore_cli.ingestion.files import expand
@@ -104,28 +102,11 @@ def table(folder, levels, samples, force):
         )
 
 
-def test_the_page_counts_all_files_and_those_that_are_drawn(tmp_path):
-    table(tmp_path, 7, 12, lambda p, e: p * (2 - 9 * e))
-    draft = drafted(tmp_path)
-    drawn = len(draft.raw["eps"])
-    assert drawn < 7
-    assert f"made of 7 files, to be checked by eye; {drawn} of them are drawn</p>" in draft_page(
-        draft
-    )
-
-
 # Measured data
 # --------------------------------------------------------------------------------------------------
 
 
 ROWS = [tuple(row) for row in read_rows(drafted_tables.PAGE, "drafts")[1:]]
-
-
-@pytest.mark.parametrize("name", ["festo_datasheet", "pgm_mckibben", "festo_fmax_by_length"])
-def test_the_page_says_what_is_proposed(measured_data, name):
-    rows = drafted_tables.rows_of(measured_data / name)
-    assert rows
-    assert [row for row in ROWS if row[0] == name] == rows
 
 
 def test_every_recording_is_in_a_study_or_named(measured_data):

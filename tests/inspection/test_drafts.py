@@ -11,7 +11,7 @@ import pytest
 import yaml
 from recorded import checked, drafted, drafts, loaded, write
 
-from mapmore_cli.annexes.drafting.answers import Answers, Hold, answers_of
+from mapmore_cli.annexes.drafting.answers import Answers, Hold
 from mapmore_cli.annexes.drafting.draft import Draft, Note
 from mapmore_cli.annexes.drafting.preview import preview
 from mapmore_cli.annexes.drafting.sources import patterns
@@ -53,31 +53,6 @@ def test_dialects_are_recognised(tmp_path, text, settings, titles):
     zipped = tmp_path / "b.csv.gz"
     zipped.write_bytes(gzip.compress(text.encode()))
     assert preview(zipped) == found
-
-
-@pytest.mark.parametrize("encoding", ["utf-8-sig", "cp1252", "utf-16"])
-def test_files_of_older_programs_are_read_as_what_they_look_like(tmp_path, encoding):
-    """Umlauts and degree signs of a logger under Windows; a mark at the beginning of UTF-8 needs no
-    word.
-    """
-    strain = np.linspace(0, 0.1, 20)
-    for level in (100.0, 200.0):
-        path = tmp_path / f"r{level:g}.csv"
-        write(
-            path,
-            {
-                "Prüfdruck P [kPa]": level,
-                "eps": strain,
-                "Zugkraft F [N] (20 °C)": level * (2 - 10 * strain),
-            },
-            mark=";",
-            point=",",
-        )
-        path.write_bytes(path.read_text().encode(encoding))
-    draft = drafted(tmp_path, answers=answers_of(target="Zugkraft F"))
-    assert draft.data.get("encoding") == (None if encoding == "utf-8-sig" else encoding)
-    assert "Prüfdruck" in draft.text()
-    checked(draft, tmp_path)
 
 
 @pytest.mark.parametrize(
@@ -196,19 +171,6 @@ def test_a_backward_clock_is_left_out(tmp_path):
     assert "left out: time_s" in draft.text()
 
 
-def test_a_position_under_pressure_is_a_model_with_memory(tmp_path):
-    lag = np.convolve(LOOP, np.exp(-T[:200] / 0.5) / np.exp(-T[:200] / 0.5).sum())[: len(T)]
-    write(tmp_path / "lift.csv", {"t_s": T, "pressure_psi": 60 * LOOP, "position_mm": -8 * lag})
-    spec = checked(drafted(tmp_path), tmp_path).spec
-    assert spec.target_quantity == "displacement"
-    assert spec.data.resample is not None  # even steps: a search tries models with memory
-    assert spec.data.split.hold_out.last == 0.3
-    (strained,) = start(tmp_path, tmp_path, answers=Answers(length=0.08)).drafts
-    assert "-displacement/0.08" in strained.text()
-    assert checked(strained, tmp_path).spec.target_quantity == "strain"
-    assert "displacement" not in str([strained.spec.get(key) for key in ("dictionary", "model")])
-
-
 def test_what_is_too_little_for_a_search_is_a_straight_line(tmp_path):
     """Two samples at each of three pressures: too few to leave any out."""
     for level in (100, 200, 300):
@@ -317,15 +279,6 @@ def test_time_stamps_are_read_in_seconds(tmp_path, stamp):
     spec = yaml.safe_load(drafted(tmp_path).text())
     assert spec["data"]["columns"]["time"]["column"] == "time [s]"
     assert "missing" not in spec["data"]
-
-
-def test_the_unit_of_stamps_is_no_question(tmp_path):
-    stamped(tmp_path / "a.csv", "2026-03-01 12:{:02}:{:04.1f}")
-    text = (tmp_path / "a.csv").read_text()
-    (tmp_path / "a.csv").write_text(text.replace("time [s]", "Timestamp"))
-    draft = drafted(tmp_path)
-    assert draft.data["columns"]["time"] == {"column": "Timestamp", "unit": "s"}
-    assert ("data", "columns", "time") not in draft.open
 
 
 @pytest.mark.parametrize("odd", ["0:03:20", "01.05.2026 12:00:00", "TRUE", '"20"1.2', "1'234.5"])

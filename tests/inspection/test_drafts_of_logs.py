@@ -82,26 +82,6 @@ def test_a_log_whose_clock_is_none_cannot_be_joined(untried, log, stamps, told):
     assert told in (caught.value.remedy or "")
 
 
-def test_two_logs_of_pressure_are_no_pair(untried):
-    logs = two_logs()
-    names = {
-        draft.name
-        for draft in untried(
-            **logs, second=logs["gauge"] | {"extra_C": 20 + 0 * logs["gauge"]["Time_s"]}
-        )
-    }
-    assert "tester" in names
-
-
-def test_a_force_that_never_changes_is_no_target(untried):
-    """The load cell was off, or a dead load hung there."""
-    (draft,) = untried(
-        lift={"t_s": 0.1 * K, "P_kPa": 100 * DRIVE, "F_N": 0 * DRIVE, "x_mm": followed(DRIVE)}
-    )
-    assert draft.spec["target"] == "displacement"
-    assert "force" not in draft.data["columns"]
-
-
 def test_a_force_without_a_pressure_follows_the_position(untried):
     (draft,) = untried(spring={"x_mm": 10 * DRIVE, "F_N": 30 - 4 * DRIVE + 0.01 * NOISE})
     assert list(draft.data["columns"]) == ["displacement", "force"]
@@ -121,25 +101,6 @@ def test_a_static_response_keeps_the_unit_that_was_told(tmp_path):
 
 # What moves
 # --------------------------------------------------------------------------------------------------
-
-
-def test_a_response_to_a_step_is_not_static(untried):
-    """The pressure jumps and rests, the muscle swings and creeps long after: force, strain and
-    pressure, but nothing was held.
-    """
-    t = 0.01 * np.arange(900)
-    pressure = 300 * np.clip((t - 1) / 0.2, 0, 1) * np.exp(-0.05 * t)
-    strain = 0.2 * followed(pressure, 40.0) / 300
-    (draft,) = untried(
-        step={
-            "t_s": t,
-            "P_kPa": pressure,
-            "eps": strain,
-            "F_N": pressure * (2 - 6 * strain) + 50 * np.gradient(strain, t),
-        }
-    )
-    assert draft.spec["target"] == "force"
-    assert has_memory(draft)
 
 
 @pytest.mark.parametrize(

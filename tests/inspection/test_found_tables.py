@@ -317,29 +317,6 @@ def test_groups_of_a_tree_are_recordings_in_the_order_of_their_numbers(tmp_path,
     assert [one.columns["pressure"][0] for one in recordings] == levels
 
 
-@pytest.mark.parametrize("other", ["P_kPa", "F_N"])
-def test_a_run_that_lacks_columns_is_no_recording_among_others(tmp_path, other):
-    """Half a run must not be passed over in silence: it is not drafted as one of them."""
-    runs = {f"run_{k}/{title}": values for k in range(2) for title, values in COLUMNS.items()}
-    hdf5(tmp_path / "a.h5", **runs, **{f"run_9/{other}": T})
-    assert "root" not in preview(tmp_path / "a.h5").settings
-
-
-def test_a_tree_is_drafted_by_the_titles_of_its_arrays(tmp_path):
-    """The name of the group is no title; a clock among the columns takes the place of the sample
-    time.
-    """
-    hdf5(
-        tmp_path / "a.h5",
-        **{f"pressure test/{title}": values for title, values in COLUMNS.items()},
-        dt=1.0,
-    )
-    draft = drafted(tmp_path)
-    assert draft.data["columns"]["force"] == {"column": "pressure test/F_N", "unit": "N"}
-    assert "sample_time" not in draft.data
-    assert read_draft(draft, tmp_path, "force").recordings[0].rows_kept == N
-
-
 @pytest.mark.parametrize("content", [{"x": 1.0}, {"who": "me"}, {"only": T}])
 def test_a_tree_without_a_table_is_refused(tmp_path, content):
     hdf5(tmp_path / "a.h5", **content)

@@ -6,10 +6,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from recorded import drafted, drafts, workbook, write
-
-from mapmore_cli.annexes.drafting.start import start
-from mapmore_cli.domain.errors import DataError
+from recorded import drafted, drafts, write
 
 STRAIN = np.linspace(0.0, 0.15, 40)
 THERE_AND_BACK = np.concatenate([STRAIN, STRAIN[::-1]])
@@ -76,27 +73,6 @@ def test_titles_in_a_remark_name_the_columns_by_their_places(tmp_path):
     assert draft.output == "theta"
 
 
-def test_numbers_behind_names_are_refused_with_the_line_that_converts_them(tmp_path):
-    (tmp_path / "log.txt").write_text(
-        "ready\n" + "".join(f"t:{k},p:{3 * k % 50},d:{k / 7:.2f}\n" for k in range(100))
-    )
-    with pytest.raises(DataError, match=r"name:number"):
-        start(tmp_path, tmp_path)
-
-
-def test_pressures_in_the_names_of_sheets_are_levels(tmp_path):
-    pulls = {
-        f"{bar} bar": [(100 * e, force(bar, e)) for e in STRAIN.tolist()] for bar in (1, 2, 3, 4)
-    }
-    workbook(
-        tmp_path / "muscle.xlsx",
-        {name: [("Strain (%)", "Force (N)"), *rows] for name, rows in pulls.items()},
-    )
-    data = drafted(tmp_path).data
-    assert data["files"][0] == {"path": "muscle.xlsx", "sheet": "1 bar", "set": {"pressure": 100}}
-    assert data["levels"] == {"of": "pressure", "at": [100, 200, 300, 400]}
-
-
 @pytest.mark.parametrize("title", ["set_pressure_kPa", "desired", "Valve", "p_set"])
 def test_what_was_commanded_is_no_target_and_no_second_pressure(tmp_path, title):
     command = 200 + 100 * np.sin(T) * np.cos(3.1 * T)
@@ -109,13 +85,6 @@ def test_what_was_commanded_is_no_target_and_no_second_pressure(tmp_path, title)
     draft = drafted(tmp_path)
     assert draft.output == "bend"
     assert draft.data["columns"]["pressure"]["column"] == "pressure_kPa"
-
-
-def test_files_that_no_reader_takes_are_named(tmp_path):
-    write(tmp_path / "run.csv", (STRAIN, force(2, STRAIN)), "strain,force_N\n")
-    (tmp_path / "run.zip").write_bytes(b"PK")
-    remarks = start(tmp_path, tmp_path).remarks
-    assert [one for one in remarks if "run.zip" in one and "unpack it" in one]
 
 
 def test_names_of_files_say_what_tests(tmp_path):
