@@ -181,27 +181,6 @@ def test_nothing_is_in_proportion_to_an_error_of_zero():
     assert nrmse_table(scores).rows[1][1] is None
 
 
-def test_runs_with_few_models_in_common_are_listed():
-    runs = runs_of(
-        "a mapmore 2 sarosi 4 kerscher 3 repeatability 1; b mapmore 1 narx 5; c mapmore 3 cubic 2"
-    )
-    scores = CampaignScores(runs, failed=("d",))
-    assert scores.sparse
-    (table,) = campaign_tables(scores)
-    assert [row[:2] for row in table.rows] == [
-        *(("a", model) for model in ("mapmore", "kerscher", "sarosi", REPEATABILITY)),
-        ("b", "mapmore"),
-        ("b", "narx"),
-        ("c", "mapmore"),
-        ("c", "cubic"),
-        ("d", "mapmore"),
-    ]
-    assert [row[3] for row in table.rows] == pytest.approx(
-        [None, 1.5, 2.0, 0.5, None, 5.0, None, 2 / 3, None]
-    )
-    assert not CampaignScores(runs_of("a mapmore 2 sarosi 4; b mapmore 1")).sparse
-
-
 def dots(scores):
     """Where the dots of each model stand, by run."""
     (drawing,) = campaign_figures(scores)
@@ -234,53 +213,6 @@ def test_a_run_that_diverged_has_no_dot(error):
     assert dots(scores)[2] == [("a", 1.0), ("a", 2.0), ("b", 3.0)]
 
 
-def test_the_model_that_ratios_are_taken_to_has_its_dots():
-    runs = runs_of("a mapmore 5 sarosi 4 flat 3; b mapmore 6 sarosi 2")
-    _, legend, found = dots(CampaignScores(runs, relative_to="sarosi"))
-    assert legend == ["mapmore", "Sárosi", "best of the others"]
-    assert [x for name, x in found if name == "a"] == [3, 4, 5]
-
-
-def test_of_thousands_of_runs_some_are_drawn_and_the_best():
-    """The figure stays as high as a page, and the page has the first rows of each table."""
-    text = "; ".join(f"r{i} mapmore {1 if i == 777 else 2 + i % 7} flat 9" for i in range(1500))
-    scores = CampaignScores(runs_of(text))
-    (drawing,) = campaign_figures(scores)
-    assert drawing.caption.endswith(
-        "101 of 1500 runs are drawn, the one that errs least among them."
-    )
-    assert "r777" in {name for name, _ in dots(scores)[2]}
-    assert drawing.grid.height < 25
-    page = render_campaign("many", campaign_tables(scores), [], {}, {})
-    assert "The first 400 of 1500 rows; all are in tables/" in page
-    assert "r399" in page
-    assert "r401" not in page
-
-
 def test_there_is_nothing_to_compare_in_one_run():
     assert campaign_figures(CampaignScores(runs_of("a mapmore 1 sarosi 2"))) == []
     assert campaign_figures(CampaignScores({})) == []
-
-
-def test_where_runs_have_few_models_in_common_the_best_of_the_others_is_drawn():
-    runs = runs_of(
-        "a mapmore 2 sarosi 4 kerscher 3 repeatability 1; b mapmore 1 narx 5; c mapmore 3 cubic 2"
-    )
-    _, legend, found = dots(CampaignScores(runs))
-    assert legend == ["mapmore", "best of the others", REPEATABILITY]
-    assert found == [
-        ("a", 1.0),
-        ("a", 2.0),
-        ("a", 3.0),
-        ("b", 1.0),
-        ("b", 5.0),
-        ("c", 2.0),
-        ("c", 3.0),
-    ]
-
-
-def test_an_error_of_rounding_leaves_room_for_the_others():
-    scores = CampaignScores(runs_of("exact mapmore 1e-14 sarosi 2; b mapmore 3 sarosi 2"))
-    assert dots(scores)[2] == [("b", 2.0), ("b", 3.0), ("exact", 2.0)]
-    (drawing,) = campaign_figures(scores)
-    assert drawing.caption.endswith("its error is but rounding: mapmore in exact.")

@@ -8,17 +8,14 @@ from itertools import combinations
 import numpy as np
 import pytest
 from matplotlib.backend_bases import RendererBase
-from report_builder import build, legend_of, of_pieces, surface
+from report_builder import build, of_pieces, surface
 
-from mapmore_cli.domain.scores import REPEATABILITY
 from mapmore_cli.modelling.kinds import predict
 from mapmore_cli.modelling.signals.sampling import MANY
 from mapmore_cli.reporting.figures.drawing import POINTS, compose, drawings
 from mapmore_cli.reporting.figures.segments import level_figures
-from mapmore_cli.reporting.figures.style import figure_style, model_styles
-from mapmore_cli.reporting.inputs import MOST_LINES
+from mapmore_cli.reporting.figures.style import figure_style
 from mapmore_cli.reporting.order import FIGURES
-from mapmore_cli.reporting.score_tables import score_table
 from mapmore_cli.reporting.sections import all_tables
 
 NEAR = {
@@ -35,41 +32,8 @@ def drawing(inputs, name):
 
 
 @pytest.fixture(scope="module")
-def crowd():
-    return build(competitors=NEAR)
-
-
-@pytest.fixture(scope="module")
 def outlier():
     return build(competitors={"near": lambda p, e: surface(p, e) + 9, **FAR})
-
-
-@pytest.fixture(scope="module")
-def repeated(inputs):
-    floors = [
-        replace(s, model=REPEATABILITY, rmse=3.0, nrmse=0.01)
-        for s in inputs.validation.scores
-        if s.model == "sarosi"
-    ]
-    return replace(
-        inputs, validation=replace(inputs.validation, scores=(*inputs.validation.scores, *floors))
-    )
-
-
-class TestManyModels:
-    def test_lines_are_drawn_of_the_best_in_the_order_of_the_table(self, crowd):
-        assert crowd.lines == ("mapmore", *(f"near_{shift}" for shift in (6, 5, 4, 3, 2, 1)))
-        fit = drawing(crowd, "fit")
-        assert legend_of(compose(fit)) == ["measured", *crowd.lines]
-        assert "Of 10 models" in fit.caption
-
-    def test_every_line_has_a_look_of_its_own(self, crowd):
-        styles = model_styles([*crowd.lines, *crowd.models])
-        assert len({styles[model] for model in crowd.lines}) == MOST_LINES
-
-    def test_few_models_are_all_drawn(self, inputs):
-        assert inputs.lines == inputs.models
-        assert "models" not in drawing(inputs, "fit").caption
 
 
 class TestFarOff:
@@ -103,36 +67,6 @@ class TestFarOff:
             predictions={"far": predictions["far"], "mapmore": predictions["mapmore"]},
         )
         assert replace(outlier, validation=swapped).far_off == ()
-
-
-class TestRepeatability:
-    def test_a_dashed_line_marks_it_among_the_bars(self, inputs, repeated):
-        plain, marked = drawing(inputs, "nrmse"), drawing(repeated, "nrmse")
-        assert len(compose(marked).axes[0].patches) == len(compose(plain).axes[0].patches)
-        lines = compose(marked).axes[0].lines[: 1 + len(compose(plain).axes[0].lines)]
-        assert [
-            line.get_xdata()[0]
-            for line in lines
-            if len(set(line.get_xdata())) == 1 and len(line.get_xdata()) == 2
-        ] == [1.0]
-        assert "repeated measurements" in marked.caption
-        assert "repeated measurements" not in plain.caption
-
-    def test_it_is_no_model_of_any_figure(self, repeated):
-        assert REPEATABILITY not in repeated.models
-        assert REPEATABILITY not in repeated.lines
-        titles = [ax.get_title(loc="left") for ax in compose(drawing(repeated, "error")).axes]
-        assert REPEATABILITY not in titles
-
-    def test_the_table_says_what_it_is(self, inputs, repeated):
-        units = repeated.validation.units
-        table, plain = (
-            score_table(repeated.validation.scores, units),
-            score_table(inputs.validation.scores, units),
-        )
-        assert len(table.rows) == len(plain.rows) + 2
-        assert any(note.startswith(REPEATABILITY) for note in table.notes)
-        assert not any(note.startswith(REPEATABILITY) for note in plain.notes)
 
 
 # of models with memory
@@ -230,22 +164,3 @@ def test_a_number_beyond_the_levels_is_not_drawn(inputs):
         sides = {"pressure": (below, "saturate"), "strain": ("continue", "continue")}
         _, drawing = courses_of(inputs, extrapolation=sides)
         assert min(drawing.panels[0].data["pressure [kPa]"]) == pytest.approx(first)
-
-
-def test_courses_are_the_models_predictions_within_the_range_of_all_curves(inputs):
-    model, drawing = courses_of(inputs)
-    (panel,) = drawing.panels
-    (_, x), *courses = panel.data.items()
-    shortest = min(curve.limits["strain"][1] for curve in model.body.curves)
-    lines = compose(drawing).axes[0].lines
-    assert len(lines) == 2 * len(courses)
-    for (heading, y), dots in zip(courses, lines[1::2], strict=True):
-        place = float(heading.split()[3])
-        assert 0 < place < shortest
-        at = {"pressure": x, "strain": np.full(len(x), place)}
-        np.testing.assert_allclose(y, predict(model, at), rtol=1e-4)
-        np.testing.assert_array_equal(dots.get_data(), (LEVELS, y[np.isin(x, LEVELS)]))
-
-
-def test_one_level_has_no_way_to_draw(alone):
-    assert [drawing.name for drawing in drawings("segments", alone)] == ["segments"]

@@ -6,23 +6,17 @@ import csv
 import re
 from dataclasses import replace
 
-import numpy as np
 import pytest
 from matplotlib.image import imread
-from report_builder import all_named, legend_of
+from report_builder import all_named
 
 from mapmore_cli.domain.errors import UsageError
 from mapmore_cli.domain.foreign import tex_text
 from mapmore_cli.domain.models import Equation
-from mapmore_cli.reporting.figures import data
 from mapmore_cli.reporting.figures.drawing import (
     DOTS_PER_INCH,
-    DOUBLE,
-    compose,
-    drawings,
     panel_of,
 )
-from mapmore_cli.reporting.figures.style import figure_style, wrong_formula
 from mapmore_cli.reporting.inputs import FigureStyle
 from mapmore_cli.reporting.report import write_report
 from mapmore_cli.reporting.sections import all_tables
@@ -162,58 +156,3 @@ def test_panels_are_found_by_level_and_by_id(words, mixed):
     with pytest.raises(UsageError, match="no panel of this figure is called '251'") as caught:
         panel_of("fit", mixed, "251")
     assert "pressure=250" in (caught.value.remedy or "")
-
-
-def test_a_figure_as_wide_as_a_column_has_its_panels_below_each_other(inputs):
-    (drawing,) = drawings("error", inputs)
-    with figure_style():
-        wide, narrow = compose(drawing), compose(drawing, width=85 / 25.4)
-    assert (wide.get_figwidth(), narrow.get_figwidth()) == (DOUBLE, 85 / 25.4)
-    assert narrow.get_figheight() > 2 * wide.get_figheight()
-
-
-def test_a_panel_that_the_page_leaves_out_is_drawn_when_it_is_asked_for(inputs, monkeypatch):
-    for drawing in drawings("fit", inputs):
-        # it trains: all training curves are in one panel
-        assert "pressure=150" not in [panel.key for panel in drawing.panels]
-    drawing, panel = panel_of("fit", inputs, "150")
-    assert [one.key for one in drawing.panels] == ["pressure=150"]
-    curve = next(one for one in inputs.dataset.curves if one.id == "pressure=150")
-    assert set(panel.data["data"]) == {"train"}
-    assert sorted(panel.data["force [N]"]) == sorted(curve.columns["force"])
-    assert legend_of(compose(drawing, panel=panel))[0] == "training"
-    assert "no prediction" not in drawing.alt
-    monkeypatch.setattr(data, "MOST_RECORDINGS", 1)
-    shown = [one.key for drawing in drawings("data", inputs) for one in drawing.panels]
-    other = next(one.id for one in inputs.dataset.recordings if one.id not in shown)
-    assert panel_of("data", inputs, other)[1].key == other
-
-
-def test_a_log_that_was_cut_is_found_by_its_name(inputs):
-    first, second, *others = inputs.dataset.recordings
-    pieces = tuple(
-        replace(one, id=f"Run 7#{place}", log="Run 7")
-        for place, one in enumerate((first, second), start=1)
-    )
-    cut = replace(inputs, whole=replace(inputs.dataset, recordings=(*pieces, *others)))
-    assert cut.ids_of("Run 7") == {"Run 7#1", "Run 7#2"}
-    assert panel_of("data", cut, "Run 7")[1].key == "Run 7#1"
-
-
-def test_labels_and_colours_are_the_users(inputs):
-    style = FigureStyle(
-        size=9, labels={"force": r"$F_\mathrm{m}$ (N)"}, palette=("#112233", "#445566")
-    )
-    drawing = drawings("fit", replace(inputs, style=style))[0]
-    with figure_style(style):
-        top = compose(drawing, style, drawing.panels[0]).axes[0]
-        assert top.yaxis.label.get_parse_math()
-        assert top.get_ylabel() == r"$F_\mathrm{m}$ (N)"
-        assert top.yaxis.label.get_fontsize() == 9
-        assert [
-            line.get_color() for line in top.lines if line.get_label() in ("mapmore", "sarosi")
-        ] == ["#112233", "#445566"]
-        assert not top.title.get_parse_math()
-    assert wrong_formula(r"$F_\mathrm{m}$ (N)") is None
-    assert wrong_formula(r"$\input{x}$") is not None
-    assert np.isfinite(drawing.grid.width)

@@ -16,7 +16,6 @@ from mapmore_cli.reporting.figures.fit import curve_fit, held_out_spans
 from mapmore_cli.reporting.figures.segments import draw_segments, segment_curves
 from mapmore_cli.reporting.figures.terms import left_unexplained
 from mapmore_cli.reporting.inputs import FigureStyle
-from mapmore_cli.reporting.table import title_of
 
 
 @pytest.fixture(scope="module")
@@ -192,22 +191,6 @@ class TestFit:
         assert list(drawn(alone, "fit")) == ["fit_training"]
 
 
-class TestTraining:
-    def test_held_out_samples_are_left_out(self, mixed):
-        top, bottom = drawn(mixed, "fit")["fit_training"].axes
-        assert len(top.lines) == 8
-        rows = zip(mixed.dataset.curves, top.lines[::2], bottom.lines[1:], strict=True)
-        for number, (curve, line, error) in enumerate(rows):
-            predicted = mixed.validation.predictions["mapmore"][number][~curve.held_out]
-            measured = curve.columns["force"][~curve.held_out]
-            np.testing.assert_array_equal(line.get_ydata(), predicted)
-            np.testing.assert_array_equal(error.get_ydata(), predicted - measured)
-
-    def test_curves_are_named_in_the_legend(self, inputs):
-        names = legend_of(drawn(inputs, "fit")["fit_training"])
-        assert names == ["mapmore", "80 kPa", "150 kPa", "350 kPa"]
-
-
 class TestErrors:
     def test_all_samples_pooled_over_the_measured_value(self, inputs):
         (drawing,) = drawings("error", inputs)
@@ -227,40 +210,6 @@ class TestErrors:
         (ax,) = (ax for ax in figure.axes if ax.get_title(loc="left") == "Sárosi")
         assert [text.get_text() for text in ax.texts] == ["failed"]
         assert sum(len(line.get_xdata()) for line in ax.lines[1:]) == 0  # but the line at zero
-
-
-class TestNrmse:
-    def test_bars_are_the_pooled_scores_in_per_cent_with_published_diamonds(self, inputs):
-        figure = drawn(inputs, "nrmse")["nrmse"]
-        (ax,) = figure.axes
-        pooled = {
-            (s.split, s.model): 100 * s.nrmse for s in inputs.validation.scores if s.curve == "all"
-        }
-        expected = [
-            pooled[split, model] for model in inputs.models for split in ("validate", "train")
-        ]
-        assert [patch.get_width() for patch in ax.patches] == pytest.approx(expected)
-        assert ax.get_xlim()[0] == 0
-        names = [label.get_text() for label in ax.get_yticklabels()]
-        assert names == list(map(title_of, inputs.models))
-        assert [x for mark in ax.lines for x in mark.get_xdata()] == pytest.approx([2.2, 2.5, 7.0])
-        bar, (at,) = ax.patches[0], ax.lines[0].get_ydata()
-        assert bar.get_y() < at < bar.get_y() + bar.get_height()
-        assert ax.texts[0].get_text().endswith("(published 2.2)")
-        assert legend_of(figure) == ["held out", "training", "published"]
-
-    def test_nothing_published_no_marker_no_legend_entry(self, mixed):
-        figure = drawn(mixed, "nrmse")["nrmse"]
-        assert len(figure.axes[0].lines) == 0
-        assert legend_of(figure) == ["held out", "training"]
-
-    def test_a_failed_model_has_its_row_but_no_bar(self, failed):
-        (ax,) = drawn(failed, "nrmse")["nrmse"].axes
-        assert len(ax.patches) == 4
-        assert [text.get_text() for text in ax.texts].count("failed") == 2
-
-    def test_no_scores_no_figure(self, alone):
-        assert drawn(replace(alone, validation=replace(alone.validation, scores=())), "nrmse") == {}
 
 
 class TestSegments:

@@ -8,15 +8,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 from common import python
-from report_builder import Page, all_named, build, of_pieces
+from report_builder import Page, all_named, of_pieces
 
 from mapmore_cli.domain.models import Formula
 from mapmore_cli.domain.plugins import points
 from mapmore_cli.modelling.kinds import equations
 from mapmore_cli.modelling.validation.residuals import residual_tests
 from mapmore_cli.reporting import figures as figures_folder
-from mapmore_cli.reporting.figures.drawing import compose, drawings
-from mapmore_cli.reporting.figures.terms import whole_curves
 from mapmore_cli.reporting.order import FIGURES
 from mapmore_cli.reporting.report import write_report
 
@@ -274,19 +272,6 @@ def test_a_formula_as_the_runs_own_model(inputs, tmp_path):
     assert "own model" in page.text
 
 
-def test_segments_that_cross_validation_dropped_are_called_unused(inputs, tmp_path):
-    own = inputs.validation.formulas["sarosi"]
-    model = of_pieces(
-        inputs.model,
-        curves=tuple(replace(curve, segments=()) for curve in inputs.model.body.curves),
-        backbone=own,
-    )
-    page = page_of(
-        replace(inputs, fit=replace(inputs.fit, backbone=own), model=model), tmp_path, OF_SEGMENTS
-    )
-    assert "did not help on left-out" in page.text
-
-
 def test_without_levels_and_without_figures(inputs, tmp_path):
     curves = tuple(
         replace(curve, level=None, id=curve.recordings[0]) for curve in inputs.dataset.curves
@@ -302,21 +287,3 @@ def test_without_levels_and_without_figures(inputs, tmp_path):
     page = page_of(plain, tmp_path, figures=())
     assert not page.named("svg")
     assert "load_cycle_250" in page.text
-
-
-def test_forty_levels(tmp_path):
-    inputs = build(
-        levels=list(range(60, 460, 10)),
-        held_out=lambda _level, strain: np.arange(len(strain)) % 5 == 0,
-    )
-    page = page_of(inputs, tmp_path, ("fit",))
-    assert len(page.named("details")) >= 4  # long tables are folded
-    assert "6 of 40 held-out curves are drawn" in page.text
-    chosen = whole_curves(inputs.fit.segments, 40)
-    assert len(chosen) <= 40
-    for name in {fit.curve for fit in chosen}:
-        assert [fit.cell for fit in chosen if fit.curve == name] == [(1,), (2,), (3,), (4,)]
-    (drawing,) = drawings("data", inputs)
-    assert "5 of 40 recordings are drawn" in drawing.caption
-    assert len(compose(drawing).axes) == 15
-    assert (tmp_path / "index.html").stat().st_size < 3e6
