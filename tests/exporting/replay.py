@@ -9,6 +9,7 @@ import ctypes
 import io
 import json
 import re
+import shutil
 import subprocess
 import sys
 from collections.abc import Mapping
@@ -17,7 +18,6 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
-from common import OCTAVE
 from scipy.interpolate import RegularGridInterpolator
 from scipy.io import loadmat
 
@@ -28,6 +28,7 @@ from mapmore_cli.modelling.kinds import fed_back, outside_range, runs_over_time,
 from mapmore_cli.modelling.programs import program_of
 from mapmore_cli.storage.artefacts import read_dataset, read_model
 
+OCTAVE = shutil.which("octave-cli") or shutil.which("octave")
 Columns = Mapping[str, np.ndarray]
 SIMULATED = (
     "m2/dmsp-20-88-static",

@@ -11,7 +11,6 @@ from export_samples import OPERATORS, PRESSURE, WITH_MEMORY, formula, memory, mo
 from test_fmu_export import checked, greatest_difference, needs_compiler
 from typer.testing import CliRunner
 
-from mapmore_cli.annexes.exporting.exports import exported
 from mapmore_cli.annexes.motion.body import StateSpace
 from mapmore_cli.annexes.sums.joint import actuator
 from mapmore_cli.cli.app import app
@@ -20,13 +19,10 @@ from mapmore_cli.domain.fits import MemoryModel, StateSet
 from mapmore_cli.domain.models import CurveRange, Memory, Model
 from mapmore_cli.domain.recording import Quantity, Signal
 from mapmore_cli.modelling.kinds import (
-    equations,
     outside_range,
-    parameters,
     predict,
-    runs_over_time,
 )
-from mapmore_cli.storage.artefacts import read_model, write_model
+from mapmore_cli.storage.artefacts import write_model
 
 VALVE = Quantity("input", "V")
 RANGE = (CurveRange("a", None, {"input": (0.0, 10.0)}),)
@@ -123,22 +119,6 @@ def test_an_actuator_is_written_by_one_command(tmp_path):
     assert "--pressure goes with" in refused.stderr
 
 
-def test_an_actuator_can_be_stored_and_shown(tmp_path):
-    force, pressure = PAIRS["lag, memory"]
-    model = actuator(force, pressure)
-    assert runs_over_time(actuator(pieces(), pressure))
-    assert parameters(model) == parameters(force) + parameters(pressure)
-    assert equations(model)[0].text == "with memory(pressure = lag, strain = strain)"
-    write_model(tmp_path / "model.h5", model)
-    columns = recording(model, 100)
-    assert np.array_equal(
-        predict(read_model(tmp_path / "model.h5"), columns), predict(model, columns), equal_nan=True
-    )
-    shown = called("show", tmp_path / "model.h5", "--json")
-    assert shown.exit_code == 0, shown.stderr
-    assert '"fed"' in shown.stdout
-
-
 def test_what_cannot_be_joined_is_refused():
     force = pieces()
     needing_rate = replace(force, signals=(Signal("pressure_rate", "rate", "pressure"),))
@@ -159,10 +139,3 @@ def test_what_cannot_be_joined_is_refused():
     ):
         with pytest.raises(DataError, match=words):
             actuator(one, other)
-
-
-def test_models_of_other_time_steps_are_no_actuator():
-    slow = lag()
-    slow = replace(slow, body=replace(slow.body, motion=replace(slow.body.motion, step=0.02)))
-    with pytest.raises(DataError, match="count samples"):
-        exported(actuator(WITH_MEMORY["lags"], slow), "c")

@@ -2,7 +2,6 @@
 where something is refused.
 """
 
-import ctypes
 import io
 import shutil
 import subprocess
@@ -391,28 +390,3 @@ def test_the_sources_are_clean_by_warnings_and_sanitizers(tmp_path, model):
         ["gcc", *lenient, "driver.c", *objects, "-o", "driver", "-lm"], cwd=tmp_path, check=True
     )
     subprocess.run([str(tmp_path / "driver")], cwd=tmp_path, check=True, timeout=60)
-
-
-@needs_compiler
-def test_units_linked_into_one_program_take_a_prefix(tmp_path):
-    unit = fmu_sources(pieces(), "tool")
-    for name, text in unit.sources.items():
-        (tmp_path / name).write_text(text)
-    subprocess.run(
-        [
-            "gcc",
-            *FLAGS,
-            "-DFMI2_FUNCTION_PREFIX=dmsp_20_",
-            "-fPIC",
-            "-shared",
-            *unit.compiled,
-            "-o",
-            "one.so",
-            "-lm",
-        ],
-        cwd=tmp_path,
-        check=True,
-    )
-    library = ctypes.CDLL(str(tmp_path / "one.so"))
-    assert library.dmsp_20_fmi2DoStep
-    assert not hasattr(library, "fmi2DoStep")

@@ -119,32 +119,6 @@ def test_the_lines_that_call_an_export_run(to, tmp_path, monkeypatch):
     assert any(x == pytest.approx(expected, rel=close) for x in numbers), said
 
 
-@needs_octave
-def test_the_lines_for_a_model_that_is_fed_back_run(tmp_path, monkeypatch):
-    model = WITH_MEMORY["fed back"]
-    for to in ("py", "matlab"):
-        files = exported(model, to, verify=False)
-        for name, data in files.items():
-            (tmp_path / name).write_bytes(data)
-        monkeypatch.chdir(tmp_path)
-        monkeypatch.syspath_prepend(tmp_path)
-        assert "nan" in run_snippet(to, snippet(model, to, list(files))).lower(), "no value yet"
-
-
-def test_a_block_of_modelica_reads_the_tables_that_are_there():
-    files = exported(pieces(), "table")
-    text = files["dmsp_20.mo"].decode()
-    tables = re.findall(r"^double (\w+)\(", files["dmsp_20.txt"].decode(), re.MULTILINE)
-    assert re.findall(r'tableName = "(\w+)"', text) == tables
-    assert text.startswith("block dmsp_20 ")
-    assert text.endswith("end dmsp_20;\n")
-    assert text.count("(") == text.count(")")
-    connected = {name for pair in re.findall(r"connect\((.*), (.*)\);", text) for name in pair}
-    declared = {*re.findall(r"Real(?:In|Out)put (\w+) ", text), "values.y"}
-    declared |= {f"{name}.u{n}" for name in ("values", "validity") for n in (1, 2)}
-    assert connected == declared
-
-
 def test_one_sample_and_a_sample_that_is_not_finite():
     module = imported(pieces())
     assert module.evaluate(200.0, 0.1) == pytest.approx(
