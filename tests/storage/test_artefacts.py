@@ -4,10 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-import os
 import re
-import subprocess
-import sys
 import types
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -41,7 +38,6 @@ from mapmore_cli.storage.artefacts.reference import described
 from mapmore_cli.storage.artefacts.schema import (
     SegmentationFile,
     taken_apart,
-    units_of,
 )
 
 KINDS = {
@@ -96,16 +92,6 @@ def test_files_of_older_formats_are_read(version, tmp_path):
             assert file.attrs["format_version"] == version
         assert same(KINDS[kind][1](path, told.append), record)
     assert told == []
-
-
-def test_the_page_shows_how_arrays_are_read(tmp_path):
-    page = (Path(__file__).parents[2] / "docs" / "file-format.md").read_text(encoding="utf-8")
-    (lines,) = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
-    artefacts.write_fit(tmp_path / "fit.h5", examples()["fit"])
-    output = subprocess.run(
-        [sys.executable, "-c", lines], check=True, cwd=tmp_path, capture_output=True, text=True
-    ).stdout
-    assert output == "pressure=250/strain:1 [2 0]\n"
 
 
 def test_a_column_of_a_recording_and_its_curve_is_stored_once(tmp_path):
@@ -273,18 +259,6 @@ def test_units_are_those_of_the_quantities(written):
     assert [(kind, place, arrays_of(written[kind])[place][0]) for kind, place, _ in UNITS] == UNITS
 
 
-def test_later_stages_hand_the_units_on(tmp_path):
-    path, all_examples = tmp_path / "segment.h5", examples()
-    artefacts.write_segmentation(path, all_examples["segmentation"])
-    assert arrays_of(path)["curves/all/boundaries/all"][0] == "[strain]"
-    dataset = replace(
-        all_examples["dataset"],
-        quantities={**all_examples["dataset"].quantities, "strain": Quantity("strain", "%")},
-    )
-    artefacts.write_segmentation(path, all_examples["segmentation"], units_of(dataset))
-    assert arrays_of(path)["curves/all/boundaries/all"][0] == "%"
-
-
 def test_segmentation_holds_rows_and_no_samples(tmp_path):
     curve = replace(
         examples()["segmentation"][0], segments=(Segment("s", "c", (1,), np.arange(20_000)),)
@@ -324,30 +298,6 @@ def test_model_carries_long_provenance(tmp_path):
     with h5py.File(tmp_path / "m.h5") as file:
         assert file["provenance/experiment.yaml"].asstr()[()] == spec
     assert same(artefacts.read_model(tmp_path / "m.h5"), examples()["model"])
-
-
-def test_bytes_do_not_depend_on_process_or_time(tmp_path, written):
-    script = (
-        "import sys; from pathlib import Path; sys.path.insert(0, sys.argv[1]); import "
-        "test_artefacts as t\n"
-        "for kind, record in t.examples().items(): t.KINDS[kind][0](Path(sys.argv[2]) / "
-        "f'{kind}.h5', record)"
-    )
-    other = tmp_path / "other"
-    other.mkdir()
-    environment = {
-        **os.environ,
-        "PYTHONHASHSEED": "7",
-        "HOSTNAME": "elsewhere",
-        "OPENBLAS_NUM_THREADS": "1",
-    }
-    subprocess.run(
-        [sys.executable, "-c", script, str(Path(__file__).parent), str(other)],
-        check=True,
-        env=environment,
-    )
-    for kind, path in written.items():
-        assert path.read_bytes() == (other / path.name).read_bytes(), kind
 
 
 @pytest.mark.parametrize("kind", KINDS)
