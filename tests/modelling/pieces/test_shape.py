@@ -292,7 +292,7 @@ def test_the_level_of_the_test_against_noise_is_met_exactly():
     """A share of `(1 + count) / (RUNS + 1)` can be equal to the level (Davison and Hinkley 1997,
     section 4.2).
     """
-    assert (RUNS + 1) * LEVEL == pytest.approx(round((RUNS + 1) * LEVEL), abs=1e-12)
+    assert pytest.approx(round((RUNS + 1) * LEVEL), abs=1e-12) == (RUNS + 1) * LEVEL
 
 
 @pytest.mark.parametrize(("times", "notes"), [(1.08, 0), (1.12, 1)])
