@@ -20,6 +20,7 @@ from collections import Counter
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass
+from functools import cache
 from pathlib import Path
 from queue import SimpleQueue
 from tempfile import TemporaryDirectory
@@ -182,10 +183,30 @@ def rooms() -> dict[str, list[str]]:
 
 
 def tests_of(path: Path, table: dict[str, list[str]]) -> list[str]:
-    """Return the tests of the innermost room that has a file; none of a file without one."""
+    """Return the test files of the innermost room that has a file, the nearest first: those that
+    import its module; none of a file without a room.
+    """
     at = path.relative_to(PACKAGE).as_posix()
     names = [name for name in table if at == name or at.startswith(f"{name.rstrip('/')}/")]
-    return table[max(names, key=len)] if names else []
+    module = ".".join(path.relative_to(PROJECT).with_suffix("").parts).removesuffix(".__init__")
+    files = [
+        file
+        for test in (table[max(names, key=len)] if names else [])
+        for file in ([test] if test.endswith(".py") else _test_files(test))
+    ]
+    imports = f"from {module} import"
+    return sorted(dict.fromkeys(files), key=lambda file: imports not in _text_of(file))
+
+
+def _test_files(folder: str) -> list[str]:
+    """Return the test files of a folder, from the project's."""
+    found = sorted((PROJECT / folder).rglob("test_*.py"))
+    return [file.relative_to(PROJECT).as_posix() for file in found]
+
+
+@cache
+def _text_of(file: str) -> str:
+    return (PROJECT / file).read_text(encoding="utf-8")
 
 
 def copy_of_project(place: Path) -> Path:
@@ -205,8 +226,9 @@ def survives(mutant: Mutant | None, place: Path, tests: list[str]) -> bool:
     target = place / "mapmore_cli" / (mutant.file if mutant else "__init__.py")
     before = target.read_text(encoding="utf-8")
     measured = PROJECT.parent / "shared" / "data"
-    env = {**os.environ, "PYTHONPATH": str(place), "PYTHONDONTWRITEBYTECODE": "1"}
-    env = {"MAPMORE_DATA": str(measured), "OPENBLAS_NUM_THREADS": "1", **env}
+    env = {"MAPMORE_DATA": str(measured), "OPENBLAS_NUM_THREADS": "1", **os.environ}
+    env["PYTHONPATH"] = str(place)
+    env.pop("PYTHONDONTWRITEBYTECODE", None)  # else every run compiles the whole package anew
     line = [sys.executable, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider", "-m", "not long"]
     try:
         if mutant:
