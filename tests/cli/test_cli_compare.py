@@ -108,6 +108,7 @@ def test_drift_over_campaigns(campaigns, mapmore, tmp_path):
     )
     ratios = [one["ratio"] for one in json.loads(result.stdout)["campaigns"]]
     assert ratios == pytest.approx([1.02, 1.06], abs=0.003)
+    assert "third has changed" in compared(mapmore, campaigns, "2025", "second", "third").stdout
     text = (tmp_path / "drift.svg").read_text()
     assert all(word in text for word in ("2025", "second", "third", "pressure 100"))
 

@@ -312,3 +312,15 @@ def test_a_column_of_standard_deviations_holds_differences(ingest, unit, own_uni
     (curve,) = dataset.curves
     assert curve.columns["heat"] == pytest.approx(np.linspace(20, 30, 9))
     assert curve.columns["heat_uncertainty"] == pytest.approx(wanted, rel=1e-12)
+
+
+def test_the_row_of_the_first_sample_is_kept_where_the_others_follow_it(ingest):
+    """Row 2 is the first under a header; where one is left out between, no row can be reckoned."""
+    t = np.arange(6.0)
+    for force, first in (
+        ([1, 2, 3, 4, 5, 6], 2),
+        ([np.nan, 2, 3, 4, 5, 6], 3),
+        ([1, 2, np.nan, 4, 5, 6], 0),
+    ):
+        dataset = ingest({"a.csv": csv_text(t=t, P=80, eps=0, F=force)}, missing="drop")
+        assert dataset.recordings[0].first_row == first

@@ -18,6 +18,7 @@ from mapmore_cli.domain.recording import Curve, Quantity
 from mapmore_cli.modelling.pieces.build import build
 from mapmore_cli.modelling.pieces.recipe import Cuts
 from mapmore_cli.modelling.validation.comparison import (
+    Comparison,
     common_curves,
     compare,
     grid,
@@ -284,3 +285,45 @@ def test_the_simplest_that_is_as_good_is_taken(name):
     ranked = simplest_of(sizes, np.array(errors), **dict(*named))
     assert (ranked.best, ranked.chosen) == found
     assert "eligible" not in dict(*named) or ranked.excess[0] < 0
+
+
+@pytest.mark.parametrize(
+    ("changes", "answer"),
+    [
+        ({}, "changed"),
+        ({"interval": (0.9, 1.0)}, "cannot tell"),  # one is not excluded
+        ({"ratio": 1.05, "interval": (1.0, 1.1)}, "cannot tell"),
+        ({"ratio": 1.05, "interval": (1.04, 1.06)}, "changed"),
+        ({"ratio": 0.985}, "cannot tell"),  # within the margin
+        ({"resolution": 0.06}, "cannot tell"),  # less than can be told from none
+        ({"same_recordings": True}, "settings"),
+        ({"ratio": 1.0, "narrow": (0.985, 1.015), "interval": (0.98, 1.02)}, "same"),
+        ({"ratio": 1.0, "narrow": (0.98, 1.01), "interval": (0.97, 1.02)}, "cannot tell"),
+        ({"ratio": 1.0, "narrow": (0.99, 1.02), "interval": (0.97, 1.03)}, "cannot tell"),
+        # models between levels of the other are surer of nothing than their uncertainty
+        ({"ratio": 1.0, "narrow": (0.99, 1.01), "interval": (0.985, 1.015), "resolution": 0.02},
+         "same"),
+        ({"ratio": 1.0, "narrow": (0.99, 1.01), "interval": (0.985, 1.015), "resolution": 0.021},
+         "cannot tell"),
+    ],
+)  # fmt: skip
+def test_the_answer_follows_from_the_intervals_and_the_margin(changes, answer):
+    """Of a margin of 2 %, and at each of its edges."""
+    told = Comparison(
+        "before",
+        "after",
+        "N",
+        (),
+        **{
+            "ratio": 0.95,
+            "interval": (0.94, 0.96),
+            "narrow": (0.945, 0.955),
+            "p": 0.0,
+            "p_permutation": None,
+            "margin": 0.02,
+            "resolution": 0.01,
+        }
+        | changes,
+    )
+    assert told.answer == answer
+    assert told.changed == (answer == "changed")

@@ -219,3 +219,12 @@ def test_a_map_forecast_stops():
     assert found.more is None
     assert 0 < found.least <= found.widest
     assert points.until(committee_of(map_of()), 1e9).more == 0
+
+
+def test_an_input_that_stays_has_no_say_in_a_smooth_surface():
+    x = np.linspace(0, 1, 30)
+    still = np.column_stack([x, np.full(30, 7.0)])
+    wave = np.sin(5 * x)
+    predicted = smooth(still, wave)(still)
+    np.testing.assert_allclose(predicted, wave, atol=0.02)
+    np.testing.assert_allclose(predicted, smooth(x[:, None], wave)(x[:, None]), atol=1e-3)

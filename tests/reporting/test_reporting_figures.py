@@ -254,6 +254,13 @@ class TestTerms:
         assert drawn(replace(inputs, fit=replace(inputs.fit, body=None)), "terms") == {}
 
 
+@pytest.mark.parametrize(
+    ("length", "short"), [(10, "abcdefghij"), (5, "ab…ij"), (6, "ab…hij"), (2, "…j")]
+)
+def test_a_long_name_keeps_as_much_of_its_beginning_as_of_its_end(length, short):
+    assert panels.shorten("abcdefghij", length) == short
+
+
 class TestTraces:
     def test_every_quantity_over_time(self, inputs):
         recording = inputs.dataset.recordings[0]

@@ -8,7 +8,14 @@ from hypothesis import strategies as st
 
 from mapmore_cli.domain.errors import SpecError
 from mapmore_cli.study import units
-from mapmore_cli.study.units import convert, default_unit, parse_quantity
+from mapmore_cli.study.units import (
+    can_convert,
+    convert,
+    default_unit,
+    is_kept,
+    is_same,
+    parse_quantity,
+)
 
 ALONE = {
     "time": "s", "pressure": "kPa", "strain": "1", "force": "N", "length": "m", "displacement": "m",
@@ -213,3 +220,15 @@ def test_the_table_of_everyday_units_is_pints():
             .magnitude
         )
         assert factor == pytest.approx(expected, rel=1e-15)
+
+
+def test_what_nobody_knows_is_no_unit_of_anything():
+    assert is_kept("mm")
+    assert not is_kept("%")
+    for unit in ("flurbs", ""):
+        assert not is_kept(unit)
+        assert not can_convert(unit or "flurbs", "kPa")
+        assert not is_same(unit or "flurbs", "kPa")
+    assert can_convert("psi", "kPa")
+    assert not is_same("psi", "kPa")
+    assert is_same("kPa", "kilopascal")
