@@ -59,16 +59,6 @@ def test_a_campaign_runs_its_variants_and_writes_its_page(campaign, tmp_path, ma
     assert broken.startswith("broken: failed: error:")
 
 
-def test_overrides_of_the_command_line_come_last(campaign, tmp_path, mapmore):
-    arguments = ("batch", campaign, "--json", "-q", "--jobs", 1)
-    result = mapmore(
-        *arguments, "--set", "fit.max_terms=3", "--set", "data.files=[bench_*.csv]", code=0
-    )
-    assert [run["name"] for run in json.loads(result.stdout)["runs"]] == ["one", "two", "broken"]
-    for name in ("one", "two"):
-        assert "max_terms: 3" in (tmp_path / "runs" / name / "experiment.yaml").read_text()
-
-
 def test_paths_start_at_the_campaign(campaign):
     _, entries = load_campaign(campaign)
     assert {entry.config for entry in entries} == {campaign.parent / "bench.yaml"}

@@ -7,13 +7,11 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 from subprocess import PIPE
 
 import numpy as np
 import pytest
-from cli_samples import write_study
 from common import process
 from numpy._core._exceptions import _ArrayMemoryError
 
@@ -193,27 +191,6 @@ def test_interrupted_by_the_keyboard(model_file):
         process.send_signal(signal.SIGINT)
         _, stderr = process.communicate(timeout=20)
     assert (process.returncode, stderr) == (130, b"interrupted\n")
-
-
-@pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="looks for its workers in /proc")
-@pytest.mark.parametrize("pause", [0.1, pytest.param(0.8, marks=pytest.mark.long)])
-def test_interrupting_a_batch_ends_its_workers(pause, tmp_path):
-    """Whether they are still starting or already at work: no traceback, and nobody goes on."""
-    specs = [write_study(tmp_path, f"study{number}") for number in range(40)]
-    command = [*COMMAND, "batch", *specs, "--runs", tmp_path / "runs", "--jobs", "2"]
-    with subprocess.Popen(
-        command, stdout=PIPE, stderr=PIPE, text=True, start_new_session=True
-    ) as process:
-        children = Path(f"/proc/{process.pid}/task/{process.pid}/children")
-        while len(children.read_text().split()) < 3:  # two workers, and a helper of Python's
-            time.sleep(0.01)
-        time.sleep(pause)
-        os.killpg(process.pid, signal.SIGINT)
-        stdout, stderr = process.communicate(timeout=60)
-    assert (process.returncode, stdout) == (130, "")
-    assert stderr.splitlines()[-1] == "interrupted"
-    assert "Traceback" not in stderr
-    assert len(list(tmp_path.glob("runs/*/scores.json"))) < len(specs) / 2
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs a device that is always full")

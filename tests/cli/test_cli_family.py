@@ -129,19 +129,6 @@ def test_what_cannot_be_adapted(folder, tmp_path, mapmore, arguments, words):
     )
 
 
-def test_a_table_that_has_the_column_keeps_it(folder, tmp_path, mapmore):
-    (tmp_path / "table.csv").write_text("pressure,strain,rest\n600,0,200\n")
-    result = mapmore(
-        "predict",
-        folder / "runs" / "muscles" / "model.h5",
-        tmp_path / "table.csv",
-        "--set",
-        "rest=250",
-        code=4,
-    )
-    assert "already has a column rest" in result.stderr
-
-
 @pytest.mark.parametrize(
     ("model", "words"),
     [
@@ -154,12 +141,3 @@ def test_a_table_that_has_the_column_keeps_it(folder, tmp_path, mapmore):
 def test_what_is_no_family(tmp_path, mapmore, model, words):
     (tmp_path / "muscles.yaml").write_text(SPEC.replace("family: {of: rest}", model))
     mapmore("run", tmp_path / "muscles.yaml", code=3, says=words)
-
-
-def test_two_specimens_have_no_intervals(folder, mapmore):
-    two = folder / "two.yaml"
-    two.write_text(SPEC.replace('    - {path: "300_*.csv", set: {rest: 300 mm}}\n', ""))
-    mapmore("run", two, "--runs", folder / "of-two", code=4, says="2 are too few")
-    mapmore(
-        "run", two, "--runs", folder / "of-two", "--set", "validate.intervals=false", "-q", code=0
-    )

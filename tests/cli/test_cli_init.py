@@ -3,11 +3,9 @@
 import json
 from pathlib import Path
 
-import numpy as np
 import pytest
 from cli_samples import OWN, PROJECT, by_place, options, thinned
 
-from mapmore_cli.study.campaign import load_campaign
 from mapmore_cli.study.loader import load
 
 pytestmark = pytest.mark.usefixtures("quick_families")
@@ -133,28 +131,6 @@ def test_one_that_exists_stops_no_other_and_each_has_a_page(tmp_path, mapmore, r
     page = Path("mckibben.html").read_text()
     assert "What drives against what follows" in page
     assert page.count('class="thumbnail"') >= 4
-
-
-def test_several_outputs_are_a_fragment_a_spec_each_and_a_campaign(tmp_path, mapmore, monkeypatch):
-    t = 0.02 * np.arange(500)
-    drive = np.sin(t) * np.cos(0.3 * t)
-    columns = (t, drive, np.tanh(drive), drive**3 + 0.2 * drive)
-    (tmp_path / "rig").mkdir()
-    head = "time [s],motor [deg],Tip x [mm],Tip z [mm]"
-    np.savetxt(
-        tmp_path / "rig" / "a.csv", np.transpose(columns), delimiter=",", header=head, comments=""
-    )
-    monkeypatch.chdir(tmp_path)
-    both = ("init", "rig", "--target", "Tip x,Tip z")
-    mapmore(*both, "--name", "arm", "-o", "own.yaml", code=0)
-    assert {path.name for path in tmp_path.glob("*.yaml")} == {
-        *("own.yaml", "_own.yaml", "own-Tip_x.yaml", "own-Tip_z.yaml")
-    }
-    assert "Tip_z" not in Path("_own.yaml").read_text()
-    assert "Tip_z" not in Path("own-Tip_x.yaml").read_text()
-    _, runs = load_campaign(Path("own.yaml"))
-    assert [load(run.config).spec.name for run in runs] == ["arm-Tip_x", "arm-Tip_z"]
-    mapmore(*both, "-o", "-", code=2, says="no one text")
 
 
 @pytest.mark.parametrize(("paper", "terms"), [("m1", 1), ("m2", 1)])

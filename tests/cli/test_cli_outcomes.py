@@ -5,7 +5,6 @@ must be loud.
 import json
 import xml.etree.ElementTree as ET
 
-import numpy as np
 import pytest
 from cli_samples import (
     options,
@@ -73,16 +72,3 @@ def test_a_level_that_was_measured_at_one_place_is_cut_into_one_segment(study, t
 
 
 WORSE = "worse than the mean of what was measured"
-BEYOND_SCALE = "times the full scale (max|force| over validate)"
-
-
-def test_pieces_that_add_nothing_are_told(study, tmp_path, document):
-    strain = np.linspace(0.0, 0.1, 24)
-    for level in (100, 200, 300):  # the formula exactly
-        rows = [f"{level},{e!r},{level * (3 * (1 - e) ** 2 - 1)!r}" for e in strain.tolist()]
-        write_lines(tmp_path / f"bench_{level}.csv", "P,eps,F", *rows)
-    found = document("validate", study, "-q", "--set", "model.backbone=chou_hannaford")
-    assert found["warnings"][0] == (
-        "the model says the same as its backbone chou_hannaford, on every sample: its pieces "
-        "add nothing"
-    )

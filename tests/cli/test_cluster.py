@@ -10,7 +10,7 @@ from subprocess import PIPE, Popen
 import pytest
 from cli_samples import wait_until, write_slow_study, write_study
 
-from mapmore_cli.annexes.campaigns.cluster import Shared, _work, run_on_cluster
+from mapmore_cli.annexes.campaigns.cluster import Shared, run_on_cluster
 from mapmore_cli.domain.errors import UsageError, WriteError
 from mapmore_cli.pipeline.jobs import Job, run_one
 from mapmore_cli.storage.run_record import tool_versions
@@ -132,28 +132,6 @@ def test_workers_that_differ_are_refused(tmp_path):
         Shared(tmp_path / "missing", here, {}).check()
     with pytest.raises(UsageError, match=r"has mapmore .*, and 0\.0 is here"):
         Shared(tmp_path / "token", "0.0", {}).check()
-
-
-def test_variables_of_the_client_are_set_for_a_job_alone(tmp_path, monkeypatch):
-    class Worker:
-        def log_event(self, *_):
-            pass
-
-    def variables(_job):
-        return [os.environ.get(name) for name in ("MAPMORE_HERE", "MAPMORE_DATA")]
-
-    monkeypatch.setattr("distributed.get_worker", Worker)
-    monkeypatch.setattr("mapmore_cli.annexes.campaigns.cluster.run_one", variables)
-    monkeypatch.setenv("MAPMORE_HERE", "the worker's")
-    monkeypatch.delenv("MAPMORE_DATA", raising=False)
-    (tmp_path / "token").touch()
-    given = {"MAPMORE_HERE": "the client's", "MAPMORE_DATA": "/data"}
-    job = Job(tmp_path / "none.yaml", tmp_path)
-    assert _work(job, Shared(tmp_path / "token", tool_versions()["mapmore"], given), 0) == [
-        "the client's",
-        "/data",
-    ]
-    assert variables(job) == ["the worker's", None]
 
 
 def test_a_cluster_that_is_not_there(tmp_path, monkeypatch):

@@ -306,18 +306,6 @@ def test_the_shell_pipeline(workshop):
     assert run(workshop, EXAMPLES / "pipeline.sh", "nothing.yaml", "table.csv").returncode == 3
 
 
-@pytest.mark.long  # the shell pipeline runs the same commands
-@pytest.mark.skipif(shutil.which("make") is None, reason="there is no make on this machine")
-def test_the_makefile_makes_what_is_missing_and_nothing_twice(workshop):
-    done = run(workshop, "make", "-f", EXAMPLES / "Makefile")
-    assert done.returncode == 0, done.stderr
-    made = {path.name: path.stat().st_mtime_ns for path in (workshop / "out").iterdir()}
-    assert set(made) == {"model.h5", "figure.pdf", "lookup.csv"}
-    again = run(workshop, "make", "-f", EXAMPLES / "Makefile")
-    assert again.returncode == 0, again.stderr
-    assert {path.name: path.stat().st_mtime_ns for path in (workshop / "out").iterdir()} == made
-
-
 @pytest.mark.skipif(shutil.which("snakemake") is None, reason="Snakemake is not installed")
 def test_the_snakefile(workshop):
     (workshop / "specs").mkdir()

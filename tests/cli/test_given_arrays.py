@@ -334,30 +334,3 @@ def test_every_use_of_a_model_has_the_same_door(fitted):
         fitted(pressure=2 * UNITS.mm, strain=0.1)
     with pytest.raises(DataError, match="`strain`: true and false"):
         fitted.invert("pressure", force=100, strain=True)
-
-
-def test_the_estimator_has_it_too():
-    X, y = np.column_stack([P, E]), F
-    reference = mm.FROLS().fit(X, y).equations_
-    for same in (X.tolist(), np.ma.array(X, mask=False), X * UNITS.dimensionless, X.astype(object)):
-        assert mm.FROLS().fit(same, y).equations_ == reference
-    masked = np.ma.masked_equal(X, X[5, 1])
-    model = mm.FROLS().fit(X, y)
-    for told, odd in (
-        ("NaN", masked),
-        ("unit bar", X * UNITS.bar),
-        ("row 0, column 0: 'a'", [["a", 1.0]] * len(X)),
-        ("true and false", X > 1),
-    ):
-        for use in (mm.FROLS().fit, model.score):
-            with pytest.raises(ValueError, match=told):
-                use(odd, y)
-        with pytest.raises(ValueError, match=told):
-            model.predict(odd)
-    for odd in (np.ma.masked_less(y, 0), y * UNITS.N):
-        with pytest.raises(ValueError, match=r"NaN|unit newton"):
-            mm.FROLS().fit(X, odd)
-    with pytest.raises(ValueError, match="columns of one name: a, a"):
-        mm.FROLS().fit(Frame({"a": P}, ["a", "a"]), y)
-    with pytest.raises(DataError, match="collect"):
-        mm.FROLS().fit(Lazy(), y)

@@ -99,28 +99,6 @@ def test_a_model_with_memory_is_told_by_free_runs_over_blocks(tmp_path, mapmore)
     assert np.abs(errors).max() <= many_curves(model.left_out, 0.999)
 
 
-def test_runs_that_are_added_up_are_fitted_anew_without_a_level(study, tmp_path, mapmore):
-    """A run added to itself misses the level by what is left of twice the run that holds it out."""
-    whole = study.read_text().replace(
-        "figures: [], formats: [html, csv]", "figures: [], formats: [csv]"
-    )
-    (tmp_path / "held.yaml").write_text(whole.replace("name: bench", "name: held"))
-    study.write_text(whole.replace(HELD, ""))
-    part = "{model: bench.yaml, inputs: {pressure: pressure, strain: strain}}"
-    head = study.read_text().split("target:")[0].replace("name: bench", "name: twice")
-    twice = tmp_path / "twice.yaml"
-    twice.write_text(
-        f"{head}target: {{column: force}}\nmodel: {{sum: [{part}, {part}]}}\nvalidate: "
-        f"{{intervals: true}}\n"
-    )
-    left_out = fused(mapmore, twice).left_out
-    without = fused(mapmore, tmp_path / "held.yaml")
-    curve = read_dataset(tmp_path / "runs" / "held" / "ingest.h5").curves[1]
-    errors = curve.columns["force"] - 2 * forecast(without, curve).values
-    assert left_out.parts == ("pressure=200",)
-    assert left_out.offset == pytest.approx([errors.mean()], rel=1e-9)
-
-
 @pytest.fixture(scope="module")
 def model_file(tmp_path_factory, mapmore):
     """A run of four levels that holds 200 kPa out, with intervals; its page as well."""

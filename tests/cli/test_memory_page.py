@@ -112,26 +112,3 @@ def test_the_terms_of_the_tanks_run_as_the_page_says(tmp_path, document, measure
     assert dict(zip(memory.model.terms, memory.model.theta, strict=True)) == pytest.approx(
         coefficients, rel=0.02, abs=0.005
     )
-
-
-LINEAR = (
-    "dictionary=[{lags: {of: [y, u], steps: [1, 2], constant: false}}]",
-    "fit.max_terms=4",
-)
-
-
-@pytest.mark.parametrize(
-    ("model", "changes"),
-    [
-        ("linear_one_step", (*LINEAR, "fit.criterion=one_step")),
-        ("linear", LINEAR),
-        pytest.param("mapmore", (), marks=pytest.mark.long),
-    ],
-)
-def test_the_oscillator_trained_on_little_runs_as_the_page_says(
-    model, changes, document, measured_data
-):
-    told = numbers(page_table("bouc_wen", MEMORY)[model])["RRSE, free run, trained on 2048 samples"]
-    few = options("data.split.validate={last: 0.95}", "validate.against=[]", *changes)
-    rows = by_place(document("validate", STUDIES / "bouc_wen.yaml", *few, "-q"))
-    assert rows[OWN]["rrse"] == pytest.approx(told, rel=5e-3)

@@ -66,29 +66,3 @@ def test_errors_by_waveform_are_made_again_from_the_recordings(model):
         assert float(rows[f"{name}, largest"][model]) == pytest.approx(
             np.abs(error).max(), rel=0.02, abs=6e-3
         )
-
-
-@pytest.mark.parametrize(
-    ("name", "row", "column", "references", "settings"),
-    [
-        ("slowest", "0.5 s", "piecewise", PARTS, {"sections": BOUNDARIES, "slowest": 0.5}),
-        ("slowest", "1 s", "piecewise", PARTS, {"sections": BOUNDARIES}),
-        ("slowest", "1000 s", "piecewise", PARTS, {"sections": BOUNDARIES, "slowest": 1000.0}),
-        *(
-            (
-                "sections",
-                f"sections-{count}",
-                "RMSE, hard",
-                (*FULL, *PARTS),
-                {"sections": count, "direction": True, "offset": True},
-            )
-            for count in (1, 3)
-        ),
-    ],
-)
-def test_errors_over_all_waveforms_are_made_again(name, row, column, references, settings):
-    """Of slow sections (by default a quarter of the wavelength), and by their number."""
-    motion = fitted(references, settings)
-    logs = [log(path.stem) for path in sorted((DATASETS / "waveforms").glob("waveform_*.csv"))]
-    error = np.concatenate([simulate(motion, record) - record["displacement"] for record in logs])
-    assert float(table(name)[row][column]) == pytest.approx(np.sqrt(np.mean(error**2)), rel=0.02)

@@ -8,14 +8,12 @@ import re
 
 import pytest
 from claims import Judge
-from cli_samples import CONFIGS, PROJECT, edit, held_out, write_study
+from cli_samples import CONFIGS, edit, held_out, write_study
 from common import rows_of
 from compare import main
 from comparison import HERE, PUBLISHED, beside
 from our_numbers import Runs
 from paper import REFERENCE, PaperError, Reason, load_paper
-from paper_tables import MADE, TABLES
-from paper_tables import rows_of as rows_of_table
 
 from mapmore_cli.study.loader import load
 
@@ -245,19 +243,6 @@ def test_what_is_not_there_is_told_and_the_page_is_written(paper, old, new, word
     assert code == 3
     assert words in printed.err
     assert words in (runs / "paper.html").read_text(encoding="utf-8")
-
-
-def test_a_table_that_claims_ask_for_is_what_its_command_writes(tmp_path):
-    """The one that needs no run; `python docs/papers/paper_tables.py` writes all."""
-    assert {path.stem for path in TABLES.glob("*.csv")} == set(MADE)
-    with (TABLES / "products.csv").open(encoding="utf-8", newline="") as lines:
-        written = list(csv.reader(lines))
-    found = rows_of_table("products", Runs(tmp_path, PROJECT))
-    assert written[0] == found[0]
-    for row, own in zip(written[1:], found[1:], strict=True):
-        assert [float(cell) for cell in row[1:]] == pytest.approx(
-            [float(cell) for cell in own[1:]], rel=1e-4
-        )
 
 
 @pytest.mark.parametrize("name", NUMBERED)

@@ -67,21 +67,6 @@ def test_the_same_input_gives_the_same_bytes(copied, mapmore):
     assert Path("bench", "scores.json") in one
 
 
-def test_a_backbone_that_says_it_all_is_kept_alone(study, mapmore, document):
-    """The data are a plane: polynomial_2 has it, and a residual of noise must not help on left-out
-    levels.
-    """
-    settings = options("model.backbone=polynomial_2", "fit.max_terms=3")
-    told = [
-        "the pieces on polynomial_2 are left out",
-        "as its backbone polynomial_2, because its pieces were dropped",
-    ]
-    mapmore("run", study, *settings, code=0, says=told)
-    assert document("show", "runs/bench/model.h5")["segments"] == []
-    rmse, _ = scored_run(mapmore, study, *settings)
-    assert rmse["mapmore"] == rmse["polynomial_2"]
-
-
 def test_order_of_rows_names_of_files_threads_and_time_zone_do_not_matter(
     study, tmp_path, document, monkeypatch
 ):

@@ -8,9 +8,7 @@ import numpy as np
 import pytest
 from cli_samples import options, page_of
 
-import mapmore_cli as mm
 from mapmore_cli.checking import applied
-from mapmore_cli.domain.errors import DataError, SpecError
 from mapmore_cli.pipeline.runner import bring_up_to_date
 from mapmore_cli.study.loader import load
 
@@ -94,21 +92,6 @@ def arrays(scale):
         "strain": scale * strain,
         "force": pressure * (2 - 8 * strain) + pressure**2 / 400,
     }
-
-
-def test_fits_of_arrays_are_checked_as_well():
-    study = {
-        "levels": {"of": "pressure", "at": "auto"},
-        "dictionary": [{"polynomial": {"of": ["strain"], "order": 2}}],
-    }
-    with pytest.raises(SpecError, match=r"^fit\(\.\.\.\): strain reaches 20, which is 2000 %"):
-        mm.fit(arrays(100.0), **study)
-    with pytest.warns(UserWarning, match="looks like per cent"):
-        found = mm.fit(arrays(100.0), check=False, **study)
-    assert ["per cent" in warning for warning in found.warnings] == [True]
-    with pytest.raises(DataError, match="force is 0 in every sample"):
-        mm.fit({**arrays(1.0), "force": np.zeros(120)}, **study)
-    assert mm.fit(arrays(1.0), **study).warnings == ()
 
 
 # Models that lack a quantity, and labels

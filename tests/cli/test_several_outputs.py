@@ -14,10 +14,8 @@ import pytest
 from cli_samples import CONFIGS, csv_rows, options, write_columns, write_lines
 
 import mapmore_cli as mm
-from mapmore_cli.domain.errors import DataError
-from mapmore_cli.domain.models import Model, Outputs
 from mapmore_cli.domain.results import FitResult, OutputsFit
-from mapmore_cli.storage.artefacts import read_fit, read_model, write_fit, write_model
+from mapmore_cli.storage.artefacts import read_fit, read_model, write_fit
 
 LEVER = CONFIGS / "lever" / "lever-tip.yaml"
 NAMES = ["tip_x", "tip_y"]
@@ -227,36 +225,3 @@ def test_kinds_of_one_target_are_refused(settings, words, mapmore):
 def test_open_numbers_are_refused(slow, mapmore):
     terms = options("dictionary=[{slow: {of: [u]}}]")
     mapmore("fit", slow, "-q", *terms, code=4, says="write the numbers, as `slow(pressure, 0.3)`")
-
-
-@pytest.mark.parametrize(
-    ("change", "words"),
-    [
-        (lambda m: replace(m, body=Outputs(m.each[:1])), "its outputs are not several"),
-        (lambda m: replace(m, body=Outputs((m.each[0],) * 2)), "a name of its own"),
-        (
-            lambda m: replace(m, body=Outputs((m.each[0], turned(m)))),
-            "one of its outputs is several",
-        ),
-        (lambda m: replace(m, inputs=m.inputs[:1]), "its inputs are not those of its outputs"),
-        (lambda m: replace(m, body=Outputs((m.each[0], shorter(m.each[1])))), "their segments"),
-    ],
-)
-def test_a_file_that_somebody_made_is_refused(change, words, lever, tmp_path):
-    write_model(tmp_path / "forged.h5", change(read_model(lever[0] / "model.h5")))
-    with pytest.raises(DataError, match=words):
-        read_model(tmp_path / "forged.h5")
-
-
-def turned(model: Model) -> Model:
-    """The model with its outputs in the other order."""
-    return replace(model, output=model.outputs[1], body=Outputs(model.each[::-1]))
-
-
-def shorter(model: Model) -> Model:
-    """The model with the segments of its first curve renamed."""
-    first, *rest = model.body.curves
-    segments = tuple(replace(one, id=f"{one.id}!") for one in first.segments)
-    return replace(
-        model, body=replace(model.body, curves=(replace(first, segments=segments), *rest))
-    )

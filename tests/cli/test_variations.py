@@ -132,21 +132,6 @@ def test_another_spec_of_the_same_name_is_refused(tmp_path, mapmore):
     mapmore("ingest", tmp_path / "autumn" / "bench.yaml", "-q", code=0)
 
 
-@pytest.mark.usefixtures("batch_here")
-def test_campaigns_do_not_share_a_name_for_different_runs(study, mapmore):
-    for name, terms in (("few", 1), ("many", 2), ("few_again", 1)):
-        runs = f"[{{name: one, set: {{fit.max_terms: {terms}}}}}]"
-        study.with_name(f"{name}.yaml").write_text(
-            f"campaign: {name}\nbase: bench.yaml\nruns: {runs}\n"
-        )
-    for name in ("few", "few_again"):
-        mapmore("batch", f"{name}.yaml", "-q", "--jobs", 1, code=0)
-    edit(study.with_name("few_again.yaml"), "terms: 1", "terms: 3")
-    mapmore("batch", "few_again.yaml", "-q", "--jobs", 1, code=0)
-    told = "holds the run 'one' of ../../few_again.yaml; this is a run of ../../many.yaml"
-    mapmore("batch", "many.yaml", "-q", "--jobs", 1, code=7, says=told)
-
-
 def test_runs_that_are_built_on_each_other_are_refused(pair, tmp_path, mapmore):
     """Also where one of them is only compared: its model needs what it is built on."""
     bench, rival = pair
