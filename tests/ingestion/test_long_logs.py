@@ -3,7 +3,6 @@
 import gc
 import hashlib
 import json
-from weakref import WeakKeyDictionary
 
 import numpy as np
 import pytest
@@ -202,18 +201,6 @@ def test_a_long_log_takes_the_memory_of_its_blocks(tmp_path, spooled, monkeypatc
     assert peak < 2 * one_column, (
         "there are five columns, twice, besides row numbers, places and masks"
     )
-
-
-def test_more_columns_than_files_may_be_open_stay_in_memory(spooled, monkeypatch):
-    monkeypatch.setattr(arrays, "_mapped", WeakKeyDictionary())  # not those of tests before
-    monkeypatch.setattr(arrays, "ROWS", 4)
-    monkeypatch.setattr(arrays, "LONG", 0)
-    monkeypatch.setattr(arrays, "MOST", 2)
-    columns = [arrays.by_blocks(lambda x, k=k: x + k, np.arange(10), rows=4) for k in range(4)]
-    assert [column.flags.writeable for column in columns] == [False, False, True, True]
-    assert [column.tolist() for column in columns] == [list(range(k, 10 + k)) for k in range(4)]
-    del columns[0]
-    assert not arrays.by_blocks(np.negative, np.arange(10), rows=4).flags.writeable
 
 
 def test_the_step_of_a_long_record_is_that_of_its_parts(monkeypatch):
