@@ -217,18 +217,6 @@ def test_every_root_of_a_scan_is_found_where_the_map_turns_and_jumps(name, of):
     assert found.error < 1e-6
 
 
-def test_an_inverse_in_single_precision_comes_as_near_as_it_can(tmp_path):
-    model = replace(FORMULAS["sarosi"], name="short_numbers")
-    pressure, strain = np.linspace(150.0, 450.0, 9), np.full(9, 0.1)
-    wanted = predict(model, {"pressure": pressure, "strain": strain})
-    found, status = compiled(model, tmp_path, single=True, inverse=("pressure",)).invert(
-        wanted, {"strain": strain}, "pressure", LOWEST
-    )
-    assert set(status) == {"one"}
-    assert np.max(np.abs(found - pressure)) < 0.01
-    assert "double" not in (tmp_path / "short_numbers_inverse.c").read_text()
-
-
 def test_models_with_memory_have_neither():
     assert not [name for name in c_source(WITH_MEMORY["lags"]).files if "inverse" in name]
 

@@ -90,18 +90,6 @@ def test_a_unit_with_memory_is_predict_along_a_recording(tmp_path, name, to):
     checked(model, tmp_path, recording(model, 600), to)
 
 
-@pytest.mark.skipif(
-    shutil.which("x86_64-w64-mingw32-gcc") is None, reason="no compiler for Windows is here"
-)
-@pytest.mark.parametrize("standard", [2, 3])
-def test_the_sources_compile_for_windows(tmp_path, standard):
-    unit = fmu_sources(WITH_MEMORY["fed back"], "tool", standard)
-    for name, text in unit.sources.items():
-        (tmp_path / name).write_text(text)
-    call = ["x86_64-w64-mingw32-gcc", *FLAGS, "-shared", *unit.compiled, "-o", "unit.dll"]
-    subprocess.run(call, cwd=tmp_path, check=True)
-
-
 @needs_compiler
 def test_a_unit_of_fmi_3_keeps_states_and_says_what_it_refuses(tmp_path):
     model = WITH_MEMORY["operators"]
