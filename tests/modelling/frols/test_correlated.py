@@ -25,48 +25,6 @@ def noise(rng, kept, lengths=LENGTHS):
     return np.concatenate([lfilter([1], [1, -kept], one)[600:] for one in innovations])
 
 
-def newey_west(P, e, lags):
-    """The formula of statsmodels' `cov_hac` with Bartlett's weights, written out."""
-    scores, inverse = P * e[:, None], np.linalg.inv(P.T @ P)
-    total = scores.T @ scores
-    for lag in range(1, lags + 1):
-        part = scores[lag:].T @ scores[:-lag]
-        total += (1 - lag / (lags + 1)) * (part + part.T)
-    return np.sqrt(np.diag(inverse @ total @ inverse))
-
-
-def simulated(kept, white, count):
-    """Mean told errors, those of Newey and West at statsmodels' default of lags, and the scatter of
-    the coefficients of so many fits, (3, k).
-    """
-    rng, P = np.random.default_rng(round(100 * kept)), regressors()
-    lags = int(4 * (len(P) / 100) ** (2 / 9))
-    found = []
-    for _ in range(count):
-        y = np.sqrt(1 - white) * noise(rng, kept) + np.sqrt(white) * rng.standard_normal(len(P))
-        theta = np.linalg.lstsq(P, y, rcond=None)[0]
-        e = y - P @ theta
-        found.append((correlated_errors(P, e, LENGTHS)[0], newey_west(P, e, lags), theta))
-    told, hac, theta = np.swapaxes(found, 0, 1)
-    return np.array([told.mean(axis=0), hac.mean(axis=0), theta.std(axis=0)])
-
-
-@pytest.mark.parametrize(
-    "kept", [0.0, 0.97, *(pytest.param(one, marks=pytest.mark.long) for one in (0.5, 0.9))]
-)
-def test_told_errors_are_what_coefficients_scatter_by(kept):
-    told, hac, scatter = simulated(kept, 0.0, 120)
-    assert told == pytest.approx(scatter, rel=0.25)
-    if kept > 0.9:  # a sum over few lags sees half of it
-        assert (hac[:2] < 0.6 * scatter[:2]).all()
-
-
-@pytest.mark.long
-def test_white_noise_does_not_hide_a_drift():
-    told, _, scatter = simulated(0.97, 0.5, 120)
-    assert told == pytest.approx(scatter, rel=0.25)
-
-
 def test_of_many_samples_they_are_those_of_the_covariance_of_the_noise():
     """The whole matrix of the noise, from which each recording is drawn, against what is matched to
     the residuals of long ones.

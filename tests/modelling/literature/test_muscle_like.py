@@ -4,8 +4,6 @@ does what it can.
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from literature_cases import MUSCLE_LIKE, TABLE_I, muscle_like, uniform
 
 from mapmore_cli.modelling.expressions import to_text
@@ -56,33 +54,6 @@ def test_the_forces_that_the_text_states(muscle, pressure, length, expected):
     row = {"pressure": np.array([pressure]), "length": np.array([length]), "velocity": np.zeros(1)}
     found = get("muscle_like").predict(dict(zip(MUSCLE_LIKE, TABLE_I[muscle], strict=True)), row)
     assert found[0] == pytest.approx(expected, abs=0.5 if length else 0.2)
-
-
-@settings(max_examples=15)
-@given(st.integers(0, 10**6), st.sampled_from(sorted(TABLE_I)))
-def test_standard_errors_of_the_printed_parameters_are_those_of_a_fit_in_them(seed, muscle):
-    """The Jacobian of eq 4-5 by finite differences gives the same covariance."""
-    columns = motion(seed, 200)
-    noisy = force(TABLE_I[muscle], columns) + np.random.default_rng(seed).standard_normal(200)
-    fit = get("muscle_like").fit(columns, noisy)
-    values = np.array([fit.parameters[name] for name in MUSCLE_LIKE])
-    steps = 1e-6 * np.abs(values)
-    jacobian = np.stack(
-        [
-            (force(values + s * e, columns) - force(values - s * e, columns)) / (2 * s)
-            for s, e in zip(steps, np.eye(7), strict=True)
-        ]
-    )
-    scale = np.linalg.norm(jacobian, axis=1)
-    covariance = (
-        np.linalg.inv((jacobian.T / scale).T @ (jacobian.T / scale))
-        / np.outer(scale, scale)
-        * fit.sse
-        / (200 - 7)
-    )
-    assert [fit.errors[name] for name in MUSCLE_LIKE] == pytest.approx(
-        np.sqrt(np.diag(covariance)), rel=1e-3
-    )
 
 
 def test_the_simplex_comes_near_but_its_starts_do_not_agree():

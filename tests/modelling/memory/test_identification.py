@@ -4,10 +4,9 @@ against an integrator of their equation.
 
 import numpy as np
 import pytest
-from memory_samples import STEP, memory_model, recipe_of, record, slow, state_set, wandering
+from memory_samples import STEP, recipe_of, record, slow, wandering
 from scipy.integrate import solve_ivp
 
-from mapmore_cli.modelling.expressions import state
 from mapmore_cli.modelling.expressions.operator import FLOATS, Setting, along
 from mapmore_cli.modelling.expressions.operators import OPERATORS
 from mapmore_cli.modelling.memory.fitting import fit_with_memory
@@ -121,40 +120,3 @@ def test_a_number_at_its_bound_is_told():
     assert fit.identified.held.tolist() == [True, False]
     assert np.isnan(fit.identified.errors[0])
     assert "p of wen(y[k-1]) = 0 lies at a bound" in fit.identified.notes[0]
-
-
-def random_runs(count, seed):
-    """Free runs of random models of random fed-back operators under random inputs, some of them
-    unstable.
-    """
-    rng = np.random.default_rng(seed)
-    names = [name for name, operator in OPERATORS.items() if operator.starts is not None]
-    for _ in range(count):
-        operator = OPERATORS[rng.choice(names)]
-        ends = [parameter.between(STEP, 1.0) for parameter in operator.parameters]
-        shares = rng.uniform(size=len(ends))
-        numbers = [
-            low * (high / low) ** share if low > 0 else low + (high - low) * share**4
-            for (low, high), share in zip(ends, shares.tolist(), strict=True)
-        ]
-        name = state(f"{operator.name}(y[k-1], {', '.join(map(repr, numbers))})").name
-        ranges = {"y[k-1]": tuple(np.sort(rng.normal(0, 1, 2)).tolist())}
-        states = state_set(name, "u", "y[k-1]", ranges=ranges)
-        theta = rng.normal(0, 1, 4) * 10 ** rng.uniform(-2, 2)
-        model = memory_model(["y[k-1]", "u", name, f"u*{name}"], theta, states)
-        u = np.cumsum(rng.normal(0, 1, 30)) * 10 ** rng.uniform(-1, 3)
-        yield numbers, Along(model)({"u": u, "y": np.full(30, rng.normal())})
-
-
-@pytest.mark.parametrize(
-    ("count", "seed"), [(300, 7), pytest.param(20_000, 8, marks=pytest.mark.long)]
-)
-def test_no_random_model_diverges_untold(count, seed):
-    """What is not finite begins where the run says that it diverged, and nowhere else."""
-    with np.errstate(all="raise", under="ignore"):
-        for numbers, run in random_runs(count, seed):
-            lost = np.flatnonzero(~np.isfinite(run.values[1:])) + 1
-            assert lost.tolist() == list(range(run.diverged[0], 30) if run.diverged else ()), (
-                numbers
-            )
-            assert np.nanmax(np.abs(run.values), initial=0.0) <= 202.0

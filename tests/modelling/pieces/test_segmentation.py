@@ -174,22 +174,6 @@ def test_the_segment_of_the_fewest_joins_the_neighbour_of_fewer(counts, kept):
     assert found.tolist() == kept
 
 
-def test_real_fits_equal_exhaustive_search():
-    """Every boundary on the grid tried as a given breakpoint, through the fits that the model would
-    have.
-    """
-    (sample,) = curves(levels=(150.0,), n=60)
-    grid = np.linspace(0, sample.columns["strain"].max(), 21)
-    optimal = Cuts("optimal", 2, min_samples=4)
-    best = sse([sample], recipe(cuts={"strain": optimal}, max_terms=2))
-    every = [
-        sse([sample], recipe(cuts={"strain": Cuts("breakpoints", at=(at,))}, max_terms=2))
-        for at in grid[2:-2]
-    ]
-    assert best == pytest.approx(min(every), rel=1e-9)
-    assert min(every) < 0.9 * np.median(every)
-
-
 def test_a_planted_corner_is_found_on_thousands_of_samples():
     rng = np.random.default_rng(1)
     x = rng.uniform(0, 10, 5000)

@@ -4,7 +4,6 @@ and what is refused.
 
 import re
 import shutil
-import time
 from dataclasses import replace
 from pathlib import Path
 from tempfile import mkdtemp
@@ -60,17 +59,6 @@ def test_inequalities_that_contradict_each_other_are_named():
     found = least_squares_under(np.eye(2), np.zeros(2), D, d)
     assert not found.met
     assert found.force.astype(bool).tolist() == [True, True, False]
-
-
-def test_two_thousand_inequalities_take_less_than_a_second():
-    rng = np.random.default_rng(0)
-    A, y = rng.normal(size=(1000, 60)), rng.normal(size=1000)
-    D = rng.normal(size=(2000, 60)) + 3 * np.eye(60)[0]
-    begun = time.process_time()
-    Q, R = np.linalg.qr(A)
-    found = least_squares_under(R, Q.T @ y, D, np.full(2000, 0.01))
-    assert time.process_time() - begun < 1.0
-    assert (D @ found.theta).min() > 0.01 - 1e-9
 
 
 def finer(samples, slack=0.05, n=300):

@@ -2,7 +2,6 @@
 recursion, a free run, derivatives and C.
 """
 
-import shutil
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -14,11 +13,9 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from datasets.rig.muscle import stop as rig_stop
-from mapmore_cli.domain import plugins
-from mapmore_cli.modelling.expressions import Name, operators
+from mapmore_cli.modelling.expressions import Name
 from mapmore_cli.modelling.expressions.operator import (
     FLOATS,
-    Operator,
     Setting,
     along,
     from_rest,
@@ -184,25 +181,3 @@ def recursion(setting):
 
 OPERATORS = (Operator("valve", "A rate limit.", recursion, (Parameter("rate", "1", "90"),)),)
 '''
-
-
-@pytest.mark.skipif(shutil.which("gcc") is None, reason="there is no C compiler here")
-def test_an_operator_of_one_file_is_evaluated_fed_back_and_compiled(tmp_path, monkeypatch):
-    """Nothing else knows of it: its file is found, and its C equals its prediction, in a model
-    driven by inputs and by its output.
-    """
-    from agreement import compare
-    from export_samples import memory
-
-    (tmp_path / "valve.py").write_text(NEW)
-    monkeypatch.setattr(operators, "__path__", [*operators.__path__, str(tmp_path)])
-    found = OPERATORS
-    with_it = {
-        part.name: part.value for part in plugins.parts("operators", Operator, operators.__name__)
-    }
-    for module in list(sys.modules.values()):
-        if vars(module).get("OPERATORS") is found:
-            monkeypatch.setattr(module, "OPERATORS", with_it)
-    states = ("valve(pressure, 900)", "valve(force[k-1], 2000)", "pressure")
-    model = memory(states, (*states, "valve(pressure, 900)*valve(force[k-1], 2000)"), gain=30.0)
-    assert compare(model, tmp_path, 3_000)[0] < 1e-12

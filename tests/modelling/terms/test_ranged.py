@@ -3,17 +3,12 @@ range.
 """
 
 import numpy as np
-import pytest
-from common import curve_of
 from hypothesis import given
 from hypothesis import strategies as st
-from surfaces import QUANTITIES, recipe
 
 from mapmore_cli.fitting.kinds.dictionary import terms_of
 from mapmore_cli.modelling.expressions import derivative, dictionary_matrix, evaluate, parse
 from mapmore_cli.modelling.expressions.ranged import placed
-from mapmore_cli.modelling.pieces.build import build, scaled_inputs
-from mapmore_cli.modelling.pieces.recipe import Cuts
 from mapmore_cli.study.sections.dictionary import DictionaryEntry
 
 KNOTTED = [f"abs(strain - {place})^3" for place in (0.25, 0.5, 0.75)]
@@ -106,66 +101,12 @@ def test_ends_are_one_at_their_end_and_decay_by_their_width(course, width):
     np.testing.assert_allclose([ahead[1], back[2]], np.exp(-1), rtol=0.05)
 
 
-def chosen_of(samples, scaling):
-    asked = recipe(
-        level=None,
-        cuts={},
-        dictionary=(*spline(9, ["pressure"]), *ends([0.03, 0.1], ["pressure"])),
-        scaling=scaling,
-        max_terms=6,
-        tolerance=0.0,
-    )
-    (piece,) = build("m", [curve_of(samples)], asked, QUANTITIES).body.curves
-    (segment,) = piece.segments
-    return segment
-
-
 def muscle():
     rng = np.random.default_rng(0)
     strain, pressure = rng.uniform(0.01, 0.25, 400), rng.uniform(50, 600, 400)
     p, short = pressure / 600, (strain - 0.01) / 0.24
     force = 3 + 490 * p - 292 * p * np.exp(-short / 0.1) + rng.normal(0, 1, 400)
     return {"strain": strain, "pressure": pressure, "force": force}
-
-
-@pytest.mark.parametrize("scaling", ["unit_square", "none"])
-def test_other_units_select_the_same_terms(scaling):
-    metres = muscle()
-    segment = chosen_of(metres, scaling)
-    other = chosen_of({**metres, "strain": 1000 * metres["strain"]}, scaling)
-    if scaling == "unit_square":
-        assert segment.terms == other.terms
-    else:
-        assert [text.count("exp") for text in segment.terms] == [
-            text.count("exp") for text in other.terms
-        ]
-    np.testing.assert_allclose(
-        evaluate_segment(segment, metres),
-        evaluate_segment(other, {**metres, "strain": 1000 * metres["strain"]}),
-        rtol=1e-6,
-    )
-
-
-def evaluate_segment(segment, columns):
-    z = scaled_inputs(segment.scaling, columns)
-    P = dictionary_matrix([parse(text) for text in segment.terms], z, len(columns["strain"]))
-    return segment.scaling.y_slope * (P @ segment.theta) + segment.scaling.y_intercept
-
-
-def test_held_out_samples_do_not_move_a_range():
-    samples, n = muscle(), 400
-    far = {name: np.append(values, 5 * values.max()) for name, values in samples.items()}
-    held_out = np.arange(n + 1) == n
-    asked = recipe(
-        level=None,
-        cuts={"strain": Cuts("even", 1)},
-        dictionary=tuple(ends([0.1])),
-        scaling="none",
-        max_terms=2,
-    )
-    with_held_out = build("m", [curve_of(far, held_out)], asked, QUANTITIES)
-    alone = build("m", [curve_of(samples)], asked, QUANTITIES)
-    assert with_held_out.body.curves[0].segments[0].terms == alone.body.curves[0].segments[0].terms
 
 
 def test_products_take_them_as_any_other_family():
