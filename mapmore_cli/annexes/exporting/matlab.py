@@ -18,8 +18,8 @@ from mapmore_cli.annexes.exporting.templates import (
     word,
 )
 from mapmore_cli.annexes.exporting.verifying import CompilerMissing, verify_files
+from mapmore_cli.annexes.exporting.words import words_of
 from mapmore_cli.domain.models import Model
-from mapmore_cli.domain.words import words_of
 from mapmore_cli.modelling.kinds import fed_back
 from mapmore_cli.modelling.programs import program_of
 

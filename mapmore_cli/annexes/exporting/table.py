@@ -23,11 +23,11 @@ from mapmore_cli.annexes.exporting.templates import (
     rendered_template,
 )
 from mapmore_cli.annexes.exporting.verifying import training_ends
+from mapmore_cli.annexes.exporting.words import words_of
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import UsageError
 from mapmore_cli.domain.foreign import csv_cell
 from mapmore_cli.domain.models import Model
-from mapmore_cli.domain.words import words_of
 from mapmore_cli.modelling.kinds import equations, outside_range, predict, rules, runs_over_time
 from mapmore_cli.modelling.programs import program_of
 from mapmore_cli.pipeline.records import grid_axes

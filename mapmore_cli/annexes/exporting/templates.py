@@ -18,11 +18,11 @@ from xml.sax.saxutils import quoteattr
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
+from mapmore_cli.annexes.exporting.words import TAKEN, identifiers
 from mapmore_cli.domain.errors import DataError, UsageError
-from mapmore_cli.domain.foreign import c_string, identifiers, plain, tex_text, xml_text
+from mapmore_cli.domain.foreign import PLAIN, plain, tex_text, xml_text
 from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.recording import Quantity
-from mapmore_cli.domain.words import TAKEN
 from mapmore_cli.modelling.expressions.functions import FUNCTIONS, HELPER
 from mapmore_cli.modelling.expressions.states import IDENTIFIER
 from mapmore_cli.modelling.programs import program_of
@@ -138,6 +138,20 @@ def notes_of(model: Model, names: Mapping[str, str]) -> list[str]:
     kept = [] if model.shape is None or not model.shape.kept else [model.shape.promise]
     name = f"{model.output.name} at rest" if model.memories else model.output.name
     return [*renamed, *(f"The {name} is {promise}." for promise in kept)]
+
+
+def c_string(text: str) -> str:
+    """Return the text as a string in C; other bytes than those of `PLAIN` are octal escapes, so
+    that there are no trigraphs.
+    """
+    return (
+        '"'
+        + "".join(
+            chr(byte) if chr(byte) in PLAIN else f"\\{byte:03o}"
+            for byte in text.encode(errors="surrogatepass")
+        )
+        + '"'
+    )
 
 
 LITERALS: Mapping[str, Callable[[str], str]] = {

@@ -8,7 +8,13 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from statistics import median
 
-from mapmore_cli.domain.scores import OWN, REPEATABILITY, Published, Score, deciding
+from mapmore_cli.domain.scores import (
+    OWN,
+    REPEATABILITY,
+    Published,
+    Score,
+    deciding,
+)
 from mapmore_cli.reporting.table import MODEL, Cell, Column, Columns, Table
 
 Pooled = Mapping[str, Score]
