@@ -96,11 +96,7 @@ def table_of(study: Study, folder: Path) -> Table:
                 last = fault
     if not raw:
         raise last
-    titles, units = (
-        dict(zip(layout.columns, texts, strict=False))
-        for texts in (layout.titles or [""] * len(layout.columns), layout.units)
-    )
-    return read_titles(titles, raw, units)
+    return read_titles(layout, raw)
 
 
 def _read_columns(
