@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from mapmore_cli.annexes.campaigns.tables import CampaignScores
-from mapmore_cli.domain.scores import REPEATABILITY
+from mapmore_cli.domain.scores import OWN, REPEATABILITY
 from mapmore_cli.reporting.figures import panels, style
 from mapmore_cli.reporting.figures.drawing import DOUBLE, Drawing, Layout, Panel
 
@@ -33,26 +33,25 @@ def campaign_figures(scores: CampaignScores) -> list[Drawing]:
     ratios are taken to, the best of a run's others, and repeated measurements; none for a single
     run. Of very many some are drawn, the run with the least error among them.
     """
-    pooled, own, exact = scores.pooled, scores.own, list[str]()
-    every = list(pooled)
-    known = {run: pooled[run][own].nrmse for run in every if own in pooled[run]}
-    best = min(
-        filter(lambda run: np.isfinite(known[run]), known), key=known.__getitem__, default=""
-    )
-    shown = {best, *(every[i] for i in panels.evenly(len(every), MOST_RUNS))}
+    pooled = scores.pooled
+    every = [*pooled]
+    if len(every) < 2:
+        return []
+    own = {run: by_model[OWN].nrmse for run, by_model in pooled.items() if OWN in by_model}
+    best = min(filter(lambda run: np.isfinite(own[run]), own), key=own.__getitem__, default="")
+    shown = {best, *(every[place] for place in panels.evenly(len(every), MOST_RUNS))}
     runs = [run for run in every if run in shown]
-    names = dict.fromkeys([own, scores.relative_to, BEST_OTHER, REPEATABILITY])
-    errors = {name: np.full(len(runs), np.nan) for name in names if name}
-    for place, run in enumerate(runs):
-        by_model = pooled[run]
-        known = {model: row.nrmse for model, row in by_model.items() if row.nrmse > ROUNDING}
-        others = [known[model] for model in known.keys() - {own, REPEATABILITY}]
+    exact = [run for run in runs if own.get(run, np.nan) <= ROUNDING]
+    models = [*filter(None, dict.fromkeys([OWN, scores.relative_to, BEST_OTHER, REPEATABILITY]))]
+    rows = []
+    for run in runs:
+        known = {name: row.nrmse for name, row in pooled[run].items() if row.nrmse > ROUNDING}
+        others = [known[name] for name in known.keys() - {OWN, REPEATABILITY}]
         known[BEST_OTHER] = min(filter(np.isfinite, others), default=np.nan)
-        for model, dots in errors.items():
-            dots[place] = 100 * known.get(model, np.nan)
-        exact += [run] if own in by_model and by_model[own].nrmse <= ROUNDING else []
+        rows.append([100 * known.get(name, np.nan) for name in models])
+    errors = dict(zip(models, np.transpose(rows), strict=True))
     drawn = [model for model, dots in errors.items() if np.isfinite(dots).any()]
-    if len(runs) < 2 or not {*drawn} - {REPEATABILITY}:
+    if not {*drawn} - {REPEATABILITY}:
         return []
     looks = style.model_styles(drawn)
 
@@ -71,7 +70,7 @@ def campaign_figures(scores: CampaignScores) -> list[Drawing]:
 
     caption = f"NRMSE of every run, further left is better. The {BEST_OTHER}: known afterwards."
     if exact:
-        caption += f" Without a dot, since its error is but rounding: {own} in {', '.join(exact)}."
+        caption += f" Without a dot, since its error is but rounding: {OWN} in {', '.join(exact)}."
     if len(runs) < len(every):
         caption += (
             f" {len(runs)} of {len(every)} runs are drawn, the one that errs least among them."

@@ -156,8 +156,8 @@ class _FoundTable:
         others = [tuple(lines[line]) for line in sorted(lines) if line != titled]
         units = self.top.units or next(filter(_are_units, others), ())
         width = 1 + max([*self.numeric, *(place for place, title in enumerate(titles) if title)])
-        titles, units = ([*texts, *[""] * width][:width] for texts in (titles, units))
-        said = [_without_brackets(unit) for unit in units]
+        titles = [*titles, *[""] * width][:width]
+        said = [_without_brackets(unit) for unit in (*units, *[""] * width)[:width]]
         for place in self.numeric:
             if not said[place] and stamp_of(str(self.columns[place][0]).strip()) is not None:
                 said[place] = "s"  # as stamps are read

@@ -13,7 +13,6 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from importlib.resources import files
-from typing import Any
 from xml.sax.saxutils import quoteattr
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
@@ -115,11 +114,11 @@ def names_of_inputs(inputs: Sequence[Quantity], functions: Sequence[str] = ()) -
     return dict(zip(names, identifiers(names, taken), strict=True))
 
 
-def name_of_output(model: Model, names: Iterable[str]) -> Code:
-    """Return what the output is called in code beside the `names` of the inputs: a function or a
-    variable.
+def name_of_output(model: Model, names: Iterable[str] | None = None) -> Code:
+    """Return what the output is called in code beside the `names` of the inputs, which are those of
+    `names_of_inputs` by default: a function or a variable.
     """
-    own = [*names]
+    own = [*(names_of_inputs(model.inputs).values() if names is None else names)]
     functions = [function.name for function in program_of(model).functions]
     taken = [*TAKEN, *OWN, *functions, identifier(model.name), *own]
     taken += [f"invert_{name}" for name in own]
@@ -170,7 +169,7 @@ LITERALS: Mapping[str, Callable[[str], str]] = {
 def templates(language: str) -> Environment:
     """Return the templates of `sources/`, for a language."""
 
-    def written(value: Any) -> Any:
+    def written(value: object) -> object:
         if isinstance(value, Code | int | float):
             return value
         if isinstance(value, str):

@@ -79,16 +79,16 @@ def tune(
         )
     if not over:
         refuse_endings(output, TABLE_FILES, "a search has no figure")
-    wanted = _values_of(over)
+    wanted, tuning = _values_of(over), None
     with Reporter(quiet) as reporter:
         loaded = load(config, overrides)
         if over:
-            result: Any = planning.tune(loaded, wanted, runs, **reporter.listeners)
-            view = views.of_tuning(result)
+            tuning = planning.tune(loaded, wanted, runs, **reporter.listeners)
+            view = views.of_tuning(tuning)
         else:
-            result, spec = planning.searched(loaded, runs, budget, **reporter.listeners)
-            view = views.of_search(result, str(spec))
-    write_results(output, view.tables[0], result)
+            search, spec = planning.searched(loaded, runs, budget, **reporter.listeners)
+            view = views.of_search(search, str(spec))
+    write_results(output, view.tables[0], tuning)
     print_view(view, as_json)
 
 
@@ -204,16 +204,16 @@ def _prices_of(text: str | None) -> dict[str, float]:
     return prices
 
 
-def write_results(paths: Sequence[Path], table: Table, found: Tuning | Plan) -> None:
-    """Write the table to each of the files, or where it ends as a figure does, a drawing of what
-    was `found`.
+def write_results(paths: Sequence[Path], table: Table, result: Tuning | Plan | None) -> None:
+    """Write the table to each of the files, or the figure of a result to those that end as figures
+    do.
     """
     from mapmore_cli.reporting.table import to_csv, to_latex
 
     for path in paths:
-        if path.suffix.removeprefix(".") in TABLE_FILES:
+        if result is None or path.suffix.removeprefix(".") in TABLE_FILES:
             write_text(path, (to_csv if path.suffix == ".csv" else to_latex)(table))
         else:
             from mapmore_cli.annexes.planning.drawing import drawing_of
 
-            write_figure(path, drawing_of(found))
+            write_figure(path, drawing_of(result))

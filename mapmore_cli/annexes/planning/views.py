@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import shlex
-from typing import Any
 
 from mapmore_cli.annexes.planning.results import Plan, Tuning, Until
 from mapmore_cli.cli.compared import search_document
@@ -28,17 +27,17 @@ def of_tuning(tuning: Tuning) -> View:
     for trial in tuning.trials:
         failure = trial.failure or None
         documents.append({**picked(trial, *keys, "folds=errors"), "failure": failure})
-        marks = ["best"] if trial is tuning.best else []
-        marks += ["simplest"] if trial is tuning.chosen else []
-        told = "failed" if failure else ", ".join(marks)
-        settings = map(_cell, trial.settings.values())
-        rows.append((*settings, trial.parameters or None, *cells_of(trial, errors), told))
+        settings = {key: _cell(value) for key, value in trial.settings.items()}
+        marks = {"best": tuning.best, "simplest": tuning.chosen}
+        mark = ", ".join(word for word, marked in marks.items() if trial is marked)
         if failure:
-            words = ", ".join(f"{key}={_cell(value)}" for key, value in trial.settings.items())
+            mark = "failed"
+            words = ", ".join(f"{key}={cell}" for key, cell in settings.items())
             lines.append(f"failed: {words}: {failure}")
-    words = "within one standard error of the best"
-    if tuning.chosen is tuning.best:
-        words = "the best itself"
+        cells = (trial.parameters or None, *cells_of(trial, errors), mark)
+        rows.append((*settings.values(), *cells))
+    is_best = tuning.chosen is tuning.best
+    words = "the best itself" if is_best else "within one standard error of the best"
     chosen = as_overrides(tuning.chosen.settings)
     use = " ".join(f"--set {shlex.quote(setting)}" for setting in chosen)
     document = {
@@ -63,7 +62,7 @@ def of_tuning(tuning: Tuning) -> View:
     return View(document, (table,), (*lines, f"simplest ({words}): {use}"))
 
 
-def _cell(value: Any) -> Cell:
+def _cell(value: object) -> Cell:
     return value if isinstance(value, str | float) or type(value) is int else str(value)
 
 
