@@ -15,8 +15,8 @@ from statistics import median
 from error_parts import PARTS, error_parts
 from pages import CONFIGS, of_campaign, own, run, scores, write_page
 
+from mapmore_cli.annexes.campaigns.tables import CampaignScores, nrmse_table
 from mapmore_cli.domain.fits import MemoryFit
-from mapmore_cli.reporting.campaign import CampaignScores, nrmse_table
 from mapmore_cli.reporting.table import Cell, Table
 from mapmore_cli.storage.run_folder import RunFiles
 from mapmore_cli.study.campaign import Variant, load_campaign

@@ -19,11 +19,11 @@ from pathlib import Path
 import numpy as np
 
 from mapmore_cli.annexes.campaigns.page import scores_of
+from mapmore_cli.annexes.campaigns.tables import CampaignScores, nrmse_table
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.scores import OWN, Score
 from mapmore_cli.pipeline.jobs import Finished, Job, run_one
 from mapmore_cli.pipeline.runner import bring_up_to_date
-from mapmore_cli.reporting.campaign import CampaignScores, nrmse_table
 from mapmore_cli.reporting.table import Column, Table, to_markdown
 from mapmore_cli.storage.run_folder import RunFiles
 from mapmore_cli.study.campaign import Entry, load_campaign

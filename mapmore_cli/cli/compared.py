@@ -2,20 +2,16 @@
 
 from __future__ import annotations
 
-import shlex
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from mapmore_cli.cli.console import Document, View, picked
 from mapmore_cli.cli.views import of_dataset
 from mapmore_cli.domain.errors import MapmoreError
-from mapmore_cli.domain.results import Plan, Search, Until
-from mapmore_cli.domain.scores import Tuning
-from mapmore_cli.reporting.score_tables import changes_table, drift_table, search_table
-from mapmore_cli.reporting.table import Cell, Column, Columns, Table, cells_of
-from mapmore_cli.study.yaml_loader import as_overrides
+from mapmore_cli.domain.results import Search
+from mapmore_cli.reporting.score_tables import changes_table, drift_table
 
 if TYPE_CHECKING:
     from mapmore_cli.checking.findings import Issue
@@ -122,66 +118,6 @@ def _of_settings(comparison: Comparison) -> Iterator[str]:
         yield f"The settings differ: {'; '.join(comparison.settings)}."
 
 
-def of_tuning(tuning: Tuning) -> View:
-    """Return a row for every combination, with the best and the chosen one marked, and the settings
-    to use.
-    """
-    keys = ("set=settings", "parameters", "error", "above_best=excess", "standard_error=spread")
-    errors = {
-        "left-out NRMSE [%] .3f": "error",
-        "above the best [%] .1f": "excess",
-        "standard error [%] .1f": "spread",
-    }
-    documents, rows, lines = list[Document](), list[tuple[Cell, ...]](), list[str]()
-    for trial in tuning.trials:
-        failure = trial.failure or None
-        documents.append({**picked(trial, *keys, "folds=errors"), "failure": failure})
-        marks = ["best"] if trial is tuning.best else []
-        marks += ["simplest"] if trial is tuning.chosen else []
-        told = "failed" if failure else ", ".join(marks)
-        settings = map(_cell, trial.settings.values())
-        rows.append((*settings, trial.parameters or None, *cells_of(trial, errors), told))
-        if failure:
-            words = ", ".join(f"{key}={_cell(value)}" for key, value in trial.settings.items())
-            lines.append(f"failed: {words}: {failure}")
-    words = "within one standard error of the best"
-    if tuning.chosen is tuning.best:
-        words = "the best itself"
-    chosen = as_overrides(tuning.chosen.settings)
-    use = " ".join(f"--set {shlex.quote(setting)}" for setting in chosen)
-    document = {
-        **picked(tuning, "name", "left_out", "full_scale"),
-        "trials": documents,
-        "best": tuning.best.settings,
-        "chosen": tuning.chosen.settings,
-        "set": chosen,
-    }
-    notes = (
-        f"Left out in turn: {tuning.left_out}. NRMSE: geometric mean over the folds of RMSE / "
-        f"FS, FS = {tuning.full_scale}. "
-        "Above the best: mean of the logarithms of the ratios.",
-        "Simplest: the fewest parameters of those whose error is above the best by no more "
-        "than the standard error of that difference, "
-        "2 to 20 %.",
-        "Held-out data were not used.",
-    )
-    columns: Columns = (*map(Column, tuning.trials[0].settings), "parameters", *errors, "")
-    title = f"Settings of {tuning.name}, tried on training data"
-    table = Table.of("tuning", title, columns, rows, *notes)
-    return View(document, (table,), (*lines, f"simplest ({words}): {use}"))
-
-
-def _cell(value: Any) -> Cell:
-    return value if isinstance(value, str | float) or type(value) is int else str(value)
-
-
-def of_search(search: Search, spec: str) -> View:
-    """Every structure that was tried, and where the spec with the one that was taken lies."""
-    words = "the best itself" if search.chosen == search.best else "as good as the best"
-    lines = (*search.notes, f"found: {search.found.words} ({words})", f"spec: {spec}")
-    return View({**search_document(search), "spec": spec}, (search_table(search),), lines)
-
-
 def search_document(search: Search) -> Document:
     """Return the search as JSON has it."""
     keys = ("family", "structure=words", "sections", "parameters", "error")
@@ -230,51 +166,3 @@ def _issue_lines(issues: Sequence[Issue]) -> list[str]:
         lines.append(f"{issue.severity}: {issue.place}: {issue.message} [{issue.id}]")
         lines.append(f"  {issue.remedy}")
     return lines
-
-
-def of_plan(plan: Plan) -> View:
-    """Return a row for every candidate, the best first, and the forecast where one was asked
-    for.
-    """
-    unit, quantities = plan.target.unit, plan.quantities
-    costs = {candidate.cost for candidate in plan.candidates} != {1.0}
-    columns: list[Column | str] = ["rank"]
-    columns += [Column(name, quantity.unit, ".4g") for name, quantity in quantities.items()]
-    columns.append("what")
-    if levels := plan.candidates[0].kind == "between":
-        columns.append(f"gap [{next(iter(quantities.values())).unit}] .4g")
-    else:
-        columns += [f"{what} [{unit}] .3g" for what in ("half width", "after", "expected error")]
-    columns += ["cost .3g"] if costs else []
-    documents, rows = list[Document](), list[tuple[Cell, ...]]()
-    for number, one in enumerate(plan.candidates, 1):
-        keys = ("kind", "gap", "half_width", "after", "error", "cost")
-        documents.append({**one.at, **picked(one, *keys)})
-        sizes = (one.gap,) if levels else (one.half_width, one.after, one.error)
-        cost = (one.cost,) if costs else ()
-        rows.append((number, *map(one.at.get, quantities), one.kind, *sizes, *cost))
-    document = {
-        **picked(plan, "name", "widest", "until", "notes"),
-        "target": plan.target.name,
-        "units": {plan.target.name: unit} | {name: one.unit for name, one in quantities.items()},
-        "next": documents,
-    }
-    title = f"What to measure next for {plan.name}, the best first"
-    table = Table.of("plan", title, columns, rows, *plan.notes)
-    return View(document, (table,), () if plan.until is None else (_forecast(plan, plan.until),))
-
-
-def _forecast(plan: Plan, until: Until) -> str:
-    """Return the forecast in words."""
-    unit = plan.target.unit
-    wanted = (
-        f"a half width of {until.wanted:.3g} {unit} ({100 * until.wanted / plan.largest:.2g} %)"
-    )
-    if until.more == 0:
-        return f"{wanted} is reached: the widest is {until.widest:.3g} {unit}"
-    if until.more is None:
-        return (
-            f"{wanted} is likely out of reach: more measurements bring {until.widest:.3g} to "
-            f"{until.least:.3g} {unit}"
-        )
-    return f"{wanted}: likely {until.more} more (the widest is {until.widest:.3g} {unit} now)"

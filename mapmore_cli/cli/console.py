@@ -33,8 +33,6 @@ from mapmore_cli.domain.foreign import printable
 from mapmore_cli.storage.atomic import write_bytes, write_text
 
 if TYPE_CHECKING:
-    from mapmore_cli.domain.results import Plan
-    from mapmore_cli.domain.scores import Tuning
     from mapmore_cli.pipeline.jobs import Finished
     from mapmore_cli.reporting.figures.drawing import Drawing
     from mapmore_cli.reporting.table import Table
@@ -78,15 +76,6 @@ Summary = Annotated[
     Path | None,
     Option(
         "--summary", metavar="FILE", help="Also write a summary with the score tables (Markdown)."
-    ),
-]
-Outputs = Annotated[
-    list[Path],
-    Option(
-        "--output",
-        "-o",
-        metavar="FILE",
-        help="Also write the figure (.svg .pdf .png .pgf) or the table (.csv .tex). Repeatable.",
     ),
 ]
 OutputOrStdout = Annotated[
@@ -197,21 +186,6 @@ def refuse_endings(
     for path in paths:
         if path.suffix.removeprefix(".") not in endings:
             raise UsageError(f"{path}: {what}", f"choose .{', .'.join(endings)}")
-
-
-def write_results(paths: Sequence[Path], table: Table, found: Tuning | Plan) -> None:
-    """Write the table to each of the files, or where it ends as a figure does, a drawing of what
-    was `found`.
-    """
-    from mapmore_cli.reporting.table import to_csv, to_latex
-
-    for path in paths:
-        if path.suffix.removeprefix(".") in TABLE_FILES:
-            write_text(path, (to_csv if path.suffix == ".csv" else to_latex)(table))
-        else:
-            from mapmore_cli.reporting.figures.commands import drawing_of
-
-            write_figure(path, drawing_of(found))
 
 
 def write_figure(path: Path, drawing: Drawing) -> None:

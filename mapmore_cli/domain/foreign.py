@@ -10,10 +10,7 @@ from __future__ import annotations
 import re
 import string
 import unicodedata
-from collections.abc import Collection, Iterable
-from itertools import accumulate, count
-
-from mapmore_cli.domain.words import WORDS
+from itertools import accumulate
 
 _CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f\u2028\u2029\u202a-\u202e\u2066-\u2069]")
 """What a terminal obeys instead of showing it, all but tabs and line feeds; and marks that turn the
@@ -58,20 +55,6 @@ def plain(text: str) -> str:
     return "".join(char if char in PLAIN else f"{{{ord(char):X}}}" for char in text)
 
 
-def c_string(text: str) -> str:
-    """Return the text as a string in C; other bytes than those of `PLAIN` are octal escapes, so
-    that there are no trigraphs.
-    """
-    return (
-        '"'
-        + "".join(
-            chr(byte) if chr(byte) in PLAIN else f"\\{byte:03o}"
-            for byte in text.encode(errors="surrogatepass")
-        )
-        + '"'
-    )
-
-
 def tex_comment(*lines: str) -> list[str]:
     """Return comments in TeX, one a line."""
     return [f"% {plain(line)}" for line in lines]
@@ -88,27 +71,6 @@ def xml_text(text: str, kept: str = "") -> str:
             if not char.isprintable() and char not in kept
         }
     )
-
-
-def identifiers(names: Iterable[str], taken: Collection[str] = ()) -> list[str]:
-    """Return an identifier for every name, for all languages: each another one, even without regard
-    to case, and none that is `taken`.
-
-    A name stays as it is where it can; else it gets a number behind it. Other characters than ASCII
-    letters and digits become `_`.
-    """
-    wanted = [re.sub(r"[^A-Za-z0-9_]", "_", name) or "_" for name in names]
-    wanted = [f"_{name}" if name[0].isdigit() else name for name in wanted]
-    used = {*WORDS, *(word.lower() for word in taken)}
-    kept = {name.lower() for name in wanted}
-    found: list[str] = []
-    for name in wanted:
-        free = name
-        if name.lower() in used:
-            free = next(f"{name}_{n}" for n in count(2) if f"{name}_{n}".lower() not in used | kept)
-        used.add(free.lower())
-        found.append(free)
-    return found
 
 
 def _greek(letter: str) -> str:

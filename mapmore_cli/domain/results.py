@@ -6,14 +6,14 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from math import comb
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import Array, BoolArray, Columns
+from mapmore_cli.domain.arrays import Array, BoolArray
 from mapmore_cli.domain.declared import Label, QuantityName
 from mapmore_cli.domain.fits import Fit, FormulaFit, MemoryFit, SegmentFit
-from mapmore_cli.domain.recording import Dataset, Quantity
+from mapmore_cli.domain.recording import Dataset
 from mapmore_cli.domain.scores import Score, ScoreTable
 
 
@@ -305,60 +305,3 @@ class Search:
     def found(self) -> Tried:
         """The structure that was chosen."""
         return self.tried[self.chosen]
-
-
-@dataclass(frozen=True)
-class Candidate:
-    """A measurement that could be made; half widths are those of the 95 % interval, in the target's
-    unit, NaN where unknown.
-    """
-
-    at: Mapping[str, float]  # values of the quantities to set, by name, in the model's units
-    kind: Literal["between", "point"]  # `between` two levels, or a `point` of a map
-    gap: float = math.nan  # distance of the two levels
-    half_width: float = math.nan  # there, before the measurement
-    after: float = math.nan  # its forecast for after the measurement
-    error: float = math.nan  # expected root mean square error there before the measurement
-    cost: float = 1.0  # by the user's prices of a change of each quantity
-
-
-@dataclass(frozen=True)
-class Until:
-    """The forecast of how many more measurements are needed for a `wanted` half width, in the
-    target's unit.
-    """
-
-    wanted: float
-    widest: float  # half width now
-    more: int | None  # None where more measurements do not get there
-    least: float  # what they then reach
-
-
-@dataclass(frozen=True)
-class Picture:
-    """Half widths over the range that was measured, for the figure."""
-
-    places: Columns  # coordinates of the half widths by name, (n,) each
-    before: Array  # half widths now, (n,)
-    after: Array  # with all of the plan's points measured, (n,)
-    measured: Columns  # coordinates of what trains, by name, (m,) each
-
-
-@dataclass(frozen=True)
-class Plan:
-    """Candidates, the best first, and what a reader has to know of them."""
-
-    name: str
-    target: Quantity
-    quantities: Mapping[str, Quantity]
-    largest: float
-    candidates: tuple[Candidate, ...]
-    picture: Picture
-    until: Until | None = None
-    notes: tuple[str, ...] = ()
-
-    @property
-    def widest(self) -> float:
-        """The widest half width now; NaN where there are no intervals."""
-        known = self.picture.before[np.isfinite(self.picture.before)]
-        return float(known.max()) if len(known) else math.nan

@@ -298,30 +298,3 @@ def deciding(scores: Iterable[Score]) -> list[Score]:
     pooled = [score for score in scores if score.curve == "all"]
     held_out = [score for score in pooled if score.split == "validate"]
     return held_out or pooled
-
-
-@dataclass(frozen=True)
-class Trial:
-    """One combination of settings, by their place in the spec."""
-
-    settings: Mapping[str, Any]
-    parameters: int = 0  # free numbers of its model of all training data
-    errors: tuple[
-        float, ...
-    ] = ()  # NRMSE on each fold of a model without it; empty where a fit failed
-    error: float = math.nan  # their geometric mean
-    excess: float = math.nan  # mean over the folds of ln(error / that of the best combination)
-    spread: float = math.nan  # standard error of that mean
-    failure: str = ""  # why a fit failed
-
-
-@dataclass(frozen=True)
-class Tuning:
-    """All combinations that were tried."""
-
-    name: str
-    left_out: str  # by each fold
-    full_scale: str  # what errors are divided by
-    trials: tuple[Trial, ...]
-    best: Trial  # errs least
-    chosen: Trial  # the simplest within one standard error of the best

@@ -5,92 +5,20 @@ there.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from mapmore_cli.domain.arrays import BoolArray, IntArray
-from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.recording import Curve, Dataset
 from mapmore_cli.domain.results import Forecast
-from mapmore_cli.fitting.kinds.choices import ModelChoices, level_of
 from mapmore_cli.modelling.forecast import forecast
-from mapmore_cli.modelling.pieces.cross_validation import BLOCKS
-from mapmore_cli.modelling.validation.metrics import divisor
 
 FEWEST = 3
 """Levels or recordings from which on they are left out; with fewer, blocks are: a standard error of
 one or two folds says nothing.
 """
-
-
-def training_only(dataset: Dataset) -> Dataset:
-    """Return the dataset without its held-out samples; curves that have no others are left out."""
-    curves = [curve for curve in dataset.curves if curve.training.any()]
-    return replace(dataset, curves=tuple(curve.at(~curve.held_out) for curve in curves))
-
-
-@dataclass(frozen=True)
-class Folds:
-    """What settings are tried on: a `dataset` of training samples alone, and what every fold leaves
-    out of each curve. Errors are divided by `scale`.
-    """
-
-    dataset: Dataset
-    masks: Sequence[tuple[BoolArray, ...]]
-    left_out: str
-    scale: float
-    full_scale: str
-
-
-def folds_of(
-    dataset: Dataset, choices: ModelChoices, normaliser: str, by_level: bool = False
-) -> Folds:
-    """Return the folds of training samples alone: inner levels where there are enough of them, else
-    blocks.
-
-    Where the study holds levels out (`by_level`), training levels are left out also of pooled
-    curves, and the outer ones where there are fewer than three inner ones.
-
-    Raises DataError where there are too few samples to leave a block out.
-    """
-    scale = divisor(dataset, normaliser)
-    level = dataset.level if by_level else level_of(choices.levels, choices.segment)
-    levels = sorted({curve.level for curve in dataset.curves if curve.level is not None})
-    inner = levels[1:-1] if len(levels) >= FEWEST + 2 or not by_level else levels
-    if not choices.over_time and level is not None and len(inner) >= FEWEST:
-        folds = [
-            tuple(curve.training & (curve.level == value) for curve in dataset.curves)
-            for value in inner
-        ]
-        which = "inner training" if len(inner) < len(levels) else "training"
-        left_out = f"each of the {len(inner)} {which} levels of {level}"
-        return Folds(dataset, folds, left_out, scale.value, scale.name)
-    along = None
-    if not choices.over_time:
-        along = next((name for name in choices.segment if name in dataset.quantities), None)
-    folds = list(zip(*(_block_masks(curve, along) for curve in dataset.curves), strict=True))
-    if any(not any(mask.any() for mask in fold) for fold in folds):
-        raise DataError(
-            f"no curve has {BLOCKS} training samples: no block can be left out",
-            "keep more samples",
-        )
-    of = "curve" if along else "recording"
-    left_out = f"each of {BLOCKS} contiguous blocks of the training samples of every {of}"
-    return Folds(dataset, folds, left_out, scale.value, scale.name)
-
-
-def _block_masks(curve: Curve, along: str | None) -> list[BoolArray]:
-    """Contiguous blocks of the training samples: along a quantity, or of each recording in the
-    order of time.
-    """
-    if along is None:
-        parts = [log[curve.training[log]] for log in curve.logs]
-    else:
-        rows = np.flatnonzero(curve.training)
-        parts = [rows[np.argsort(curve.columns[along][rows], kind="stable")]]
-    return contiguous(parts, BLOCKS, curve.size)
 
 
 def contiguous(parts: Sequence[IntArray], count: int, size: int, times: int = 1) -> list[BoolArray]:
@@ -131,19 +59,3 @@ def left_out_of(
     """
     rest = without(dataset, masks)
     return missed_by(remade(rest), rest, masks)
-
-
-def errors_of(folds: Folds, remade: Callable[[Dataset], Model]) -> list[float]:
-    """NRMSE on each fold, of models that are `remade` without it; infinite where nothing finite was
-    predicted. Raises as the fits do.
-    """
-    nrmse = []
-    target = folds.dataset.target
-    for masks in folds.masks:
-        every = left_out_of(folds.dataset, masks, remade)
-        errors = np.concatenate(
-            [(said.values - curve.columns[target])[out & said.ready] for curve, out, said in every]
-        )
-        error = float(np.sqrt(np.mean(errors**2))) / folds.scale if len(errors) else np.inf
-        nrmse.append(error if np.isfinite(error) else float("inf"))
-    return nrmse

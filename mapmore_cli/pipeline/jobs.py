@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-import signal
 import time
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from types import FrameType
-from typing import TYPE_CHECKING, NoReturn
+from typing import TYPE_CHECKING
 
-from mapmore_cli.domain.errors import Stopped
 from mapmore_cli.pipeline.runner import AS_USUAL, Options, RunOutcome, bring_up_to_date
 from mapmore_cli.pipeline.validate import required_limits
 from mapmore_cli.storage.run_folder import RunFiles
@@ -96,23 +92,3 @@ def run_one(job: Job) -> Finished:
         loaded, job.runs, job.until, options=job.options, warn=warnings.append
     )
     return Finished.of(loaded, outcome, warnings, started)
-
-
-@contextmanager
-def stoppable() -> Iterator[None]:
-    """Let SIGTERM and SIGHUP raise `Stopped`, so that what has begun is ended; a signal that is
-    ignored, as under `nohup`, stays so.
-    """
-
-    def stop(number: int, _frame: FrameType | None) -> NoReturn:
-        raise Stopped(number)
-
-    wanted = [getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name)]
-    heard = [number for number in wanted if signal.getsignal(number) is signal.SIG_DFL]
-    for number in heard:
-        signal.signal(number, stop)
-    try:
-        yield
-    finally:
-        for number in heard:
-            signal.signal(number, signal.SIG_DFL)

@@ -11,16 +11,15 @@ import os
 import signal
 import sys
 import warnings
-from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
-from concurrent.futures import CancelledError, Future, ProcessPoolExecutor, as_completed
-from concurrent.futures.process import BrokenProcessPool
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager, suppress
 from functools import cache, partial
 from threading import Thread
 from typing import TYPE_CHECKING, Any, NoReturn, TypeVar
 
 from mapmore_cli import THREADS
-from mapmore_cli.domain.errors import MapmoreError, WriteError
+from mapmore_cli.domain.errors import WriteError
 from mapmore_cli.domain.plugins import PluginLeftOut
 
 if TYPE_CHECKING:
@@ -144,59 +143,6 @@ def deaf_to_interrupts() -> Iterator[None]:
         yield
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
-
-
-def ended(futures: Mapping[Future[R], int]) -> Iterator[tuple[int, R | BaseException]]:
-    """Yield the number of each job with its result or its error, as they end."""
-    for future in as_completed(futures):
-        try:
-            yield futures[future], future.exception() or future.result()
-        except CancelledError:
-            lost = MapmoreError(
-                "the scheduler ended or dropped this run",
-                "start it again; finished runs are not done anew",
-            )
-            yield futures[future], lost
-
-
-def in_processes(
-    work: Callable[[T], R],
-    jobs: Mapping[int, T],
-    count: int,
-    tell: Callable[[int, str], None],
-    *,
-    again: bool = False,
-) -> Generator[tuple[int, R | BaseException], None, None]:
-    """Do numbered jobs in `count` processes that are started anew; yield as `ended`.
-
-    Where a worker dies, the jobs that are at work end with it. They begin once more, one at a time,
-    which `tell` is told with their numbers: another program may have filled the memory. Then the
-    others go on.
-    """
-    left = dict(jobs)
-    # Spawned, not forked: a fork of a process with BLAS threads or an open HDF5 file may hang.
-    with processes(min(count, len(jobs)), "spawn") as pool:
-        with deaf_to_interrupts():
-            futures = {pool.submit(work, job): number for number, job in jobs.items()}
-        for number, outcome in ended(futures):
-            if not isinstance(outcome, BrokenProcessPool):
-                del left[number]
-                yield number, outcome
-    if again:
-        for number in left:
-            yield number, worker_died(2)
-        return
-    for number in list(left)[:count]:
-        tell(number, "a worker process died; it is started again")
-        yield from in_processes(work, {number: left.pop(number)}, 1, tell, again=True)
-    if left:
-        yield from in_processes(work, left, count, tell)
-
-
-def worker_died(times: int) -> MapmoreError:
-    """Return what came of a job that no worker survived."""
-    remedy = "see whether the system ended it for want of memory; fewer runs at a time need less"
-    return MapmoreError(f"the process that worked on it died {times} times", remedy)
 
 
 def free_processors() -> int:

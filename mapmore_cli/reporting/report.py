@@ -76,19 +76,6 @@ def _words_of(inputs: ReportInputs, figures: Figures) -> dict[str, object]:
     }
 
 
-def render_campaign(
-    title: str,
-    tables: Sequence[Table],
-    figures: Sequence[RenderedFigure],
-    pages: Mapping[str, str],
-    failed: Mapping[str, str],
-) -> str:
-    """Return the page: `pages` are links by run, `failed` the messages of runs that did not end."""
-    template = environment().get_template("campaign.html")
-    tables = [table.head(MOST_ROWS) for table in tables]
-    return template.render(title=title, tables=tables, figures=figures, pages=pages, failed=failed)
-
-
 def write_report(
     inputs: ReportInputs,
     out: Path,

@@ -12,10 +12,10 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from mapmore_cli.domain.declared import Contradiction, Name
-from mapmore_cli.domain.errors import SpecError, UsageError
-from mapmore_cli.study.experiment import Competitor, OtherSettings
+from mapmore_cli.domain.errors import SpecError
+from mapmore_cli.study.experiment import OtherSettings
 from mapmore_cli.study.fields import Section, SpecPath
-from mapmore_cli.study.loader import load, load_as
+from mapmore_cli.study.loader import load_as
 from mapmore_cli.study.yaml_loader import as_overrides, read_source
 
 
@@ -120,38 +120,3 @@ def expanded(
             campaigns.append(Expanded(campaign, tuple(jobs)))
         entries += [replace(one, overrides=(*one.overrides, *overrides)) for one in runs]
     return campaigns, entries
-
-
-def run_names(entries: Sequence[Entry], campaigns: Sequence[Expanded]) -> list[str]:
-    """Return the name of every run; where its spec is wrong, which its own run will say, what it is
-    called in messages.
-
-    Raises UsageError where two of the runs, their variations and the campaigns have one name, which
-    would be the same folder.
-    """
-    names: list[str] = []
-    named = (one.campaign.campaign for one in campaigns)
-    claims = [(name, f"the campaign '{name}'") for name in named]
-    for entry in entries:
-        try:
-            spec = load(entry.config, entry.overrides).spec
-        except SpecError:
-            names.append(str(entry.config) if entry.called in names else entry.called)
-            continue
-        names.append(spec.name)
-        claims.append((spec.name, str(entry.config)))
-        claims += [
-            (f"{spec.name}.{rival.label}", f"{entry.config} as '{rival.label}'")
-            for rival in spec.validation.against
-            if isinstance(rival, Competitor) and rival.set is not None
-        ]
-    owners: dict[str, str] = {}
-    for folder, owner in claims:
-        # one folder, where capitals do not count in names of files
-        first = owners.setdefault(folder.lower(), owner)
-        if first is not owner:
-            raise UsageError(
-                f"{first} and {owner} have the same name, '{folder}'",
-                "give each a `name` of its own",
-            )
-    return names

@@ -110,7 +110,7 @@ def derivations(spec: ExperimentSpec) -> Iterator[Finding]:
             needs[name] = {*names_in(rule)}
             yield from expression_findings(rule, loc, spec.quantities)
         else:
-            needs[name] = {rule.rate_of if isinstance(rule, Rate) else rule.direction_of}
+            needs[name] = {rule.source}
     try:
         graphlib.TopologicalSorter(needs).prepare()
     except graphlib.CycleError as error:

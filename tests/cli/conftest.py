@@ -79,7 +79,7 @@ def folder_of_its_own(request, tmp_path, monkeypatch):
 @pytest.fixture
 def batch_here(monkeypatch):
     """Let `batch` do its runs in this process: to start another takes longer than such a run."""
-    monkeypatch.setattr("mapmore_cli.pipeline.processors.in_processes", in_turn)
+    monkeypatch.setattr("mapmore_cli.annexes.campaigns.workers.in_processes", in_turn)
 
 
 @pytest.fixture

@@ -14,8 +14,8 @@ from cli_samples import wait_until, write_slow_study
 from common import python
 from filelock import FileLock
 
+from mapmore_cli.annexes.campaigns.workers import in_processes
 from mapmore_cli.domain.errors import MapmoreError, WriteError
-from mapmore_cli.pipeline.processors import in_processes
 
 PROC = Path("/proc/self/task")
 
@@ -106,7 +106,7 @@ def test_without_room_for_its_locks_no_worker_starts():
     code = """
 import resource
 from mapmore_cli.domain.errors import WriteError
-from mapmore_cli.pipeline.processors import in_processes
+from mapmore_cli.annexes.campaigns.workers import in_processes
 resource.setrlimit(resource.RLIMIT_FSIZE, (0, 0))
 try:
     list(in_processes(abs, {1: 1, 2: 2}, 2, print))

@@ -19,6 +19,7 @@ from hypothesis import strategies as st
 
 from mapmore_cli.annexes.exporting import verifying
 from mapmore_cli.annexes.exporting.exports import exported
+from mapmore_cli.annexes.exporting.words import identifiers
 from mapmore_cli.annexes.sums import Part, Sum
 from mapmore_cli.domain import foreign
 from mapmore_cli.domain.errors import MapmoreError
@@ -82,11 +83,11 @@ def test_labels_in_tex_keep_formulas_and_nothing_else():
 
 @given(st.lists(NAMES, max_size=8))
 def test_identifiers_differ_even_without_regard_to_case(names):
-    found = foreign.identifiers(names, ["p", "_beyond"])
+    found = identifiers(names, ["p", "_beyond"])
     assert len({name.lower() for name in found}) == len(names)
     assert all(name.isidentifier() and name.lower() not in {"p", "_beyond"} for name in found)
     compile(f"def f({', '.join(found)}): pass", "f", "exec")
-    assert foreign.identifiers(["pressure", "p1", "P2"]) == ["pressure", "p1", "P2"]
+    assert identifiers(["pressure", "p1", "P2"]) == ["pressure", "p1", "P2"]
 
 
 def hostile(model, mark, names):

@@ -17,10 +17,10 @@ from test_foreign_text import needs_compiler
 
 from mapmore_cli.annexes.exporting.exports import exported, snippet
 from mapmore_cli.annexes.exporting.templates import OWN, identifier
+from mapmore_cli.annexes.exporting.words import KEYWORDS, LIBRARY, TAKEN
 from mapmore_cli.annexes.sums import Part, Sum
 from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.recording import Quantity
-from mapmore_cli.domain.words import KEYWORDS, LIBRARY, TAKEN
 from mapmore_cli.modelling.expressions.functions import FUNCTIONS
 
 ROWS = {**KEYWORDS, **LIBRARY, "templates": " ".join(OWN)}

@@ -27,7 +27,7 @@ PLAIN = "1,10\n2,20\n3,30\n4,40\n"
     ("text", "settings", "titles"),
     [
         ("t,P\n" + PLAIN, {}, ("t", "P")),
-        (PLAIN, {"header": False}, None),
+        (PLAIN, {"header": False}, ()),
         ('"t","P"\n' + PLAIN, {}, ("t", "P")),
         ("t;P\n" + PLAIN.replace(",", ";"), {"delimiter": ";"}, ("t", "P")),
         ("t\tP\n" + PLAIN.replace(",", "\t"), {"delimiter": "tab"}, ("t", "P")),
@@ -49,7 +49,8 @@ def test_dialects_are_recognised(tmp_path, text, settings, titles):
     path = tmp_path / "a.csv"
     path.write_bytes(text.encode())
     found = preview(path)
-    assert (found.reader, found.settings, found.titles, found.width) == ("csv", settings, titles, 2)
+    assert len(found.columns) == 2
+    assert (found.reader, found.settings, found.titles) == ("csv", settings, titles)
     zipped = tmp_path / "b.csv.gz"
     zipped.write_bytes(gzip.compress(text.encode()))
     assert preview(zipped) == found

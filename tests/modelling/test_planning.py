@@ -12,11 +12,12 @@ from sklearn.gaussian_process import GaussianProcessRegressor, kernels
 from surfaces import QUANTITIES, curves
 
 from mapmore_cli.annexes.planning import planning, points
+from mapmore_cli.annexes.search.black_boxes import smooth
 from mapmore_cli.domain.errors import UsageError
 from mapmore_cli.domain.recording import Dataset
 from mapmore_cli.modelling import literature
 from mapmore_cli.modelling.literature.backbone import fit_formula
-from mapmore_cli.modelling.validation.gaussian_process import GaussianProcess, most_likely, smooth
+from mapmore_cli.modelling.validation.gaussian_process import GaussianProcess, most_likely
 
 
 def test_a_fitted_process_agrees_with_scikit_learn():

@@ -8,16 +8,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 from report_builder import Page, score
 
-from mapmore_cli.domain.scores import REPEATABILITY, Published
-from mapmore_cli.reporting.campaign import (
+from mapmore_cli.annexes.campaigns.figure import campaign_figures
+from mapmore_cli.annexes.campaigns.page import render_campaign
+from mapmore_cli.annexes.campaigns.tables import (
     CampaignScores,
     campaign_tables,
     nrmse_table,
     published_table,
 )
-from mapmore_cli.reporting.figures.commands import campaign_figures
+from mapmore_cli.domain.scores import REPEATABILITY, Published
 from mapmore_cli.reporting.figures.drawing import compose
-from mapmore_cli.reporting.report import render_campaign
 
 
 def row(model, rmse, split="validate"):

@@ -15,13 +15,17 @@ from dataclasses import dataclass
 from pathlib import Path
 from secrets import token_hex
 from threading import Lock
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
+from mapmore_cli.annexes.campaigns.workers import ended, worker_died
 from mapmore_cli.domain.errors import MapmoreError, UsageError, WriteError
 from mapmore_cli.pipeline.jobs import Finished, Job, run_one
-from mapmore_cli.pipeline.processors import ended, variables_set, worker_died
+from mapmore_cli.pipeline.processors import variables_set
 from mapmore_cli.storage.atomic import TEMPORARY, refusals_told, write_text
 from mapmore_cli.storage.run_record import tool_versions
+
+if TYPE_CHECKING:
+    from distributed import Client
 
 CONNECT = "10s"
 """How long a scheduler may take to answer."""
@@ -116,7 +120,7 @@ def run_on_cluster(
                 yield number, outcome
 
 
-def _checked_workers(client: Any, shared: Shared) -> int:
+def _checked_workers(client: Client, shared: Shared) -> int:
     """Return how many workers there are; raises UsageError where they cannot run the jobs,
     WriteError where they do not see the folder of runs.
     """
@@ -133,7 +137,7 @@ def _checked_workers(client: Any, shared: Shared) -> int:
         ) from fault
 
 
-def _connected(scheduler: str | Path) -> Any:
+def _connected(scheduler: str | Path) -> Client:
     """Return a client; UsageError where there is no library for it, or no scheduler."""
     try:
         from distributed import Client

@@ -82,16 +82,16 @@ def batch(
     One that fails does not stop the rest; the exit code is the highest of all. A campaign gets a
     page of its own.
     """
+    from mapmore_cli.annexes.campaigns import workers
     from mapmore_cli.annexes.campaigns.cluster import run_on_cluster
-    from mapmore_cli.annexes.campaigns.page import scores_of, write_page
+    from mapmore_cli.annexes.campaigns.page import run_names, scores_of, write_page
+    from mapmore_cli.annexes.campaigns.tables import campaign_tables
     from mapmore_cli.cli.views import page_lines
-    from mapmore_cli.pipeline import processors
-    from mapmore_cli.pipeline.jobs import Job, run_one, stoppable
+    from mapmore_cli.pipeline.jobs import Job, run_one
     from mapmore_cli.pipeline.runner import Options
-    from mapmore_cli.reporting.campaign import campaign_tables
     from mapmore_cli.storage.run_folder import refuse_foreign
     from mapmore_cli.storage.run_record import CAMPAIGN_RECORD
-    from mapmore_cli.study.campaign import expanded, run_names
+    from mapmore_cli.study.campaign import expanded
 
     if cluster is not None and cluster_file is not None:
         raise UsageError("--cluster and --cluster-file exclude each other", "leave one of them out")
@@ -109,13 +109,13 @@ def batch(
     }
     results: dict[int, Result] = {}
     scheduler = cluster or cluster_file
-    with Reporter(quiet) as reporter, stoppable():
+    with Reporter(quiet) as reporter, workers.stoppable():
 
         def tell(number: int, message: str) -> None:
             reporter.warn(RunWarning.of(names[number], message))
 
         outcomes = (
-            processors.in_processes(run_one, todo, jobs, tell)
+            workers.in_processes(run_one, todo, jobs, tell)
             if scheduler is None
             else run_on_cluster(todo, scheduler, runs, tell, reporter.say)
         )

@@ -3,25 +3,28 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from hashlib import sha256
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from mapmore_cli.domain.errors import told
+from mapmore_cli.domain.errors import SpecError, UsageError, told
 from mapmore_cli.reporting.order import RUN_PAGE
-from mapmore_cli.reporting.table import Table, to_csv
+from mapmore_cli.reporting.table import Table, environment, to_csv
 from mapmore_cli.storage.atomic import make_folder, refusals_told, write_text
 from mapmore_cli.storage.ownership import to_trash
 from mapmore_cli.storage.run_folder import refuse_foreign
 from mapmore_cli.storage.run_record import CAMPAIGN_RECORD
-from mapmore_cli.study.campaign import Campaign
+from mapmore_cli.study.campaign import Campaign, Entry, Expanded
+from mapmore_cli.study.experiment import Competitor
+from mapmore_cli.study.loader import load
 
 if TYPE_CHECKING:
+    from mapmore_cli.annexes.campaigns.tables import CampaignScores
     from mapmore_cli.pipeline.jobs import Finished
-    from mapmore_cli.reporting.campaign import CampaignScores
+    from mapmore_cli.reporting.figures.drawing import RenderedFigure
 
 
 def write_page(
@@ -35,10 +38,9 @@ def write_page(
 
     Returns the path of the page, and the tables on it.
     """
-    from mapmore_cli.reporting.campaign import campaign_tables
-    from mapmore_cli.reporting.figures.commands import campaign_figures
+    from mapmore_cli.annexes.campaigns.figure import campaign_figures
+    from mapmore_cli.annexes.campaigns.tables import campaign_tables
     from mapmore_cli.reporting.figures.drawing import render_figure
-    from mapmore_cli.reporting.report import render_campaign
 
     scores = scores_of(results, campaign)
     tables = campaign_tables(scores)
@@ -101,7 +103,7 @@ def scores_of(
     """Return what tables of several runs are made of: their results by name, of a campaign one for
     each of its runs.
     """
-    from mapmore_cli.reporting.campaign import CampaignScores
+    from mapmore_cli.annexes.campaigns.tables import CampaignScores
 
     finished = {name: run for name, run in results.items() if not isinstance(run, BaseException)}
     runs = finished.values()
@@ -125,3 +127,53 @@ def scores_of(
         best_of=campaign.best_of,
         groups={run.name: group for name, run in finished.items() if (group := groups[name])},
     )
+
+
+def render_campaign(
+    title: str,
+    tables: Sequence[Table],
+    figures: Sequence[RenderedFigure],
+    pages: Mapping[str, str],
+    failed: Mapping[str, str],
+) -> str:
+    """Return the page: `pages` are links by run, `failed` the messages of runs that did not end."""
+    from mapmore_cli.reporting.report import MOST_ROWS
+
+    template = environment().get_template("campaign.html")
+    tables = [table.head(MOST_ROWS) for table in tables]
+    return template.render(title=title, tables=tables, figures=figures, pages=pages, failed=failed)
+
+
+def run_names(entries: Sequence[Entry], campaigns: Sequence[Expanded]) -> list[str]:
+    """Return the name of every run; where its spec is wrong, which its own run will say, what it is
+    called in messages.
+
+    Raises UsageError where two of the runs, their variations and the campaigns have one name, which
+    would be the same folder.
+    """
+    names: list[str] = []
+    named = (one.campaign.campaign for one in campaigns)
+    claims = [(name, f"the campaign '{name}'") for name in named]
+    for entry in entries:
+        try:
+            spec = load(entry.config, entry.overrides).spec
+        except SpecError:
+            names.append(str(entry.config) if entry.called in names else entry.called)
+            continue
+        names.append(spec.name)
+        claims.append((spec.name, str(entry.config)))
+        claims += [
+            (f"{spec.name}.{rival.label}", f"{entry.config} as '{rival.label}'")
+            for rival in spec.validation.against
+            if isinstance(rival, Competitor) and rival.set is not None
+        ]
+    owners: dict[str, str] = {}
+    for folder, owner in claims:
+        # one folder, where capitals do not count in names of files
+        first = owners.setdefault(folder.lower(), owner)
+        if first is not owner:
+            raise UsageError(
+                f"{first} and {owner} have the same name, '{folder}'",
+                "give each a `name` of its own",
+            )
+    return names

@@ -79,7 +79,7 @@ def answers_of(**said: str | None) -> Answers:
         "hold": read_hold,
         "validate": str.strip,
         "group": read_group,
-        "length": partial(read_size, "--length", unit="m", example="88mm"),
+        "length": read_length,
         "like": str,
     }
     given = {name: readers[name](text) for name, text in said.items() if text is not None}
@@ -96,16 +96,15 @@ def read_group(text: str) -> str | None:
     return None if text == "none" else text
 
 
-def read_size(option: str, text: str, unit: str, example: str) -> float:
-    """Return a positive quantity that was said on the line."""
+def read_length(text: str) -> float:
+    """Return a positive length in m; UsageError for anything else."""
+    remedy = "write it as 88mm"
     try:
-        value = parse_quantity(text, unit)
+        value = parse_quantity(text, "m")
     except SpecError as fault:
-        raise UsageError(
-            f"{option}: {fault.message}", fault.remedy or f"write it as {example}"
-        ) from fault
+        raise UsageError(f"--length: {fault.message}", fault.remedy or remedy) from fault
     if not 0 < value < math.inf:
-        raise UsageError(f"{option}: {text} is not positive", f"write it as {example}")
+        raise UsageError(f"--length: {text} is not positive", remedy)
     return value
 
 

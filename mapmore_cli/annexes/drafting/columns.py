@@ -8,10 +8,12 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import zip_longest
 
 import numpy as np
 
 from mapmore_cli.annexes.drafting.draft import Column, Named, NamedColumn, Raw, range_of
+from mapmore_cli.annexes.drafting.preview import Preview
 from mapmore_cli.checking.evidence import same_signals
 from mapmore_cli.checking.names import POSITIONS, read_label
 from mapmore_cli.domain.arrays import Array
@@ -138,16 +140,12 @@ Table = Mapping[Column, TitledColumn]
 """All columns of some files, in their order."""
 
 
-def read_titles(
-    titles: Mapping[Column, str], raw: Raw, units: Mapping[Column, str] | None = None
-) -> Table:
-    """Return the columns of files, with what their titles and the files' own `units` say."""
-    said = units or {}
+def read_titles(layout: Preview, raw: Raw) -> Table:
+    """Return the columns of files, with what their titles and the files' own units say."""
+    texts = zip_longest(layout.columns, layout.titles, layout.units, fillvalue="")
     return {
-        column: _read_title(
-            column, place, titles.get(column, ""), raw.get(column, ()), said.get(column, "")
-        )
-        for place, column in enumerate({**titles, **raw})
+        column: _read_title(column, place, title, raw.get(column, ()), unit)
+        for place, (column, title, unit) in enumerate(texts)
     }
 
 

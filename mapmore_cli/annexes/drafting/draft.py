@@ -115,13 +115,15 @@ class Draft:
         """What is not sure."""
         return {loc: note for loc, note in self.notes.items() if not note.sure}
 
-    def with_data(self, key: str, value: Any, why: str | None = None, sure: bool = True) -> Draft:
+    def with_data(
+        self, key: str, value: object, why: str | None = None, sure: bool = True
+    ) -> Draft:
         """Return the draft with a key of `data` added or replaced."""
         return replace(self, spec={**self.spec, "data": {**self.data, key: value}}).noted(
             ("data", key), why, sure
         )
 
-    def with_section(self, key: str, value: Any, why: str | None = None) -> Draft:
+    def with_section(self, key: str, value: object, why: str | None = None) -> Draft:
         """Return the draft with a section added or replaced."""
         return replace(self, spec={**self.spec, key: value}).noted((key,), why)
 
@@ -146,7 +148,7 @@ def yaml_text(spec: Mapping[str, Any], notes: Mapping[Loc, Note], head: str) -> 
     return "\n".join([head, *_yaml_lines(escaped(_ten_digits(ordered)), (), notes), ""])
 
 
-def _ten_digits(value: Any) -> Any:
+def _ten_digits(value: object) -> object:
     """Return a value with numbers of ten digits at most, and whole ones without a point."""
     match value:
         case dict():

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -220,7 +219,7 @@ def _with_split(
     is_whole = len(recordings) > 2 and not levels and {"gain", "offset"}.isdisjoint(groups)
     way = said or next(iter(inside), WHOLE if is_whole else LAST_SAMPLES)
     names = [one.id for one in recordings]
-    held_out: Any = names[1:-1:3] or names[1:]
+    held_out: object = names[1:-1:3] or names[1:]
     why = None if said is None else "you"
     if way == LAST_SAMPLES:
         held_out, why = LAST, "the last of every recording"

@@ -12,7 +12,7 @@ from typing import Any
 
 from mapmore_cli.domain.errors import DataError, SpecError
 from mapmore_cli.storage.readers import reader_of, suffix_of
-from mapmore_cli.storage.tables import Top
+from mapmore_cli.storage.tables import SourceColumn, Top
 from mapmore_cli.storage.tables.cells import stamp_of
 from mapmore_cli.study.units import check_unit
 
@@ -38,40 +38,24 @@ Row = Sequence[Any]
 
 @dataclass(frozen=True)
 class Preview:
-    """How a file is read: by which `reader` with which `settings` of `data`, and the `titles` of
-    its columns where it has a header.
+    """How a file is read: by which `reader` with which `settings` of `data`.
 
-    - `units`: of each column as the file writes it, empty where it writes none.
-    - `told`: the sheets of a workbook that are laid out alike, where there is more than one;
-      `sheets` are the same where they are not all, `left` are the others.
-    - `addresses`: lead to the columns of a file that is a tree.
-    - `remark`: True where the titles stand in a line that is no header to read.
+    - `columns`: how the spec names them: by the addresses of a file that is a tree, else by the
+      titles of a header that one column alone has, else by their 0-based places.
+    - `titles`, `units`: of the columns as the file writes them, empty where it writes none.
+    - `alike`: the sheets of a workbook that are laid out alike, where there is more than one;
+      `left` are its other sheets.
     - `numeric`: the places of columns of numbers.
     """
 
     reader: str
-    width: int
-    titles: tuple[str, ...] | None
-    settings: dict[str, Any] = field(default_factory=dict)
-    units: tuple[str, ...] = ()
-    sheets: tuple[str, ...] = ()
+    columns: tuple[SourceColumn, ...]
+    titles: tuple[str, ...]
+    settings: dict[str, Any]
+    units: tuple[str, ...]
+    numeric: tuple[int, ...] = field(compare=False)
+    alike: tuple[str, ...] = ()
     left: tuple[str, ...] = ()
-    addresses: tuple[str, ...] = ()
-    remark: bool = False
-    told: tuple[str, ...] = ()
-    numeric: tuple[int, ...] = field(default=(), compare=False)
-
-    @property
-    def columns(self) -> tuple[str | int, ...]:
-        """How the spec names the columns: by their addresses, else by the titles that one column
-        alone has, else by their 0-based indices.
-        """
-        if self.addresses:
-            return self.addresses
-        titles = () if self.titles is None or self.remark else self.titles
-        names = {title for title, count in Counter(titles).items() if title and count == 1}
-        named = tuple(title if title in names else place for place, title in enumerate(titles))
-        return named or tuple(range(self.width))
 
 
 def unread(path: Path) -> str | None:
@@ -137,7 +121,7 @@ def _of_all_sheets(
     if len(alike) == 1:
         return layout
     settings = {**layout.settings, "sheet": alike[0] if left else "*"}
-    return replace(layout, settings=settings, sheets=alike if left else (), told=alike)
+    return replace(layout, settings=settings, alike=alike)
 
 
 @dataclass(frozen=True)
@@ -172,6 +156,7 @@ class _FoundTable:
         others = [tuple(lines[line]) for line in sorted(lines) if line != titled]
         units = self.top.units or next(filter(_are_units, others), ())
         width = 1 + max([*self.numeric, *(place for place, title in enumerate(titles) if title)])
+        titles = [*titles, *[""] * width][:width]
         said = [_without_brackets(unit) for unit in (*units, *[""] * width)[:width]]
         for place in self.numeric:
             if not said[place] and stamp_of(str(self.columns[place][0]).strip()) is not None:
@@ -183,15 +168,15 @@ class _FoundTable:
         if not self.top.addresses:
             settings |= {} if header == 1 else {"header": header or False}
             settings |= {"skip_rows": skipped} if skipped else {}
+        counts = Counter(filter(None, titles)) if header else Counter[str]()
+        columns = [title if counts[title] == 1 else at for at, title in enumerate(titles)]
         return Preview(
             reader,
-            width,
-            (*titles, *[""] * width)[:width] if titles else None,
+            self.top.addresses or tuple(columns),
+            tuple(titles) if titled is not None else (),
             settings,
             tuple(said) if any(said) else (),
-            addresses=self.top.addresses,
-            remark=bool(titles) and not header,
-            numeric=self.numeric,
+            self.numeric,
         )
 
     def header_lines(self) -> dict[int, list[str]]:

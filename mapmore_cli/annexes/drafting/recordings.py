@@ -58,7 +58,7 @@ def read_draft(draft: Draft, folder: Path, measured: str) -> Dataset:
         raise DataError(fault.message, fault.remedy) from fault
 
 
-def _with_words(read: Callable[[Any], T]) -> tuple[Any, T]:
+def _with_words(read: Callable[[object], T]) -> tuple[object, T]:
     """Return the first rule for missing values by which something can be read, and what was read:
     a few words, as `---`, may stand for such values.
 
@@ -66,7 +66,7 @@ def _with_words(read: Callable[[Any], T]) -> tuple[Any, T]:
     """
     words: list[str] = []
     while True:
-        rule = {"tokens": words} if words else "drop"
+        rule: object = {"tokens": words} if words else "drop"
         try:
             return rule, read(rule)
         except NotANumber as fault:
@@ -96,11 +96,7 @@ def table_of(study: Study, folder: Path) -> Table:
                 last = fault
     if not raw:
         raise last
-    titles, units = (
-        dict(zip(layout.columns, texts, strict=False))
-        for texts in (layout.titles or [""] * len(layout.columns), layout.units)
-    )
-    return read_titles(titles, raw, units)
+    return read_titles(layout, raw)
 
 
 def _read_columns(
@@ -113,7 +109,7 @@ def _read_columns(
     entries = {name: {"column": column} for name, column in names.items()}
     units = {**dict.fromkeys(names, "1"), "time": "s"}
 
-    def read(missing: Any) -> list[Samples]:
+    def read(missing: object) -> list[Samples]:
         data = _Columns.model_validate({**section, "columns": entries, "missing": missing})
         every = find_sources(data.files, folder)
         some = every[:: -(-len(every) // MOST_FILES)]  # columns are the same in all

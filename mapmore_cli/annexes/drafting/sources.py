@@ -42,8 +42,8 @@ class Study:
     @property
     def parts(self) -> list[tuple[Path, str]]:
         """Every recording: its file, and its sheet where the names of sheets tell something."""
-        of_sheets = len(self.files) == 1 and self.layout.told
-        sheets = self.layout.told if of_sheets else self.layout.sheets or ("",)
+        is_told = len(self.files) == 1 or self.layout.left
+        sheets = (is_told and self.layout.alike) or ("",)
         return [(file, sheet) for file in self.files for sheet in sheets]
 
     @property
@@ -57,7 +57,7 @@ class Study:
     @property
     def quantities(self) -> set[str]:
         """What the titles name."""
-        labels = map(read_label, self.layout.titles or ())
+        labels = map(read_label, self.layout.titles)
         return {label.quantity for label in labels if label is not None}
 
 
@@ -167,7 +167,7 @@ def started(
         draft = draft.noted(("data", "header"), "the first line holds numbers")
     if "sample_time" in layout.settings:
         draft = draft.noted(("data", "sample_time"), "s: as the file says")
-    is_by_sheet = bool(study.parts[0][1]) and bool(conditions or layout.sheets)
+    is_by_sheet = bool(study.parts[0][1]) and bool(conditions or layout.left)
     if is_by_sheet:
         draft = draft.without_data("sheet")
     if layout.left:

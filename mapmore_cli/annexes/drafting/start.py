@@ -54,10 +54,10 @@ class Start:
 def propose(
     study: Study,
     folder: Path,
-    answers: Answers = NOTHING_SAID,
-    second: Study | None = None,
-    ask: Ask | None = None,
-    path: str = ".",
+    answers: Answers,
+    second: Study | None,
+    ask: Ask | None,
+    path: str,
 ) -> list[Draft]:
     """Return the specs of a study, one for each output, with paths from `folder`. Their models are
     left to the search in a run.
@@ -103,12 +103,12 @@ def propose(
 
 def _shared_out(columns: Named, table: Table) -> tuple[Named, Named]:
     """Return the named columns that a table has, and those of another log."""
-    here = {}
-    for name, one in columns.items():
+    beside = dict(columns)
+    for name, column in columns.items():
         with suppress(UsageError):
-            find(table, one.column, "--columns")
-            here[name] = one
-    return here, {name: one for name, one in columns.items() if name not in here}
+            find(table, column.column, "--columns")
+            del beside[name]
+    return {name: columns[name] for name in columns if name not in beside}, beside
 
 
 def _with_experiment(

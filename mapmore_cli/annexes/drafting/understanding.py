@@ -70,20 +70,16 @@ def understood(study: Study, table: Table, answers: Answers, path: str) -> Under
         Where neither titles nor the person say what is to be predicted, or where something that
         the person names is not there.
     """
-    own, left_out = known_by_titles(table)
-    said = answers.inputs or {}
-    if "time" in own and _is_named(own["time"].column, {**answers.target, **said}, table):
-        del own["time"]
-    if answers.columns:
-        own, left_out = named_by_person(answers.columns, table, "--columns", {}), {}
-    chosen = named_by_person(answers.target, table, "--target", own)
-    columns = own | chosen
-    given = [name for name, one in said.items() if not one.refers_to(name)]
-    conditions, repeats = told_by_names(study.names, answers.hold, [*columns, *given])
+    columns, left_out = _columns_of(table, answers)
+    chosen = named_by_person(answers.target, table, "--target", columns)
+    columns |= chosen
+    wanted = answers.inputs or {}
+    renamed = [name for name, column in wanted.items() if not column.refers_to(name)]
+    conditions, repeats = told_by_names(study.names, answers.hold, [*columns, *renamed])
     titled = {} if answers.columns else table
     kinds = {
-        name: kind_to_predict(name, titled.get(one.column))
-        for name, one in columns.items()
+        name: kind_to_predict(name, titled.get(column.column))
+        for name, column in columns.items()
         if name != "time"
     }
     targets = [*chosen] or [*filter(None, [target_of(kinds, bool(conditions))])]
@@ -92,18 +88,18 @@ def understood(study: Study, table: Table, answers: Answers, path: str) -> Under
     if answers.inputs is None:
         inputs = _free(table, columns, targets, left_out)
     else:
-        beside = {one.quantity for one in conditions}
-        rest = {name: one for name, one in said.items() if name not in beside}
-        asked = named_by_person(rest, table, "--inputs", columns)
-        columns |= asked
-        inputs = [name for name in asked if name not in ("time", *targets)]
-        keep = {*said, answers.hold.name if answers.hold else ""}
-        unused = [one for one in conditions if not one.unit and one.quantity not in keep]
-        conditions = [one for one in conditions if one not in unused]
-        repeats += [f"{one.quantity} (name it by --inputs)" for one in unused]
-    group, telling = _group_of(table, answers.group, columns)
-    columns |= telling
-    inputs = [name for name in inputs if name not in telling]
+        in_names = {condition.quantity for condition in conditions}
+        rest = {name: column for name, column in wanted.items() if name not in in_names}
+        driving = named_by_person(rest, table, "--inputs", columns)
+        columns |= driving
+        inputs = [name for name in driving if name not in ("time", *targets)]
+        needed = {*wanted, answers.hold.name if answers.hold else ""}
+        unused = [one for one in conditions if not one.unit and one.quantity not in needed]
+        conditions = [condition for condition in conditions if condition not in unused]
+        repeats += [f"{condition.quantity} (name it by --inputs)" for condition in unused]
+    group, grouping = _group_of(table, answers.group, columns)
+    columns |= grouping
+    inputs = [name for name in inputs if name not in grouping]
     if not inputs and not conditions:
         raise UsageError(
             f"{study.files[0].name}: nothing is left that drives {targets[0]}",
@@ -115,13 +111,22 @@ def understood(study: Study, table: Table, answers: Answers, path: str) -> Under
     return Understood(columns, targets, inputs, conditions, remark, left_out, group)
 
 
-def _is_named(column: Column, said: Named, table: Table) -> bool:
-    """Return True for a column that a person named as something else than the time."""
-    for name, one in said.items():
+def _columns_of(table: Table, answers: Answers) -> tuple[Named, dict[Column, str]]:
+    """Return the columns that a person lists, else those that titles name, without a clock that
+    the person names as something else; and why others are left out.
+    """
+    if answers.columns:
+        return named_by_person(answers.columns, table, "--columns", {}), {}
+    columns, left_out = known_by_titles(table)
+    for name, column in {**answers.target, **(answers.inputs or {})}.items():
         with suppress(UsageError):  # what names of files tell is in no column
-            if name != "time" and find(table, one.column, "").column == column:
-                return True
-    return False
+            is_clock = (
+                "time" in columns
+                and columns["time"].column == find(table, column.column, "").column
+            )
+            if name != "time" and is_clock:
+                del columns["time"]
+    return columns, left_out
 
 
 def _group_of(table: Table, said: str | None, known: Named) -> tuple[str | None, Named]:

@@ -218,8 +218,7 @@ def simulink_files(model: Model, _wanted: Wanted) -> dict[str, str]:
     source = c_source(model)
     taken = [f"{source.name}_{one}" for one in ("eval", "valid", *names_of_inputs(model.outputs))]
     names = names_of_inputs(model.inputs, [source.name, *taken, "out"])
-    output = name_of_output(model, names_of_inputs(model.inputs).values())
-    words = source.words | {"output": output, "names": names.values()}
+    words = source.words | {"output": name_of_output(model), "names": names.values()}
     words["parameters"] = [code("double {}", name) for name in names.values()]
     forms = ("simulink.h", "simulink.c")
     return source.files | {f"{source.name}_{one}": rendered_template(one, **words) for one in forms}

@@ -67,12 +67,13 @@ def snippet(model: Model, to: str, files: Sequence[str]) -> str:
         return ""
     model = model if to in SEVERAL else model.each[0]
     places, kept = middle(model), program_of(model).kept
+    names = names_of_inputs(model.inputs)
     return rendered_template(
         f"snippets/{SNIPPETS[to]}",
         name=identifier(model.name),
         files=files,
-        output=name_of_output(model, names_of_inputs(model.inputs).values()),
-        places={own: places[name] for name, own in names_of_inputs(model.inputs).items()},
+        output=name_of_output(model, names.values()),
+        places={own: places[name] for name, own in names.items()},
         unit_inputs=input_names(model),
         step=kept.step,
         fed_back=bool(kept.fed_back),

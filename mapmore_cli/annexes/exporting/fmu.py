@@ -22,7 +22,7 @@ from mapmore_cli.annexes.exporting.verifying import (
     training_ends,
     verify_program,
 )
-from mapmore_cli.domain.foreign import identifiers
+from mapmore_cli.annexes.exporting.words import identifiers
 from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.recording import BaseUnits, Quantity
 from mapmore_cli.study.units import base_units

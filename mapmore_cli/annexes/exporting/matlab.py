@@ -18,8 +18,8 @@ from mapmore_cli.annexes.exporting.templates import (
     word,
 )
 from mapmore_cli.annexes.exporting.verifying import CompilerMissing, verify_files
+from mapmore_cli.annexes.exporting.words import words_of
 from mapmore_cli.domain.models import Model
-from mapmore_cli.domain.words import words_of
 from mapmore_cli.modelling.kinds import fed_back
 from mapmore_cli.modelling.programs import program_of
 
@@ -37,18 +37,13 @@ def matlab_file(model: Model, wanted: Wanted) -> dict[str, str]:
 
 def matlab_function(model: Model) -> tuple[Code, str]:
     """Return name and text of the function; raises as `c_source.c_source`."""
-    program, name = program_of(model), identifier(model.name)
-    taken = [
-        *words_of("MATLAB", "Octave"),
-        *OWN,
-        *(function.name for function in program.functions),
-        name,
-    ]
+    name, functions = identifier(model.name), program_of(model).functions
+    taken = [*words_of("MATLAB", "Octave"), *OWN, *(one.name for one in functions), name]
     names = {
         one: own if own[0].isalpha() else f"u{own}"  # no name begins with `_`
         for one, own in names_of_inputs(model.inputs, taken).items()
     }
-    words = words_of_module(model, program, MATLAB, names)
+    words = words_of_module(model, MATLAB, names)
     return name, rendered_template("function.m", **words, name=name, fed_back=fed_back(model))
 
 
@@ -61,4 +56,4 @@ def _verify(model: Model, name: str, text: str) -> None:
     driver = rendered_template("verify.m", name=word(name), count=count + len(fed_back(model)))
     files = {f"{name}.m": text, "verify_model.m": driver}
     call = [octave, "--norc", "--quiet", "--no-gui", "--no-history", "verify_model.m"]
-    verify_files(model, files, lambda _folder: call)
+    verify_files(model, files, call)

@@ -23,7 +23,6 @@ from mapmore_cli.annexes.exporting.templates import (
 from mapmore_cli.annexes.exporting.verifying import verify_module
 from mapmore_cli.domain.models import Model
 from mapmore_cli.modelling.program.slopes import with_slopes
-from mapmore_cli.modelling.program.statements import Program
 from mapmore_cli.modelling.programs import program_of
 from mapmore_cli.modelling.ranges import OUTSIDE_TOLERANCE
 
@@ -48,25 +47,19 @@ def python_module(model: Model, plain: bool = False) -> tuple[str, str]:
     """
     name, program, dialect = identifier(model.name), program_of(model), SCALAR if plain else NUMPY
     functions = [function.name for function in program.functions]
-    names = names_of_inputs(model.inputs, functions)
-    words = words_of_module(model, program, dialect, names)
+    words = words_of_module(model, dialect, names_of_inputs(model.inputs, functions))
     if plain and program.step is None:
         words["slopes"] = program_words(with_slopes(program), dialect)
         words["helpers"] |= words["slopes"]["helpers"]
     return f"{name}.py", rendered_template("module.py", **words, plain=plain)
 
 
-def words_of_module(
-    model: Model,
-    program: Program,
-    dialect: Dialect,
-    names: Mapping[str, str],
-) -> dict[str, Any]:
+def words_of_module(model: Model, dialect: Dialect, names: Mapping[str, str]) -> dict[str, Any]:
     """Return what the templates of a module or a function know; `names` are those of the inputs in
     code.
     """
     return {
-        **program_words(program, dialect),
+        **program_words(program_of(model), dialect),
         "model": model,
         "names": names,
         "notes": notes_of(model, names),

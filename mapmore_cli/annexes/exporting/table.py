@@ -4,7 +4,6 @@ CombiTable2D reads.
 
 from __future__ import annotations
 
-import csv
 import io
 import math
 from typing import NamedTuple
@@ -23,15 +22,15 @@ from mapmore_cli.annexes.exporting.templates import (
     rendered_template,
 )
 from mapmore_cli.annexes.exporting.verifying import training_ends
+from mapmore_cli.annexes.exporting.words import words_of
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import UsageError
 from mapmore_cli.domain.foreign import csv_cell
 from mapmore_cli.domain.models import Model
-from mapmore_cli.domain.words import words_of
 from mapmore_cli.modelling.kinds import equations, outside_range, predict, rules, runs_over_time
 from mapmore_cli.modelling.programs import program_of
 from mapmore_cli.pipeline.records import grid_axes
-from mapmore_cli.reporting.table import to_latex
+from mapmore_cli.reporting.table import number_text, rows_to_csv, to_latex
 from mapmore_cli.reporting.tables import limits_tables
 
 POINTS = 41
@@ -77,14 +76,11 @@ def table_files(model: Model, wanted: Wanted) -> dict[str, str | bytes]:
     }
     if len(grid.places) == 2:
         files[f"{stem}.txt"] = _combi_table(model, grid)
-        names = names_of_inputs(model.inputs, [*words_of("Modelica"), *OWN, _output(model)])
-        words = {
-            "model": model,
-            "name": stem,
-            "output": _output(model),
-            "names": list(names.values()),
-        }
-        files[f"{stem}.mo"] = rendered_template("table.mo", **words)
+        output = name_of_output(model)
+        names = names_of_inputs(model.inputs, [*words_of("Modelica"), *OWN, output])
+        files[f"{stem}.mo"] = rendered_template(
+            "table.mo", model=model, name=stem, output=output, names=[*names.values()]
+        )
     return files
 
 
@@ -144,31 +140,22 @@ def _places_over_range(model: Model, name: str) -> Array:
 
 def _csv(model: Model, grid: Grid, **more: Array) -> str:
     columns = {**grid.points, f"{model.output.name}_predicted": grid.values, **more}
-    text = io.StringIO()
-    table = csv.writer(text, lineterminator="\n")
-    table.writerow(map(csv_cell, columns))
-    table.writerows(
-        [f"{number:.12g}" if math.isfinite(number) else "" for number in row]
-        for row in np.column_stack(list(columns.values())).tolist()
-    )
-    return text.getvalue()
+    numbers = np.column_stack([*columns.values()])
+    numbers[~np.isfinite(numbers)] = np.nan
+    return rows_to_csv(map(csv_cell, columns), (map(number_text, row) for row in numbers.tolist()))
 
 
 def _mat(model: Model, grid: Grid) -> bytes:
     """Return a MAT file of level 5, without the date that SciPy puts into it."""
     from scipy.io import savemat
 
-    output, stream = _output(model), io.BytesIO()
+    output, stream = name_of_output(model), io.BytesIO()
     names = names_of_inputs(model.inputs, [*words_of("MATLAB", "Octave"), output, "valid"])
     arrays = {names[name]: column for name, column in grid.places.items()}
     shape = list(map(len, grid.places.values()))
     arrays |= {output: grid.values.reshape(shape), "valid": grid.valid.reshape(shape)}
     savemat(stream, arrays, oned_as="column")  # type: ignore[arg-type]  # a stream will do
     return HEADER.ljust(116) + stream.getvalue()[116:]
-
-
-def _output(model: Model) -> str:
-    return str(name_of_output(model, names_of_inputs(model.inputs).values()))
 
 
 def _combi_table(model: Model, grid: Grid) -> str:
@@ -178,7 +165,7 @@ def _combi_table(model: Model, grid: Grid) -> str:
     rows, columns = grid.places.values()
     quantities = (*model.inputs, model.output)
     lines = ["#1", *("# " + note(f"{one.name} [{one.unit}]") for one in quantities)]
-    for name, values in ((_output(model), grid.values), ("valid", grid.valid)):
+    for name, values in ((name_of_output(model), grid.values), ("valid", grid.valid)):
         lines += ["", code("double {}({},{})", name, len(rows) + 1, len(columns) + 1)]
         inner = values.reshape(len(rows), len(columns))
         table = np.block([[np.zeros((1, 1)), columns], [rows[:, None], inner]])

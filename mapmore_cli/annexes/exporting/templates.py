@@ -13,16 +13,15 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from importlib.resources import files
-from typing import Any
 from xml.sax.saxutils import quoteattr
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
+from mapmore_cli.annexes.exporting.words import TAKEN, identifiers
 from mapmore_cli.domain.errors import DataError, UsageError
-from mapmore_cli.domain.foreign import c_string, identifiers, plain, tex_text, xml_text
+from mapmore_cli.domain.foreign import PLAIN, plain, tex_text, xml_text
 from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.recording import Quantity
-from mapmore_cli.domain.words import TAKEN
 from mapmore_cli.modelling.expressions.functions import FUNCTIONS, HELPER
 from mapmore_cli.modelling.expressions.states import IDENTIFIER
 from mapmore_cli.modelling.programs import program_of
@@ -115,11 +114,11 @@ def names_of_inputs(inputs: Sequence[Quantity], functions: Sequence[str] = ()) -
     return dict(zip(names, identifiers(names, taken), strict=True))
 
 
-def name_of_output(model: Model, names: Iterable[str]) -> Code:
-    """Return what the output is called in code beside the `names` of the inputs: a function or a
-    variable.
+def name_of_output(model: Model, names: Iterable[str] | None = None) -> Code:
+    """Return what the output is called in code beside the `names` of the inputs, which are those of
+    `names_of_inputs` by default: a function or a variable.
     """
-    own = [*names]
+    own = [*(names_of_inputs(model.inputs).values() if names is None else names)]
     functions = [function.name for function in program_of(model).functions]
     taken = [*TAKEN, *OWN, *functions, identifier(model.name), *own]
     taken += [f"invert_{name}" for name in own]
@@ -140,6 +139,20 @@ def notes_of(model: Model, names: Mapping[str, str]) -> list[str]:
     return [*renamed, *(f"The {name} is {promise}." for promise in kept)]
 
 
+def c_string(text: str) -> str:
+    """Return the text as a string in C; other bytes than those of `PLAIN` are octal escapes, so
+    that there are no trigraphs.
+    """
+    return (
+        '"'
+        + "".join(
+            chr(byte) if chr(byte) in PLAIN else f"\\{byte:03o}"
+            for byte in text.encode(errors="surrogatepass")
+        )
+        + '"'
+    )
+
+
 LITERALS: Mapping[str, Callable[[str], str]] = {
     **dict.fromkeys("ch", c_string),
     "sh": shlex.quote,
@@ -156,7 +169,7 @@ LITERALS: Mapping[str, Callable[[str], str]] = {
 def templates(language: str) -> Environment:
     """Return the templates of `sources/`, for a language."""
 
-    def written(value: Any) -> Any:
+    def written(value: object) -> object:
         if isinstance(value, Code | int | float):
             return value
         if isinstance(value, str):

@@ -13,7 +13,7 @@ import shutil
 import struct
 import subprocess
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -129,14 +129,15 @@ def verify_program(
     Raises CompilerMissing where there is no compiler; MapmoreError where it refuses the code, or
     its numbers are others.
     """
+    try:
+        program = built(texts, compiled, ())
+    except CompilerFailed as fault:
+        raise _unequal(model, str(fault)) from fault
     with scratch_folder() as folder:
         place = folder / "verify.exe"
-        try:
-            write_bytes(place, built(texts, compiled, ()))
-        except CompilerFailed as fault:
-            raise _unequal(model, str(fault)) from fault
+        write_bytes(place, program)
         place.chmod(0o700)
-        _verify(model, [str(place)], close)
+        _verify(model, [str(place)], folder, close)
 
 
 def verify_module(model: Model, text: str, each: bool = False) -> None:
@@ -145,26 +146,24 @@ def verify_module(model: Model, text: str, each: bool = False) -> None:
     """
     memory, count = program_of(model).step is not None, len(model.inputs)
     driver = rendered_template("verify.py", memory=memory, each=each, count=count)
-    call, libraries = [sys.executable, "-I", "-S", "-B"], str(Path(np.__file__).parents[1])
-    files = {"exported.py": text, "verify.py": driver}
-    verify_files(model, files, lambda own: [*call, f"{own}/verify.py", own, libraries])
+    libraries = str(Path(np.__file__).parents[1])
+    command = [sys.executable, "-I", "-S", "-B", "verify.py", ".", libraries]
+    verify_files(model, {"exported.py": text, "verify.py": driver}, command)
 
 
-def verify_files(
-    model: Model, files: Mapping[str, str], command: Callable[[str], Sequence[str]]
-) -> None:
-    """Write files into a folder and compare what a command there answers; it is given the folder,
-    and raises as `verify_program`.
+def verify_files(model: Model, files: Mapping[str, str], command: Sequence[str]) -> None:
+    """Write files into a folder and compare what a command there answers; raises as
+    `verify_program`.
     """
     with scratch_folder() as folder:
         for name, code in files.items():
             write_text(folder / name, code)
-        _verify(model, command(str(folder)), CLOSE, str(folder))
+        _verify(model, command, folder)
 
 
-def _verify(model: Model, command: Sequence[str], close: float, folder: str | None = None) -> None:
-    """Compare a program that reads inputs and measured outputs a line, and prints the outputs and
-    the bits of inputs outside of their range.
+def _verify(model: Model, command: Sequence[str], folder: Path, close: float = CLOSE) -> None:
+    """Compare a program in a folder that reads inputs and measured outputs a line, and prints the
+    outputs and the bits of inputs outside of their range.
     """
     columns, count = points(model), len(model.inputs)
     names = [*(quantity.name for quantity in model.inputs), *fed_back(model)]
@@ -188,7 +187,7 @@ def _verify(model: Model, command: Sequence[str], close: float, folder: str | No
             raise _unequal(model, told)
 
 
-def _answers(model: Model, command: Sequence[str], given: str, folder: str | None) -> Array:
+def _answers(model: Model, command: Sequence[str], given: str, folder: Path) -> Array:
     """Return the numbers that code says in a process of its own; raises MapmoreError where it
     fails.
     """

@@ -15,7 +15,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -68,10 +67,8 @@ def fit_motion(
     outline = _outline(records, recipe)
     pieces = []
     for record in records:
-        columns, mask = (
-            record.columns,
-            recipe.output if recipe.mask == "displacement" else recipe.input,
-        )
+        columns = record.columns
+        mask = recipe.output if recipe.mask == "displacement" else recipe.input
         holds = active(outline, columns[recipe.input], columns[mask])
         pieces.append(
             Piece(driven(outline.drives, columns), columns[recipe.output], record.training, holds)
@@ -83,14 +80,11 @@ def fit_motion(
         own = [replace(piece, counts=piece.counts & (piece.holds == number)) for piece in pieces]
         samples = int(sum(piece.counts.sum() for piece in own))
         if samples <= (needed := 2 + len(outline.drives)):
-            where, (low, high) = (
-                f"{outline.input} {extent(outline.boundaries, section.place)}",
-                outline.limits,
-            )
+            place, (low, high) = extent(outline.boundaries, section.place), outline.limits
             raise DataError(
-                f"section {section.id} ({where}): {samples} training sample(s), too few for "
-                f"{needed} parameters; the training input goes "
-                f"from {low:.6g} to {high:.6g}",
+                f"section {section.id} ({outline.input} {place}): {samples} training sample(s), "
+                f"too few for {needed} parameters; the training input goes from {low:.6g} to "
+                f"{high:.6g}",
                 "move the boundaries of `model.sections` to where the input has been, or "
                 "train on records that go there",
             )
@@ -172,8 +166,9 @@ def joined(motion: Motion, pieces: Sequence[Piece], reach: float) -> Motion:
     start = np.concatenate(
         [angles(section.p1, section.p2, reach, NEAREST) for section in motion.sections]
     )
-    limits: Any = dict.fromkeys(("ftol", "xtol", "gtol"), TOLERANCE)
-    best = least_squares(residuals, start, max_nfev=REFINEMENTS, **limits)
+    best = least_squares(
+        residuals, start, ftol=TOLERANCE, xtol=TOLERANCE, gtol=TOLERANCE, max_nfev=REFINEMENTS
+    )
     poles = _poles(best.x, reach)
     heights = np.linalg.lstsq(outputs(poles), y, rcond=None)[0]
     return _with_heights(motion, poles, heights)
@@ -185,12 +180,11 @@ def _poles(place: Array, reach: float) -> Array:
 
 
 def _knots(motion: Motion) -> tuple[Array, int]:
-    """Where the steady line has its heights, the ends of the training range and the boundaries; and
-    how many lines, one a direction.
+    """Return the inputs at which the steady line has its heights, the ends of the training range
+    and the boundaries; and how many lines there are, one a direction.
     """
-    return np.array(
-        [motion.limits[0], *motion.boundaries, motion.limits[1]]
-    ), 2 if motion.directed else 1
+    low, high = motion.limits
+    return np.array([low, *motion.boundaries, high]), 1 + motion.directed
 
 
 def _heights_of(motion: Motion, run: Piece) -> Array:

@@ -6,7 +6,6 @@ Least squares search the poles alone; the weights of the drives follow by projec
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import Any
 
 import numpy as np
 from scipy import optimize
@@ -15,7 +14,7 @@ from mapmore_cli.annexes.motion.body import poles
 from mapmore_cli.annexes.motion.problem import Bounds, Found, MotionRecipe, Piece, Problem
 from mapmore_cli.annexes.motion.simulation import angles, of_angles, stable
 from mapmore_cli.domain.arrays import Array
-from mapmore_cli.domain.errors import FitError, SpecError
+from mapmore_cli.domain.errors import FitError
 
 STRIDES = (1, 3, 10, 30)
 """Samples between those that a linear start compares: noise hides in short strides what long ones
@@ -39,9 +38,14 @@ def least_squares(problem: Problem, _recipe: MotionRecipe) -> Found:
         history.append(float(np.sqrt(np.mean(left**2))))
         return left
 
-    limits: Any = dict.fromkeys(("ftol", "xtol", "gtol"), TOLERANCE)
     end = optimize.least_squares(
-        residuals, angles(*best, reach, NEAREST), jac="3-point", max_nfev=200, **limits
+        residuals,
+        angles(*best, reach, NEAREST),
+        jac="3-point",
+        ftol=TOLERANCE,
+        xtol=TOLERANCE,
+        gtol=TOLERANCE,
+        max_nfev=200,
     )
     return problem.found(*of_angles(end.x, reach), history)
 
@@ -117,15 +121,9 @@ def swarm(problem: Problem, recipe: MotionRecipe) -> Found:
     """Return the best P1, P2 and P3 where sections can be stable (P 2.2); an unstable
     particle costs more than any stable one.
 
-    Raises SpecError where a section has more parameters than P's three; FitError where no particle
+    The drive is the input alone: a spec may not say otherwise. Raises FitError where no particle
     was stable.
     """
-    if problem.pieces[0].drives.shape[1] > 1:
-        raise SpecError(
-            "`solver: swarm` looks for P1, P2 and P3 alone, which an offset, a load or "
-            "bumpless switching are not",
-            "use `least_squares`",
-        )
     walls = _walls(Bounds(), problem)
     begin = None if recipe.begin is None else _walls(recipe.begin, problem)
     best, history = fly(lambda x: problem.rmse(x[0], x[1], x[2:]), walls, problem.random, begin)

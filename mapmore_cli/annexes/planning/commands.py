@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 from typer import Option
 
@@ -16,16 +16,30 @@ from mapmore_cli.cli.console import (
     TABLE_FILES,
     AsJson,
     Config,
-    Outputs,
     Overrides,
     Quiet,
     Runs,
     print_view,
     refuse_endings,
-    write_results,
+    write_figure,
 )
 from mapmore_cli.cli.progress import Reporter
 from mapmore_cli.domain.errors import SpecError, UsageError
+from mapmore_cli.storage.atomic import write_text
+
+if TYPE_CHECKING:
+    from mapmore_cli.annexes.planning.results import Plan, Tuning
+    from mapmore_cli.reporting.table import Table
+
+Outputs = Annotated[
+    list[Path],
+    Option(
+        "--output",
+        "-o",
+        metavar="FILE",
+        help="Also write the figure (.svg .pdf .png .pgf) or the table (.csv .tex). Repeatable.",
+    ),
+]
 
 
 def tune(
@@ -55,8 +69,7 @@ def tune(
     Every combination is fitted without a level (or a block) of the training data and judged on it;
     held-out data are not used. The one that is named is the simplest that is as good as the best.
     """
-    from mapmore_cli.annexes.planning import planning
-    from mapmore_cli.cli import compared
+    from mapmore_cli.annexes.planning import planning, views
     from mapmore_cli.study.loader import load
 
     refuse_endings(output)
@@ -66,16 +79,16 @@ def tune(
         )
     if not over:
         refuse_endings(output, TABLE_FILES, "a search has no figure")
-    wanted = _values_of(over)
+    wanted, tuning = _values_of(over), None
     with Reporter(quiet) as reporter:
         loaded = load(config, overrides)
         if over:
-            result: Any = planning.tune(loaded, wanted, runs, **reporter.listeners)
-            view = compared.of_tuning(result)
+            tuning = planning.tune(loaded, wanted, runs, **reporter.listeners)
+            view = views.of_tuning(tuning)
         else:
-            result, spec = planning.searched(loaded, runs, budget, **reporter.listeners)
-            view = compared.of_search(result, str(spec))
-    write_results(output, view.tables[0], result)
+            search, spec = planning.searched(loaded, runs, budget, **reporter.listeners)
+            view = views.of_search(search, str(spec))
+    write_results(output, view.tables[0], tuning)
     print_view(view, as_json)
 
 
@@ -118,7 +131,7 @@ def plan(
     Held-out values are not used. Per cent are of the largest |target|.
     """
     from mapmore_cli.annexes.planning import planning
-    from mapmore_cli.cli.compared import of_plan
+    from mapmore_cli.annexes.planning.views import of_plan
     from mapmore_cli.study.loader import load
 
     refuse_endings(output)
@@ -189,3 +202,18 @@ def _prices_of(text: str | None) -> dict[str, float]:
                 "write, for example, `--cost pressure=1,strain=20`",
             )
     return prices
+
+
+def write_results(paths: Sequence[Path], table: Table, result: Tuning | Plan | None) -> None:
+    """Write the table to each of the files, or the figure of a result to those that end as figures
+    do.
+    """
+    from mapmore_cli.reporting.table import to_csv, to_latex
+
+    for path in paths:
+        if result is None or path.suffix.removeprefix(".") in TABLE_FILES:
+            write_text(path, (to_csv if path.suffix == ".csv" else to_latex)(table))
+        else:
+            from mapmore_cli.annexes.planning.drawing import drawing_of
+
+            write_figure(path, drawing_of(result))

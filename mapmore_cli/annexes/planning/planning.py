@@ -13,6 +13,13 @@ from typing import Any, Unpack
 
 import numpy as np
 
+from mapmore_cli.annexes.planning.folds import (
+    Folds,
+    errors_of,
+    folds_of,
+    geometric_mean,
+    training_only,
+)
 from mapmore_cli.annexes.planning.points import (
     Committee,
     MeasuredMap,
@@ -23,20 +30,19 @@ from mapmore_cli.annexes.planning.points import (
 from mapmore_cli.annexes.planning.points import (
     until as more_points,
 )
+from mapmore_cli.annexes.planning.results import Candidate, Picture, Plan, Trial, Tuning, Until
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import DataError, FitError, MapmoreError, SpecError, UsageError
 from mapmore_cli.domain.recording import Dataset
-from mapmore_cli.domain.results import Candidate, Picture, Plan, Search, Until
-from mapmore_cli.domain.scores import Trial, Tuning
+from mapmore_cli.domain.results import Search
 from mapmore_cli.fitting.kinds import refit
 from mapmore_cli.fitting.kinds.choices import ModelChoices, model_choices
-from mapmore_cli.fitting.refitting import Folds, errors_of, folds_of, training_only
 from mapmore_cli.ingestion.files import slice_of
 from mapmore_cli.modelling import literature
 from mapmore_cli.modelling.kinds import parameters
 from mapmore_cli.modelling.literature.backbone import fit_formula, pooled_training
 from mapmore_cli.modelling.selection import AUTO
-from mapmore_cli.modelling.validation.significance import geometric_mean, simplest_of
+from mapmore_cli.modelling.validation.significance import simplest_of
 from mapmore_cli.pipeline.processors import shared_out
 from mapmore_cli.pipeline.runner import (
     FOUND,

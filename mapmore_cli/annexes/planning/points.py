@@ -17,8 +17,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import Delaunay, KDTree, QhullError
 
+from mapmore_cli.annexes.planning.results import Candidate, Picture, Until
 from mapmore_cli.domain.arrays import Array, BoolArray
-from mapmore_cli.domain.results import Candidate, Picture, Until
 from mapmore_cli.modelling.validation.gaussian_process import GaussianProcess, most_likely
 from mapmore_cli.modelling.validation.intervals import NORMAL
 

@@ -4,7 +4,7 @@ samples.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from importlib.util import find_spec
 
@@ -16,6 +16,7 @@ from mapmore_cli.domain.recording import Dataset
 from mapmore_cli.fitting.baselines import DELAYS, features, learned
 from mapmore_cli.modelling.learners import LEARNERS
 from mapmore_cli.modelling.signals.sampling import even_share
+from mapmore_cli.modelling.validation.gaussian_process import most_likely
 
 MOST_IN_A_FOLD = 1_500
 """Training samples of a black box in each fold; half of those that it has as a competitor, where
@@ -43,7 +44,6 @@ def black_boxes(
     With a past it gets delayed inputs as well. The Gaussian process is that of `plan`: loading
     scikit-learn takes longer than all structures of a small table.
     """
-    from mapmore_cli.modelling.validation.gaussian_process import smooth
 
     curves, inputs = dataset.curves, situation.inputs
     if not inputs:
@@ -64,3 +64,13 @@ def black_boxes(
             missed = learner(x[learnt], y[learnt])(x[out]) - y[out]
             errors[name].append((missed, np.isfinite(missed)))
     return errors
+
+
+def smooth(x: Array, y: Array) -> Callable[[Array], Array]:
+    """Fit a process to inputs (n, d) of any range and outputs (n,); what predicts (m,) from (m,
+    d).
+    """
+    low, middle = x.min(axis=0), y.mean()
+    width = np.where(np.ptp(x, axis=0) > 0, np.ptp(x, axis=0), 1.0)
+    process = most_likely((x - low) / width, y - middle)
+    return lambda at: process.predict((at - low) / width)[0] + middle

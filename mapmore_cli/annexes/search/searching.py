@@ -333,8 +333,8 @@ def _going_on(model: Model, way: str | None) -> Model:
     body = model.body
     if way is None or not isinstance(body, Pieces):
         return model
-    sides: Any = dict.fromkeys(body.fusion.extrapolation, (way, way))
-    return replace(model, body=body.joined(extrapolation=sides))
+    extrapolation = dict.fromkeys(body.fusion.extrapolation, (way, way))
+    return replace(model, body=body.joined(extrapolation=extrapolation))
 
 
 def _errors(model: Model, rest: Dataset, masks: Sequence[BoolArray]) -> Left:

@@ -19,7 +19,6 @@ from mapmore_cli.storage.atomic import write_text
 from mapmore_cli.storage.run_folder import SEARCH, RunFiles
 from mapmore_cli.storage.run_record import load_records
 from mapmore_cli.study.experiment import ExperimentSpec
-from mapmore_cli.study.sections.data import Direction, Rate
 
 if TYPE_CHECKING:
     from mapmore_cli.study.loader import LoadedSpec
@@ -52,23 +51,15 @@ def _kin(target: str, spec: ExperimentSpec) -> tuple[str, ...]:
     """Return the target (of which another may be a component), the one quantity that it is derived
     from, and what is derived from it.
     """
-    sources = {name: _sources(rule) for name, rule in spec.data.derive.items()}
+    sources = {
+        name: {*parse(rule).names} if isinstance(rule, str) else {rule.source}
+        for name, rule in spec.data.derive.items()
+    }
     made = {target}
     while more := {name for name, of in sources.items() if of & made} - made:
         made |= more
-    of = sources.get(target, set())
+    of = sources.get(target, ())
     return (target, *sorted(made - {target}), *(sorted(of) if len(of) == 1 else ()))
-
-
-def _sources(rule: str | Rate | Direction) -> set[str]:
-    """Return the quantities that one is derived from."""
-    match rule:
-        case Rate():
-            return {rule.rate_of}
-        case Direction():
-            return {rule.direction_of}
-        case _:
-            return set(parse(rule).names)
 
 
 def run_search(part: Slice, workspace: Workspace) -> None:

@@ -59,12 +59,6 @@ def sum_of(
                     f"{quantity.unit}, which this study lacks",
                     "declare its column, derive it, or set its unit under `units`",
                 )
-            if missing := sorted(source.names - {*quantities}):
-                raise SpecError(
-                    f"the sum: there is no quantity {missing[0]} for {quantity.name} of "
-                    f"{model.name}",
-                    "declare its column",
-                )
             if other is not None and other.unit != quantity.unit:
                 raise SpecError(
                     f"the sum: {quantity.name} of {model.name} is in {quantity.unit}, "

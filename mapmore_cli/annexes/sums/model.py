@@ -34,14 +34,10 @@ from mapmore_cli.modelling.programs import write as write_any
 
 
 def _outside(parts: Sequence[Part], columns: Columns) -> BoolArray:
-    own = [
-        kinds.outside_range(part.model, inputs) | _outside(part.fed, columns)
-        for part, inputs in _parts(parts, columns)
-    ]
-    found: BoolArray = (
-        np.logical_or.reduce(own) if own else np.zeros(row_count(columns), dtype=np.bool_)
-    )
-    return found
+    outside = np.zeros(row_count(columns), dtype=np.bool_)
+    for part, inputs in _parts(parts, columns):
+        outside |= kinds.outside_range(part.model, inputs) | _outside(part.fed, columns)
+    return outside
 
 
 def _whole(model: Model) -> Equation:

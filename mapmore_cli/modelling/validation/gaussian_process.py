@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -81,13 +80,3 @@ def most_likely(x: Array, y: Array) -> GaussianProcess:
     d = x.shape[1]
     bounds = Bounds(*np.log([LENGTHS] * d + [SIZE, NOISE]).T)
     return made(minimize(cost, np.log([0.5] * d + [1.0, 0.05]), method="L-BFGS-B", bounds=bounds).x)
-
-
-def smooth(x: Array, y: Array) -> Callable[[Array], Array]:
-    """Fit a process to inputs (n, d) of any range and outputs (n,); what predicts (m,) from (m,
-    d).
-    """
-    low, middle = x.min(axis=0), y.mean()
-    width = np.where(np.ptp(x, axis=0) > 0, np.ptp(x, axis=0), 1.0)
-    process = most_likely((x - low) / width, y - middle)
-    return lambda at: process.predict((at - low) / width)[0] + middle

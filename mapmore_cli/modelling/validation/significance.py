@@ -158,11 +158,6 @@ def undominated(sizes: Array, scores: Array) -> BoolArray:
     return np.asarray(~beaten.any(axis=1) & np.isfinite(scores))
 
 
-def geometric_mean(errors: Sequence[float]) -> float:
-    """Return the error whose logarithm is the mean over the folds."""
-    return float(np.exp(np.mean(np.log(np.maximum(errors, NOTHING)))))
-
-
 def _total(values: Array) -> Array:
     """Return the sums of the rows, to the digit the same in any order of the columns."""
     total: Array = np.sort(values, axis=1).sum(axis=1)

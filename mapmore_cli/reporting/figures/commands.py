@@ -5,7 +5,6 @@ model by itself for notebooks.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -14,124 +13,17 @@ from matplotlib.axes import Axes
 from mapmore_cli.domain.arrays import Columns
 from mapmore_cli.domain.models import Formula, Model, Pieces
 from mapmore_cli.domain.recording import Curve, Quantity
-from mapmore_cli.domain.results import Plan
-from mapmore_cli.domain.scores import REPEATABILITY, Tuning
 from mapmore_cli.modelling.kinds import predict
 from mapmore_cli.modelling.validation.comparison import ReferencePoint
 from mapmore_cli.modelling.validation.intervals import half_widths_of
 from mapmore_cli.modelling.validation.shown import varying_input
-from mapmore_cli.modelling.validation.significance import WITHIN
-from mapmore_cli.reporting.campaign import CampaignScores
 from mapmore_cli.reporting.figures import panels, style
-from mapmore_cli.reporting.figures.drawing import DOUBLE, Drawing, Layout, Panel
-from mapmore_cli.reporting.figures.panels import key
+from mapmore_cli.reporting.figures.drawing import Drawing, Layout, Panel
 from mapmore_cli.reporting.inputs import FigureStyle
 
-MARK: dict[str, Any] = panels.DOT | {"markersize": 4}
-RING: dict[str, Any] = MARK | {"markersize": 9, "markerfacecolor": "none", "color": style.GREY}
 HELD_OUT: dict[str, Any] = panels.DOT | {"markersize": 2, "color": style.GREY, "zorder": 0}
 
 POINTS = 201
-
-
-def drawing_of(result: Tuning | Plan) -> Drawing:
-    """Return the figure of what `tune` or `plan` found."""
-    return tuning_drawing(result) if isinstance(result, Tuning) else plan_drawing(result)
-
-
-def tuning_drawing(tuning: Tuning) -> Drawing:
-    """Return a dot for every combination, with the standard error of what it errs above the best;
-    the simplest within that is ringed.
-    """
-    trials = [trial for trial in tuning.trials if trial.errors]
-    first = next(iter(tuning.chosen.settings))
-    groups = list(dict.fromkeys(str(trial.settings[first]) for trial in trials))
-    colours = dict(zip(groups, style.level_colours(len(groups)), strict=True))
-
-    def on(ax: Axes) -> None:
-        ax.axhline(100 * tuning.best.error, color=style.LIGHT, linewidth=0.8, zorder=0)
-        for trial in trials:
-            error, colour = 100 * trial.error, colours[str(trial.settings[first])]
-            # below the error, to where its logarithm is one standard error less
-            bar = error * (1 - np.exp(-np.clip(trial.spread, *WITHIN)))
-            look: dict[str, Any] = {"fmt": "o", "markersize": 4, "elinewidth": 0.8}
-            ax.errorbar(trial.parameters, error, yerr=bar, color=colour, **look)
-        ax.plot(tuning.chosen.parameters, 100 * tuning.chosen.error, **RING)
-
-    handles = [key(f"{first} {group}", color=colour, **MARK) for group, colour in colours.items()]
-    handles.append(key("simplest within one standard error", **RING))
-    caption = (
-        "Error on training data that were left out, over the number of free parameters. Bars: "
-        "the standard error of the ratio to the "
-        "best (2 to 20 %), whose error is the line. A combination whose bar reaches the line "
-        "is as good as the best, as far as these "
-        "data can tell."
-    )
-    panel = Panel("", on, "Free parameters", ("Left-out NRMSE (%)",))
-    return Drawing("tuning", caption, (panel,), Layout(2.6), handles)
-
-
-def plan_drawing(plan: Plan) -> Drawing:
-    """Return the half widths over one quantity as a line, over two as colours; with three the first
-    two are drawn.
-    """
-    names = list(plan.quantities)[:2]
-    labels = [_label(plan.quantities[name]) for name in names]
-    half = f"half width of {plan.target.name} ({plan.target.unit})"
-    handles = [
-        key("measured", color=style.GREY, **MARK),
-        key("next", color=style.VERMILLION, **MARK),
-    ]
-    caption = (
-        "Half of the width of the 95 % interval, and where to measure next, numbered from the "
-        "best on."
-    )
-    y_label, height, on = half, 2.3, partial(_draw_widths, plan=plan, name=names[0])
-    if plan.candidates[0].kind == "between":
-        caption = "The levels that were measured, and the next ones, numbered from the best on."
-        y_label, height = "", 1.4
-    if len(names) == 2:
-        y_label, height, on = labels[1], 2.8, partial(_draw_map, plan=plan, names=names, label=half)
-    elif y_label:
-        handles = [
-            key("now", color=style.BLUE),
-            key("forecast after all", color=style.ORANGE),
-            *handles,
-        ]
-    panel = Panel("", on, labels[0], (y_label,))
-    return Drawing("plan", caption, (panel,), Layout(height), handles)
-
-
-def _label(quantity: Quantity) -> str:
-    return quantity.name if quantity.unit == "1" else f"{quantity.name} ({quantity.unit})"
-
-
-def _draw_widths(ax: Axes, plan: Plan, name: str) -> None:
-    x = plan.picture.places[name]
-    ax.plot(x, plan.picture.before, color=style.BLUE)
-    ax.plot(x, plan.picture.after, color=style.ORANGE, zorder=1)
-    measured = plan.picture.measured[name]
-    ax.plot(measured, np.zeros(len(measured)), color=style.GREY, clip_on=False, **MARK)
-    for number, one in enumerate(plan.candidates[:3], 1):
-        height = one.half_width if np.isfinite(one.half_width) else 0.0
-        _draw_number(ax, one.at[name], height, number)
-    ax.set_ylim(bottom=0)
-
-
-def _draw_map(ax: Axes, plan: Plan, names: Sequence[str], label: str) -> None:
-    x, y = (plan.picture.places[name] for name in names)
-    look: dict[str, Any] = {"marker": "s", "linewidths": 0, "cmap": "Blues", "zorder": 0}
-    colours = ax.scatter(x, y, 9, plan.picture.before, **look)
-    ax.figure.colorbar(colours, ax=ax, label=label, use_gridspec=False)
-    dots = MARK | {"markersize": 2, "color": style.LIGHT, "markerfacecolor": style.GREY}
-    ax.plot(*(plan.picture.measured[name] for name in names), **dots)
-    for number, one in enumerate(plan.candidates, 1):
-        _draw_number(ax, one.at[names[0]], one.at[names[1]], number)
-
-
-def _draw_number(ax: Axes, x: float, y: float, number: int) -> None:
-    ax.plot(x, y, color=style.VERMILLION, **MARK)
-    panels.write_at(ax, str(number), (x, y), (3, 3), color=style.VERMILLION)
 
 
 def drift_drawing(
@@ -194,70 +86,3 @@ def draw_model(
 
 # Campaigns
 # --------------------------------------------------------------------------------------------------
-
-ROUNDING = 1e-10
-"""NRMSE below which an error is that of rounding; on a logarithmic axis it would leave no room for
-the others.
-"""
-MOST_RUNS = 100
-"""Runs of a campaign in its figure; of more, some stand for all."""
-
-BEST_OTHER = "best of the others"
-FLOOR: dict[str, Any] = {
-    "marker": "|",
-    "markersize": 9,
-    "markeredgewidth": 1.2,
-    "color": style.GREY,
-}
-
-
-def campaign_figures(scores: CampaignScores) -> list[Drawing]:
-    """Return a line of dots for each run on a logarithmic axis: the runs' own model, the one that
-    ratios are taken to, the best of a run's others, and repeated measurements; none for a single
-    run. Of very many some are drawn, the run with the least error among them.
-    """
-    pooled, own, exact = scores.pooled, scores.own, list[str]()
-    every = list(pooled)
-    known = {run: pooled[run][own].nrmse for run in every if own in pooled[run]}
-    best = min(
-        filter(lambda run: np.isfinite(known[run]), known), key=known.__getitem__, default=""
-    )
-    shown = {best, *(every[i] for i in panels.evenly(len(every), MOST_RUNS))}
-    runs = [run for run in every if run in shown]
-    names = dict.fromkeys([own, scores.relative_to, BEST_OTHER, REPEATABILITY])
-    errors = {name: np.full(len(runs), np.nan) for name in names if name}
-    for place, run in enumerate(runs):
-        by_model = pooled[run]
-        known = {model: row.nrmse for model, row in by_model.items() if row.nrmse > ROUNDING}
-        others = [known[model] for model in known.keys() - {own, REPEATABILITY}]
-        known[BEST_OTHER] = min(filter(np.isfinite, others), default=np.nan)
-        for model, dots in errors.items():
-            dots[place] = 100 * known.get(model, np.nan)
-        exact += [run] if own in by_model and by_model[own].nrmse <= ROUNDING else []
-    drawn = [model for model, dots in errors.items() if np.isfinite(dots).any()]
-    if len(runs) < 2 or not {*drawn} - {REPEATABILITY}:
-        return []
-    looks = style.model_styles(drawn)
-
-    def on(ax: Axes) -> None:
-        rows, across = np.arange(len(runs)), ax.get_yaxis_transform()
-        ax.hlines(rows, 0.0, 1.0, transform=across, colors=style.LIGHT, linewidth=0.4, zorder=0)
-        for place, model in enumerate(drawn):
-            look, known = looks[model], np.isfinite(errors[model])
-            dots: dict[str, Any] = {"marker": look.marker, "markersize": 4.0 + look.width}
-            dots |= {"color": look.colour, "markeredgewidth": 0}
-            # the own dots over the others
-            dots = (FLOOR if model == REPEATABILITY else dots) | {"zorder": 3 - 0.1 * place}
-            ax.plot(errors[model][known], rows[known], linestyle="none", label=model, **dots)
-        panels.label_rows(ax, panels.told_apart(runs, 40))
-        panels.plain_logarithm(ax.xaxis, (1.0, 2.0, 5.0))
-
-    caption = f"NRMSE of every run, further left is better. The {BEST_OTHER}: known afterwards."
-    if exact:
-        caption += f" Without a dot, since its error is but rounding: {own} in {', '.join(exact)}."
-    if len(runs) < len(every):
-        caption += (
-            f" {len(runs)} of {len(every)} runs are drawn, the one that errs least among them."
-        )
-    grid = Layout(0.45 + 0.21 * len(runs), width=DOUBLE)
-    return [Drawing("nrmse", caption, (Panel("", on, "NRMSE (%)", ("",)),), grid)]

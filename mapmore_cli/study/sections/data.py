@@ -40,6 +40,11 @@ class Rate(Section):
     window: Seconds
     order: Annotated[int, Field(ge=1, le=5)] = 3
 
+    @property
+    def source(self) -> str:
+        """The quantity that it is derived from."""
+        return self.rate_of
+
 
 class Direction(Section):
     """The direction of motion, +1 (rise) or -1 (fall): the sign of a rate.
@@ -52,6 +57,11 @@ class Direction(Section):
 
     direction_of: str
     dead_band: Annotated[float, Field(gt=0), of_sibling("direction_of", Difference)]
+
+    @property
+    def source(self) -> str:
+        """The rate that it is derived from."""
+        return self.direction_of
 
 
 class Cycles(Section):

@@ -8,7 +8,13 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from statistics import median
 
-from mapmore_cli.domain.scores import OWN, REPEATABILITY, Published, Score, deciding
+from mapmore_cli.domain.scores import (
+    OWN,
+    REPEATABILITY,
+    Published,
+    Score,
+    deciding,
+)
 from mapmore_cli.reporting.table import MODEL, Cell, Column, Columns, Table
 
 Pooled = Mapping[str, Score]
@@ -25,7 +31,6 @@ class CampaignScores:
     """What the tables of a campaign are made of.
 
     - `runs`: the scores of every run, by its name.
-    - `own`: the name of the runs' own model.
     - `units`: the unit of the modelled quantity, by run.
     - `published`: numbers of publications, by run.
     - `relative_to`: the model that ratios are taken to.
@@ -35,7 +40,6 @@ class CampaignScores:
     """
 
     runs: Mapping[str, Sequence[Score]]
-    own: str = OWN
     units: Mapping[str, str] = field(default_factory=dict)
     published: Mapping[str, Published] = field(default_factory=dict)
     relative_to: str | None = None
@@ -123,17 +127,17 @@ def models_table(scores: CampaignScores) -> Table:
     """
 
     def place(score: Score) -> tuple[bool, bool, float]:
-        return score.model != scores.own, score.model == REPEATABILITY, _known(score.nrmse)
+        return score.model != OWN, score.model == REPEATABILITY, _known(score.nrmse)
 
     rows: list[tuple[Cell, ...]] = []
     for name, run in scores.pooled.items():
-        own = run[scores.own].rmse if scores.own in run else math.nan
+        own = run[OWN].rmse if OWN in run else math.nan
         for score in sorted(run.values(), key=place):
-            beside = own > 0 and score.model != scores.own
+            beside = own > 0 and score.model != OWN
             ratio = _known(score.rmse) / own if beside else None
             rows.append((name, score.model, 100 * score.nrmse, ratio))
-    rows += [(name, scores.own, "failed", None) for name in scores.failed]
-    columns = ("run", MODEL, "NRMSE [%] .3g", Column(f"RMSE in ratio to {scores.own}", "", ".3g"))
+    rows += [(name, OWN, "failed", None) for name in scores.failed]
+    columns = ("run", MODEL, "NRMSE [%] .3g", Column(f"RMSE in ratio to {OWN}", "", ".3g"))
     note = f"All curves pooled; normalised by {scores.normalisers}."
     return Table.of("models", "NRMSE of every run and model", columns, rows, note)
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import re
+from collections.abc import Collection, Iterable, Mapping
+from itertools import count
 
 KEYWORDS: Mapping[str, str] = {
     "C": (
@@ -157,3 +159,24 @@ WORDS = words_of("C", "C++", "macros of C", "Python", "functions in exported cod
 
 TAKEN = words_of(*KEYWORDS) | frozenset(" ".join(LIBRARY.values()).lower().split())
 """What no function and no file may be called."""
+
+
+def identifiers(names: Iterable[str], taken: Collection[str] = ()) -> list[str]:
+    """Return an identifier for every name, for all languages: each another one, even without regard
+    to case, and none that is `taken`.
+
+    A name stays as it is where it can; else it gets a number behind it. Other characters than ASCII
+    letters and digits become `_`.
+    """
+    wanted = [re.sub(r"[^A-Za-z0-9_]", "_", name) or "_" for name in names]
+    wanted = [f"_{name}" if name[0].isdigit() else name for name in wanted]
+    used = {*WORDS, *(word.lower() for word in taken)}
+    kept = {name.lower() for name in wanted}
+    found: list[str] = []
+    for name in wanted:
+        free = name
+        if name.lower() in used:
+            free = next(f"{name}_{n}" for n in count(2) if f"{name}_{n}".lower() not in used | kept)
+        used.add(free.lower())
+        found.append(free)
+    return found

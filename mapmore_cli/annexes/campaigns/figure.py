@@ -1,0 +1,79 @@
+"""Draw the figure of a campaign: the error of every run."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+
+from mapmore_cli.annexes.campaigns.tables import CampaignScores
+from mapmore_cli.domain.scores import OWN, REPEATABILITY
+from mapmore_cli.reporting.figures import panels, style
+from mapmore_cli.reporting.figures.drawing import DOUBLE, Drawing, Layout, Panel
+
+ROUNDING = 1e-10
+"""NRMSE below which an error is that of rounding; on a logarithmic axis it would leave no room for
+the others.
+"""
+MOST_RUNS = 100
+"""Runs of a campaign in its figure; of more, some stand for all."""
+
+BEST_OTHER = "best of the others"
+FLOOR: dict[str, Any] = {
+    "marker": "|",
+    "markersize": 9,
+    "markeredgewidth": 1.2,
+    "color": style.GREY,
+}
+
+
+def campaign_figures(scores: CampaignScores) -> list[Drawing]:
+    """Return a line of dots for each run on a logarithmic axis: the runs' own model, the one that
+    ratios are taken to, the best of a run's others, and repeated measurements; none for a single
+    run. Of very many some are drawn, the run with the least error among them.
+    """
+    pooled = scores.pooled
+    every = [*pooled]
+    if len(every) < 2:
+        return []
+    own = {run: by_model[OWN].nrmse for run, by_model in pooled.items() if OWN in by_model}
+    best = min(filter(lambda run: np.isfinite(own[run]), own), key=own.__getitem__, default="")
+    shown = {best, *(every[place] for place in panels.evenly(len(every), MOST_RUNS))}
+    runs = [run for run in every if run in shown]
+    exact = [run for run in runs if own.get(run, np.nan) <= ROUNDING]
+    models = [*filter(None, dict.fromkeys([OWN, scores.relative_to, BEST_OTHER, REPEATABILITY]))]
+    rows = []
+    for run in runs:
+        known = {name: row.nrmse for name, row in pooled[run].items() if row.nrmse > ROUNDING}
+        others = [known[name] for name in known.keys() - {OWN, REPEATABILITY}]
+        known[BEST_OTHER] = min(filter(np.isfinite, others), default=np.nan)
+        rows.append([100 * known.get(name, np.nan) for name in models])
+    errors = dict(zip(models, np.transpose(rows), strict=True))
+    drawn = [model for model, dots in errors.items() if np.isfinite(dots).any()]
+    if not {*drawn} - {REPEATABILITY}:
+        return []
+    looks = style.model_styles(drawn)
+
+    def on(ax: Axes) -> None:
+        rows, across = np.arange(len(runs)), ax.get_yaxis_transform()
+        ax.hlines(rows, 0.0, 1.0, transform=across, colors=style.LIGHT, linewidth=0.4, zorder=0)
+        for place, model in enumerate(drawn):
+            look, known = looks[model], np.isfinite(errors[model])
+            dots: dict[str, Any] = {"marker": look.marker, "markersize": 4.0 + look.width}
+            dots |= {"color": look.colour, "markeredgewidth": 0}
+            # the own dots over the others
+            dots = (FLOOR if model == REPEATABILITY else dots) | {"zorder": 3 - 0.1 * place}
+            ax.plot(errors[model][known], rows[known], linestyle="none", label=model, **dots)
+        panels.label_rows(ax, panels.told_apart(runs, 40))
+        panels.plain_logarithm(ax.xaxis, (1.0, 2.0, 5.0))
+
+    caption = f"NRMSE of every run, further left is better. The {BEST_OTHER}: known afterwards."
+    if exact:
+        caption += f" Without a dot, since its error is but rounding: {OWN} in {', '.join(exact)}."
+    if len(runs) < len(every):
+        caption += (
+            f" {len(runs)} of {len(every)} runs are drawn, the one that errs least among them."
+        )
+    grid = Layout(0.45 + 0.21 * len(runs), width=DOUBLE)
+    return [Drawing("nrmse", caption, (Panel("", on, "NRMSE (%)", ("",)),), grid)]

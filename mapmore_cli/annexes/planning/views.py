@@ -1,0 +1,121 @@
+"""Show what `tune` tried and what `plan` proposes: as tables, and as JSON."""
+
+from __future__ import annotations
+
+import shlex
+
+from mapmore_cli.annexes.planning.results import Plan, Tuning, Until
+from mapmore_cli.cli.compared import search_document
+from mapmore_cli.cli.console import Document, View, picked
+from mapmore_cli.domain.results import Search
+from mapmore_cli.reporting.score_tables import search_table
+from mapmore_cli.reporting.table import Cell, Column, Columns, Table, cells_of
+from mapmore_cli.study.yaml_loader import as_overrides
+
+
+def of_tuning(tuning: Tuning) -> View:
+    """Return a row for every combination, with the best and the chosen one marked, and the settings
+    to use.
+    """
+    keys = ("set=settings", "parameters", "error", "above_best=excess", "standard_error=spread")
+    errors = {
+        "left-out NRMSE [%] .3f": "error",
+        "above the best [%] .1f": "excess",
+        "standard error [%] .1f": "spread",
+    }
+    documents, rows, lines = list[Document](), list[tuple[Cell, ...]](), list[str]()
+    for trial in tuning.trials:
+        failure = trial.failure or None
+        documents.append({**picked(trial, *keys, "folds=errors"), "failure": failure})
+        settings = {key: _cell(value) for key, value in trial.settings.items()}
+        marks = {"best": tuning.best, "simplest": tuning.chosen}
+        mark = ", ".join(word for word, marked in marks.items() if trial is marked)
+        if failure:
+            mark = "failed"
+            words = ", ".join(f"{key}={cell}" for key, cell in settings.items())
+            lines.append(f"failed: {words}: {failure}")
+        cells = (trial.parameters or None, *cells_of(trial, errors), mark)
+        rows.append((*settings.values(), *cells))
+    is_best = tuning.chosen is tuning.best
+    words = "the best itself" if is_best else "within one standard error of the best"
+    chosen = as_overrides(tuning.chosen.settings)
+    use = " ".join(f"--set {shlex.quote(setting)}" for setting in chosen)
+    document = {
+        **picked(tuning, "name", "left_out", "full_scale"),
+        "trials": documents,
+        "best": tuning.best.settings,
+        "chosen": tuning.chosen.settings,
+        "set": chosen,
+    }
+    notes = (
+        f"Left out in turn: {tuning.left_out}. NRMSE: geometric mean over the folds of RMSE / "
+        f"FS, FS = {tuning.full_scale}. "
+        "Above the best: mean of the logarithms of the ratios.",
+        "Simplest: the fewest parameters of those whose error is above the best by no more "
+        "than the standard error of that difference, "
+        "2 to 20 %.",
+        "Held-out data were not used.",
+    )
+    columns: Columns = (*map(Column, tuning.trials[0].settings), "parameters", *errors, "")
+    title = f"Settings of {tuning.name}, tried on training data"
+    table = Table.of("tuning", title, columns, rows, *notes)
+    return View(document, (table,), (*lines, f"simplest ({words}): {use}"))
+
+
+def _cell(value: object) -> Cell:
+    return value if isinstance(value, str | float) or type(value) is int else str(value)
+
+
+def of_search(search: Search, spec: str) -> View:
+    """Every structure that was tried, and where the spec with the one that was taken lies."""
+    words = "the best itself" if search.chosen == search.best else "as good as the best"
+    lines = (*search.notes, f"found: {search.found.words} ({words})", f"spec: {spec}")
+    return View({**search_document(search), "spec": spec}, (search_table(search),), lines)
+
+
+def of_plan(plan: Plan) -> View:
+    """Return a row for every candidate, the best first, and the forecast where one was asked
+    for.
+    """
+    unit, quantities = plan.target.unit, plan.quantities
+    costs = {candidate.cost for candidate in plan.candidates} != {1.0}
+    columns: list[Column | str] = ["rank"]
+    columns += [Column(name, quantity.unit, ".4g") for name, quantity in quantities.items()]
+    columns.append("what")
+    if levels := plan.candidates[0].kind == "between":
+        columns.append(f"gap [{next(iter(quantities.values())).unit}] .4g")
+    else:
+        columns += [f"{what} [{unit}] .3g" for what in ("half width", "after", "expected error")]
+    columns += ["cost .3g"] if costs else []
+    documents, rows = list[Document](), list[tuple[Cell, ...]]()
+    for number, one in enumerate(plan.candidates, 1):
+        keys = ("kind", "gap", "half_width", "after", "error", "cost")
+        documents.append({**one.at, **picked(one, *keys)})
+        sizes = (one.gap,) if levels else (one.half_width, one.after, one.error)
+        cost = (one.cost,) if costs else ()
+        rows.append((number, *map(one.at.get, quantities), one.kind, *sizes, *cost))
+    document = {
+        **picked(plan, "name", "widest", "until", "notes"),
+        "target": plan.target.name,
+        "units": {plan.target.name: unit} | {name: one.unit for name, one in quantities.items()},
+        "next": documents,
+    }
+    title = f"What to measure next for {plan.name}, the best first"
+    table = Table.of("plan", title, columns, rows, *plan.notes)
+    return View(document, (table,), () if plan.until is None else (_forecast(plan, plan.until),))
+
+
+def _forecast(plan: Plan, until: Until) -> str:
+    """Return the forecast in words."""
+    unit = plan.target.unit
+    wanted = (
+        f"a half width of {until.wanted:.3g} {unit} ({100 * until.wanted / plan.largest:.2g} %)"
+    )
+    if until.more == 0:
+        return f"{wanted} is reached: the widest is {until.widest:.3g} {unit}"
+    if until.more is None:
+        return (
+            f"{wanted} is likely out of reach: more measurements bring {until.widest:.3g} to "
+            f"{until.least:.3g} {unit}"
+        )
+    return f"{wanted}: likely {until.more} more (the widest is {until.widest:.3g} {unit} now)"
