@@ -283,11 +283,9 @@ NOT_SET = "not set"
 
 def plain(value: object) -> Any:
     """Return a slice (frozen dataclasses, spec models and what they hold) as JSON values, under the
-    names of the YAML file. `also` came later, and is left out where it is empty: older runs stay up
-    to date.
+    names of the YAML file.
     """
-    found = to_jsonable_python(value, by_alias=True).items()
-    return {key: one for key, one in found if one or key != "also"}
+    return to_jsonable_python(value, by_alias=True)
 
 
 def fingerprint(
