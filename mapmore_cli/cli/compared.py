@@ -6,7 +6,7 @@ import shlex
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from mapmore_cli.cli.console import Document, View, picked
 from mapmore_cli.cli.views import of_dataset
@@ -60,11 +60,11 @@ def of_campaigns(
     """
     runs = [{"run": run, **picked(one, *ANSWER)} for run, one in results.items()]
     counts = Counter(one.answer for one in results.values())
-    told = ", ".join(f"{count} {answer}" for answer, count in sorted(counts.items()))
+    tally = ", ".join(f"{count} {answer}" for answer, count in sorted(counts.items()))
     lines = [f"{run}: {line}" for run, one in results.items() for line in _of_settings(one)]
     table = drift_table([names[0], *results], [*results.values()])
     document = {"before": names[0], "after": names[1], "runs": runs}
-    return View(document, (table,), (f"{len(results)} {what}: {told}.", *lines))
+    return View(document, (table,), (f"{len(results)} {what}: {tally}.", *lines))
 
 
 def _verdict(before: str, after: str, comparison: Comparison) -> str:
@@ -171,7 +171,7 @@ def of_tuning(tuning: Tuning) -> View:
     return View(document, (table,), (*lines, f"simplest ({words}): {use}"))
 
 
-def _cell(value: Any) -> Cell:
+def _cell(value: object) -> Cell:
     return value if isinstance(value, str | float) or type(value) is int else str(value)
 
 

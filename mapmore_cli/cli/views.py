@@ -154,16 +154,12 @@ def _of_json(path: Path) -> View:
             return View(document, of_scores(scores_in(document)).tables)
         columns = ("stage", "took [s] .2f", "why it ran")
         rows = [
-            (str(name), _seconds(entry.get("seconds")), str(entry.get("why") or ""))
+            (str(name), float(entry.get("seconds", "nan")), str(entry.get("why") or ""))
             for name, entry in document["stages"].items()
         ]
     except (ValueError, TypeError, KeyError, AttributeError, OverflowError) as fault:
         raise DataError(f"{path}: is neither a scores.json nor a run.json", remedy) from fault
     return View(document, (Table.of("stages", "Stages", columns, rows),))
-
-
-def _seconds(value: Any) -> float | None:
-    return None if value is None else float(value)
 
 
 # Scores
