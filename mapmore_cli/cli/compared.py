@@ -138,9 +138,9 @@ def of_tuning(tuning: Tuning) -> View:
         documents.append({**picked(trial, *keys, "folds=errors"), "failure": failure})
         marks = ["best"] if trial is tuning.best else []
         marks += ["simplest"] if trial is tuning.chosen else []
-        told = "failed" if failure else ", ".join(marks)
+        remark = "failed" if failure else ", ".join(marks)
         settings = map(_cell, trial.settings.values())
-        rows.append((*settings, trial.parameters or None, *cells_of(trial, errors), told))
+        rows.append((*settings, trial.parameters or None, *cells_of(trial, errors), remark))
         if failure:
             words = ", ".join(f"{key}={_cell(value)}" for key, value in trial.settings.items())
             lines.append(f"failed: {words}: {failure}")

@@ -199,7 +199,7 @@ def refuse_endings(
             raise UsageError(f"{path}: {what}", f"choose .{', .'.join(endings)}")
 
 
-def write_results(paths: Sequence[Path], table: Table, found: Tuning | Plan) -> None:
+def write_results(paths: Sequence[Path], table: Table, result: Tuning | Plan) -> None:
     """Write the table to each of the files, or where it ends as a figure does, a drawing of what
     was `found`.
     """
@@ -211,7 +211,7 @@ def write_results(paths: Sequence[Path], table: Table, found: Tuning | Plan) -> 
         else:
             from mapmore_cli.reporting.figures.commands import drawing_of
 
-            write_figure(path, drawing_of(found))
+            write_figure(path, drawing_of(result))
 
 
 def write_figure(path: Path, drawing: Drawing) -> None:

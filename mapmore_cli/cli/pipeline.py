@@ -128,9 +128,9 @@ def _of_outcome(
     if finished is None:
         return of_stage(command, done).under(head)
     scores = of_scores(finished.table, finished.published)
-    told = {"missed": finished.missed, "warnings": finished.warnings, "unconfirmed": questions}
+    remarks = {"missed": finished.missed, "warnings": finished.warnings, "unconfirmed": questions}
     lines = (*verdict_lines(done), *page_lines(done)) if command == "run" else ()
-    return View({**head, **scores.document, **told}, scores.tables, lines)
+    return View({**head, **scores.document, **remarks}, scores.tables, lines)
 
 
 # The commands

@@ -258,12 +258,12 @@ def _of_fit(result: FitResult) -> View:
             **picked(memory, "ridge", "held_out", "identified"),
             "forward": [memory.candidates[place] for place in memory.forward],
         }
-        found = (
+        of_memory = (
             memory_tables.identified_table(memory),
             memory_tables.sizes_table(memory),
             memory_tables.states_table(memory.model.states),
         )
-        tables += [table for table in found if table.rows]
+        tables += [table for table in of_memory if table.rows]
     if page is not None and result.body is not None:
         own, own_tables = page.show_fit(result.body)
         document |= own

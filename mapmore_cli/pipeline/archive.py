@@ -73,12 +73,12 @@ def freeze(run_dir: Path, tag: str, archive: Path) -> Path:
         )
     place = archive / f"{name}@{tag}"
     refuse_link(place)
-    taken = WriteError(f"{place}: is frozen already, and stays as it is", "choose another tag")
+    refusal = WriteError(f"{place}: is frozen already, and stays as it is", "choose another tag")
     with refusals_told(archive):
         archive.mkdir(parents=True, exist_ok=True)
         with unfinished_beside(place, folder=True) as unfinished:
             if place.exists():
-                raise taken
+                raise refusal
             for kept in KEPT:
                 write_bytes(unfinished / kept, (run_dir / kept).read_bytes())
             hashes = {kept: take_stamp(unfinished / kept).sha256 for kept in KEPT}
@@ -99,7 +99,7 @@ def freeze(run_dir: Path, tag: str, archive: Path) -> Path:
                 unfinished.rename(place)
             except OSError as fault:
                 if fault.errno in (errno.ENOTEMPTY, errno.EEXIST):  # by another process meanwhile
-                    raise taken from fault
+                    raise refusal from fault
                 raise
     return place
 
@@ -222,11 +222,11 @@ def compared(
     ]
     try:
         one, other = (alone(read_model(model).of(output)) for model in (before, after))
-        found = compare(one, other, margin)
+        comparison = compare(one, other, margin)
     except ValueError as fault:
         remedy = "compare models of the same quantities that have curves in common"
         raise DataError(f"{before}, {after}: {fault}", remedy) from fault
-    return replace(found, settings=settings, same_recordings=hashes[0] == hashes[1] != set())
+    return replace(comparison, settings=settings, same_recordings=hashes[0] == hashes[1] != set())
 
 
 MADE_BY = ("segment", "dictionary", "model", "fit", "fuse")

@@ -213,8 +213,8 @@ def free_processors() -> int:
         return 1
     from multiprocessing import active_children, parent_process
 
-    taken = parent_process() is not None or active_children()
-    return 1 if taken else min(len(os.sched_getaffinity(0)), MOST_PROCESSES)
+    busy = parent_process() is not None or active_children()
+    return 1 if busy else min(len(os.sched_getaffinity(0)), MOST_PROCESSES)
 
 
 def shared_out(
@@ -243,12 +243,12 @@ def shared_out(
                 if future.exception() is None:
                     delivered[number] = future.result()
                 progress(number + 1, len(items))
-    found = []
+    results = []
     for number, item in enumerate(items):
-        found.append(delivered[number] if number in delivered else work(item))
+        results.append(delivered[number] if number in delivered else work(item))
         if count <= 1:
             progress(number + 1, len(items))
-    return found
+    return results
 
 
 def _do_numbered(number: int) -> Any:

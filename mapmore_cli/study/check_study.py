@@ -578,16 +578,16 @@ def own_formulas(spec: ExperimentSpec) -> Iterator[Finding]:
     """Require that a formula of the spec's own has a name of its own, is an expression, and is
     linear in what has no bounds.
     """
-    taken = {*literature.names(), *LEARNERS, *SIMPLE, OWN, REPEATABILITY, AUTO}
+    names = {*literature.names(), *LEARNERS, *SIMPLE, OWN, REPEATABILITY, AUTO}
     for i, one in enumerate(spec.formulas):
         if isinstance(one, str):
             what, remedy = "this is no formula", "write `formulas: [my_formula.yaml]`"
             yield Finding(f"formulas.{i}", what, f"{remedy}, or the formula itself")
             continue
-        if one.name in taken:
+        if one.name in names:
             what = f"there is a model `{one.name}` already"
             yield Finding(f"formulas.{i}.name", what, "give this one another name")
-        taken.add(one.name)
+        names.add(one.name)
         place, inputs = f"formulas.{i}.expression", None
         try:
             inputs = _defined(spec, one).inputs

@@ -177,11 +177,11 @@ class Competitor(Section):
         )
         if len([kind for kind in kinds if kind is not None]) != 1:
             remedy = "give one of the five, as `{model: sarosi}`"
-            found = (
+            message = (
                 "a competitor is a `model`, a `run`, this spec with keys `set`, a `sum`, or "
                 "`static` with `damping`"
             )
-            yield Contradiction(found, remedy, "model", "run", "set", "sum", "static")
+            yield Contradiction(message, remedy, "model", "run", "set", "sum", "static")
         refuse_mixed(self.sum or ())
         if self.sum is not None and (self.as_ is None or self.sum[0].formula is None):
             yield Contradiction(
@@ -492,22 +492,22 @@ class ExperimentSpec(Section):
     @model_validator(mode="after")
     def _structured(self, info: ValidationInfo) -> ExperimentSpec:
         """Require a structure where none is searched, and none where one is."""
-        given = [
+        parts = [
             name
             for name, empty in (("segment", {}), ("fit", Fit()), ("dictionary", []))
             if getattr(self, name) != empty
         ]
         if isinstance(info.context, Context) and info.context.partial:
             return self
-        if self.model.type == "auto" and given:
+        if self.model.type == "auto" and parts:
             remedy = (
                 "remove it, or say the whole structure, as `dictionary: [{polynomial: {of: "
                 "[strain], order: 4}}]`"
             )
             raise Contradiction(
-                f"`{given[0]}` is part of the structure that `model: {{type: auto}}` searches",
+                f"`{parts[0]}` is part of the structure that `model: {{type: auto}}` searches",
                 remedy,
-                *given,
+                *parts,
             )
         if self.model.type == "mapmore" and not self.dictionary:
             example = (

@@ -105,8 +105,8 @@ class Context:
         spec["target"] = as_target(spec.get("target"))
 
         def texts(place: str, step: int = -1) -> dict[str, str]:
-            found = values_at(spec, place)
-            return {str(way[step]): str(text) for way, text in found if isinstance(text, str)}
+            values = values_at(spec, place)
+            return {str(way[step]): str(text) for way, text in values if isinstance(text, str)}
 
         units, rates = texts("units.*"), texts("data.derive.*.rate_of", -2)
         places = ("data.derive.*", "data.columns.*", "data.join.*.columns.*", "data.files.*.set.*")
@@ -311,9 +311,9 @@ def stray_variables(root: Node, context: Context) -> Iterator[tuple[Node, str]]:
     """Yield the texts that hold a variable and were read by no path, with what is wrong."""
     children = root.value.values() if isinstance(root.value, dict) else root.value
     if isinstance(children, str):
-        if id(root) not in context.paths and (found := variable_in(children)):
+        if id(root) not in context.paths and (variable := variable_in(children)):
             what = "stands in a text that is no path: variables are expanded in paths alone"
-            yield root, f"`{found}` {what}"
+            yield root, f"`{variable}` {what}"
     elif isinstance(children, Iterable):
         for child in children:
             yield from stray_variables(child, context)

@@ -242,20 +242,20 @@ def is_quantity(text: str) -> bool:
     """Return True for text that starts with a number and goes on with something else, as `250
     kPa`.
     """
-    found = _QUANTITY.fullmatch(text.strip())
-    return found is not None and bool(found[2])
+    match = _QUANTITY.fullmatch(text.strip())
+    return match is not None and bool(match[2])
 
 
 def split_quantity(text: str) -> tuple[float, str | None]:
     """Return number and unit of a quantity; the unit is None for a number alone. Raises SpecError
     for text that is neither.
     """
-    found = _QUANTITY.fullmatch(text.strip())
-    if found is None:
+    match = _QUANTITY.fullmatch(text.strip())
+    if match is None:
         raise SpecError(
             f"{text[:_LONGEST_UNIT]!r} is not a number with a unit", "write it as `250 kPa`"
         )
-    return float(found[1]), found[2].lstrip() or None
+    return float(match[1]), match[2].lstrip() or None
 
 
 def parse_quantity(text: str, unit: str, *, difference: bool = False) -> float:

@@ -295,8 +295,8 @@ def parse(source: SourceText, problems: list[Mistake]) -> Node:
 
     Raises SpecError for text that is no YAML, or nests or multiplies without end.
     """
-    root, found = (_remembered if len(source.text) < KEPT else _tree_of)(source)
-    problems += found
+    root, mistakes = (_remembered if len(source.text) < KEPT else _tree_of)(source)
+    problems += mistakes
     return root
 
 
@@ -306,9 +306,9 @@ def _tree_of(source: SourceText) -> tuple[Node, tuple[Mistake, ...]]:
     except yaml.YAMLError as error:
         _explain_fault(error, source)
     except (ValueError, OverflowError):  # of PyYAML's `chr`
-        found = re.search(r"\\U(?!00(?:0|10))[0-9A-Fa-f]{8}", source.text)
-        what = f"{found[0] if found else 'an escape'} is no character: Unicode has fewer"
-        fail(_at(source, found.start() if found else 0), what, "write the character itself")
+        escape = re.search(r"\\U(?!00(?:0|10))[0-9A-Fa-f]{8}", source.text)
+        what = f"{escape[0] if escape else 'an escape'} is no character: Unicode has fewer"
+        fail(_at(source, escape.start() if escape else 0), what, "write the character itself")
     problems: list[Mistake] = []
     tree = (
         Node(None, Position(source, 1, 1))
@@ -428,10 +428,10 @@ def _explain_fault(error: Exception, source: SourceText) -> NoReturn:
         )
     mark = getattr(error, "problem_mark", None) or getattr(error, "context_mark", None)
     at = Position(source, mark.line + 1, mark.column + 1) if mark else Position(source, 1, 1)
-    said = (
+    complaint = (
         f"{getattr(error, 'context', None) or ''} {getattr(error, 'problem', None) or ''}".strip()
     )
     for phrase, message, remedy in _PLAINER:
-        if phrase in said:
+        if phrase in complaint:
             fail(at, f"not valid YAML: {message}", remedy)
-    fail(at, f"not valid YAML: {said}")
+    fail(at, f"not valid YAML: {complaint}")

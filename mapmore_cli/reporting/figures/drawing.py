@@ -260,11 +260,11 @@ def _fill(
 
 def _labelled(figure: Figure) -> list[Any]:
     """Return what stands in the legend: everything that is drawn with a label, each label once."""
-    found: dict[str, Any] = {}
+    handles: dict[str, Any] = {}
     for ax in figure.axes:
         for handle, label in zip(*ax.get_legend_handles_labels(), strict=True):
-            found.setdefault(label, handle)
-    return [*found.values()]
+            handles.setdefault(label, handle)
+    return [*handles.values()]
 
 
 SVG_PROLOGUE = '<?xml version="1.0" encoding="utf-8"?>\n'

@@ -201,13 +201,11 @@ class Split(Section):
         return self.leave_one_level_out or self.leave_one_group_out
 
     def _contradictions(self) -> Iterator[ValueError]:
-        given = [
-            key for key in ("leave_one_level_out", "leave_one_group_out") if getattr(self, key)
-        ]
-        told = [*(["validate"] if self.hold_out is not None else []), *given]
-        if len(told) > 1:
+        ways = [key for key in ("leave_one_level_out", "leave_one_group_out") if getattr(self, key)]
+        keys = [*(["validate"] if self.hold_out is not None else []), *ways]
+        if len(keys) > 1:
             yield Contradiction(
-                f"both {' and '.join(f'`{key}`' for key in told)} are given", "choose one", told[-1]
+                f"both {' and '.join(f'`{key}`' for key in keys)} are given", "choose one", keys[-1]
             )
 
 
@@ -328,10 +326,10 @@ class Data(Logs):
     @property
     def measured(self) -> tuple[str, ...]:
         """Every quantity that comes from a column, or is the time made from `sample_time`."""
-        joined = (name for join in self.join for name in join.quantities)
+        of_joins = (name for join in self.join for name in join.quantities)
         return tuple(
             dict.fromkeys(
-                (*self.columns, *(["time"] if self.sample_time is not None else []), *joined)
+                (*self.columns, *(["time"] if self.sample_time is not None else []), *of_joins)
             )
         )
 

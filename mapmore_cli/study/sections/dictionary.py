@@ -31,10 +31,10 @@ class OperatorFamily(Section):
     of: Of
 
     def _contradictions(self) -> Iterator[ValueError]:
-        given = [key for key in type(self).model_fields if getattr(self, key) is not None]
-        if len(given) > 2:
-            either = " or ".join(f"`{key}`" for key in given[1:])
-            yield Contradiction(f"give either {either}", "remove one of them", *given[:0:-1])
+        keys = [key for key in type(self).model_fields if getattr(self, key) is not None]
+        if len(keys) > 2:
+            either = " or ".join(f"`{key}`" for key in keys[1:])
+            yield Contradiction(f"give either {either}", "remove one of them", *keys[:0:-1])
 
 
 def _forms() -> Iterator[tuple[str, type[OperatorFamily]]]:
@@ -44,13 +44,13 @@ def _forms() -> Iterator[tuple[str, type[OperatorFamily]]]:
         shape = (*operator.parameters, operator.spread) if len(operator.parameters) == 1 else ()
         shapes.setdefault(shape, []).append(key)
     for shape, keys in shapes.items():
-        told = "\n".join(
+        about = "\n".join(
             [*map(_about_family, keys), *(_about_numbers(families()[keys[0]][0], shape))]
         )
         form = create_model(
             "".join(key.title() for key in keys) if shape else "Operators",
             __base__=OperatorFamily,
-            __doc__=f"States that an operator makes of the quantities `of`.\n\n{told}",
+            __doc__=f"States that an operator makes of the quantities `of`.\n\n{about}",
             __module__=__name__,
             **_number_fields(families()[keys[0]][0]) if shape else {},
         )
@@ -91,10 +91,10 @@ def numbers_of(
     `step` is the time between samples, `longest` the duration of the longest piece, s.
     """
     operator, count = families()[name][0], getattr(family, "count", None)
-    given = getattr(family, operator.parameters[0].key, None)
+    numbers = getattr(family, operator.parameters[0].key, None)
     if count is not None and operator.spread is not None:
-        given = operator.spread(count, step, longest)
-    return [(number,) for number in given or ()]
+        numbers = operator.spread(count, step, longest)
+    return [(number,) for number in numbers or ()]
 
 
 Order = Annotated[int, Field(ge=1, le=20)]
@@ -308,13 +308,13 @@ class Families(Section):
         if self.bounds is not None and not self.bounds[0] <= self.bounds[1]:
             yield Contradiction("the bounds do not ascend", "put the lower one first", "bounds")
         if len(self._given()) != 1:
-            found = "two families" if self._given() else "no family"
+            count = "two families" if self._given() else "no family"
             names = [name for name in type(self).model_fields if name not in LIMITS]
             remedy = (
                 f"give one of {', '.join(f'`{name}`' for name in names)}; "
                 "further families are entries of their own"
             )
-            yield Contradiction(f"this entry has {found} of terms", remedy)
+            yield Contradiction(f"this entry has {count} of terms", remedy)
 
 
 if TYPE_CHECKING:
@@ -362,9 +362,9 @@ def texts_in(loc: Loc, family: Family) -> Iterator[tuple[Loc, str, bool]]:
     for place, text in enumerate(() if isinstance(family, AlongRange) else family.of):
         if isinstance(text, str):
             yield (*loc, "of", place), text, False
-    told = "change" if getattr(family, "window", None) else ""
+    of_window = "change" if getattr(family, "window", None) else ""
     for place, text in enumerate(getattr(family, "partners", None) or ()):
-        if not (is_along and text == told):
+        if not (is_along and text == of_window):
             yield (*loc, "with", place), text, is_along
 
 

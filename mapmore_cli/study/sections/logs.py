@@ -50,15 +50,15 @@ class Keep(Section):
 
     def _contradictions(self) -> Iterator[ValueError]:
         conditions = [name for name in type(self).model_fields if name != "quantity"]
-        given = [name for name in conditions if getattr(self, name) is not None]
-        if len(given) != 1:
-            found = (
-                "two conditions at once: " + ", ".join(f"`{name}`" for name in given)
-                if given
+        set_conditions = [name for name in conditions if getattr(self, name) is not None]
+        if len(set_conditions) != 1:
+            message = (
+                "two conditions at once: " + ", ".join(f"`{name}`" for name in set_conditions)
+                if set_conditions
                 else "no condition"
             )
             remedy = f"give one of {', '.join(f'`{name}`' for name in conditions)}"
-            yield Contradiction(f"`keep` has {found}", remedy, *given[1:], "quantity")
+            yield Contradiction(f"`keep` has {message}", remedy, *set_conditions[1:], "quantity")
         for name in ("between", "outside"):
             interval = getattr(self, name)
             if interval is not None and interval[0] >= interval[1]:
