@@ -11,7 +11,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 from pydantic import ValidationError, create_model
 
@@ -22,7 +22,7 @@ from mapmore_cli.modelling.validation.comparison import Comparison, compare
 from mapmore_cli.pipeline.staleness import (
     MODEL_STAGE,
     known_records,
-    plain,
+    recorded,
     slice_differences,
 )
 from mapmore_cli.storage.artefacts import read_model
@@ -240,14 +240,14 @@ def _other_settings(*runs: Mapping[str, StageRecord]) -> Iterator[str]:
     Keys that came with a later version have their defaults.
     """
     sections = {name: ExperimentSpec.model_fields[name] for name in MADE_BY}
-    keys: Any = {name: (key.annotation, key.default) for name, key in sections.items()}
-    made_by = create_model("MadeBy", **keys)
+    keys = {name: (key.annotation, key.default) for name, key in sections.items()}
+    made_by = create_model("MadeBy", **cast(dict[str, Any], keys))
     for stage in (SEARCH_STAGE, MODEL_STAGE):
         slices = [run[stage].slice for run in runs if stage in run]
-        for place, recorded in enumerate(slices):
-            known = {key: recorded[key] for key in MADE_BY if key in recorded}
+        for place, values in enumerate(slices):
+            known = {key: values[key] for key in MADE_BY if key in values}
             with suppress(ValidationError):  # of a newer version
-                known = plain(made_by.model_validate_json(json.dumps(known)))
+                known = recorded(made_by.model_validate_json(json.dumps(known)))
             slices[place] = known
         if len(slices) == 2:
             yield from slice_differences(stage, *slices)

@@ -302,7 +302,7 @@ def canonical_columns(frame: object, target: object) -> dict[str, dict[str, str]
 
 
 def column_of(
-    frame: Any, column: Column, label: str, name: str, unit: str, layout: str | None = None
+    frame: Frame, column: Column, label: str, name: str, unit: str, layout: str | None = None
 ) -> Array:
     """One column as numbers of the quantity `name` in a `unit`, (n,). Raises `DataError`."""
     labels, matches, label_of_column = (
@@ -433,14 +433,18 @@ def quantities_of(
     return values_of
 
 
-def plain_values(value: object) -> Any:
-    """Return the value as YAML holds it: lists for tuples and arrays, numbers for NumPy's scalars,
+def plain_values(section: Mapping[str, object]) -> dict[str, Any]:
+    """Return a section as YAML holds it: lists for tuples and arrays, numbers for NumPy's scalars,
     text for paths.
     """
+    return {str(key): _plain_value(value) for key, value in section.items()}
+
+
+def _plain_value(value: object) -> object:
     if isinstance(value, Mapping):
-        return {str(key): plain_values(item) for key, item in value.items()}
+        return plain_values(value)
     if isinstance(value, list | tuple):
-        return [plain_values(item) for item in value]
+        return [_plain_value(item) for item in value]
     if isinstance(value, np.ndarray | np.generic):
         return value.tolist()
     return str(value) if isinstance(value, Path) else value

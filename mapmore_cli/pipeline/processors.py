@@ -17,7 +17,7 @@ from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager, suppress
 from functools import cache, partial
 from threading import Thread
-from typing import TYPE_CHECKING, Any, NoReturn, TypeVar
+from typing import TYPE_CHECKING, NoReturn, TypeVar, cast
 
 from mapmore_cli import THREADS
 from mapmore_cli.domain.errors import MapmoreError, WriteError
@@ -72,7 +72,7 @@ def variables_set(variables: Mapping[str, str]) -> Iterator[None]:
 
 
 @contextmanager
-def processes(count: int, method: str, work: Any = None) -> Iterator[ProcessPoolExecutor]:
+def processes(count: int, method: str, work: object = None) -> Iterator[ProcessPoolExecutor]:
     """Have `count` worker processes, made by `method` (`fork` or `spawn`).
 
     They end with the context, and with this process in whatever way it ends. Where an error or an
@@ -99,11 +99,11 @@ def processes(count: int, method: str, work: Any = None) -> Iterator[ProcessPool
             raise
 
 
-_shared: Any = None
+_shared: object = None
 """In a worker process: what all of them have."""
 
 
-def _begin(parent: int, work: Any) -> None:
+def _begin(parent: int, work: object) -> None:
     """Prepare a worker process: Ctrl-C is for the process that waits."""
     global _shared
     _shared = work
@@ -241,7 +241,7 @@ def shared_out(
                 futures = [pool.submit(_do_numbered, number) for number in range(len(items))]
             for number, future in enumerate(futures):
                 if future.exception() is None:
-                    delivered[number] = future.result()
+                    delivered[number] = cast(R, future.result())
                 progress(number + 1, len(items))
     results = []
     for number, item in enumerate(items):
@@ -251,6 +251,7 @@ def shared_out(
     return results
 
 
-def _do_numbered(number: int) -> Any:
-    work, items = _shared
+def _do_numbered(number: int) -> object:
+    """Do one of the items that this worker process has."""
+    work, items = cast(tuple[Callable[[object], object], Sequence[object]], _shared)
     return work(items[number])

@@ -12,7 +12,7 @@ from typing import get_args
 from mapmore_cli.domain.recording import DIRECTION
 from mapmore_cli.modelling.expressions import ExpressionError, Operated, parse, state
 from mapmore_cli.modelling.expressions.states import Lagged, Measured, State
-from mapmore_cli.study.diagnostics import Finding, did_you_mean, refused, told
+from mapmore_cli.study.diagnostics import Finding, applying, did_you_mean, refused
 from mapmore_cli.study.experiment import ExperimentSpec, TargetColumn
 from mapmore_cli.study.fields import TargetKind
 from mapmore_cli.study.sections.data import Rate
@@ -91,7 +91,7 @@ def derivations(spec: ExperimentSpec) -> Iterator[Finding]:
     needs: dict[str, set[str]] = {}
     for name, rule in spec.data.derive.items():
         loc, is_rate = ("data", "derive", name), isinstance(rule, Rate)
-        yield from told(
+        yield from applying(
             (
                 name in spec.data.measured,
                 "data.derive.{name}:",
@@ -156,12 +156,12 @@ def clocks(spec: ExperimentSpec) -> Iterator[Finding]:
     no_time = "time" not in data.measured
     for key in ("gaps", "resample"):
         asked = getattr(data, key) is not None and no_time
-        yield from told((asked, "data.{key}:", "`{key}` needs the time", NO_TIME), key=key)
+        yield from applying((asked, "data.{key}:", "`{key}` needs the time", NO_TIME), key=key)
     names = set(data.columns)
     for i, join in enumerate(data.join):
         have, first = sorted(names - {"time"}), join.match.first if join.match else None
         what = "a join on time needs the time of the first log"
-        yield from told((join.on == "time" and no_time, f"data.join.{i}", what, NO_TIME))
+        yield from applying((join.on == "time" and no_time, f"data.join.{i}", what, NO_TIME))
         if first is not None and first not in have:
             what = f"there is no quantity `{first}` in the first log"
             loc: Loc = ("data", "join", i, "match", "first")
@@ -297,7 +297,7 @@ def along_recordings(spec: ExperimentSpec) -> Iterator[Finding]:
         first = next(place for place, entry in enumerate(spec.dictionary) if remembers([entry]))
         who, where = "a model with memory", f"dictionary.{first}"
     has_time = "time" in data.quantities
-    yield from told(
+    yield from applying(
         (not has_time, where, "{who} needs the time", NO_TIME),
         (
             has_time and default_unit("time", spec.units) != "s",
@@ -341,12 +341,12 @@ def _of_pieces(spec: ExperimentSpec) -> Iterator[Finding]:
     for name, cut in spec.segment.items():
         remedy = "remove it, and name `{name}` in the terms; or write `{name}: none`"
         what = f"{ONE}: `{{name}}` cannot be cut"
-        yield from told((cut != "none", "segment.{name}:", what, remedy), name=name)
+        yield from applying((cut != "none", "segment.{name}:", what, remedy), name=name)
     for key in spec.fuse.changed:
         yield Finding(f"fuse.{key}:", f"{ONE}: there is nothing to join", f"remove `{key}`")
     held, forward = levels.of if levels is not None else "", fit.forward or fit.max_terms
     free_run = "free_run" in (fit.stop, fit.criterion)
-    yield from told(
+    yield from applying(
         (
             levels is not None and held not in spec.segment,
             "data.levels:",

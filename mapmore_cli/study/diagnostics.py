@@ -72,7 +72,7 @@ def locate(finding: Finding, root: Node) -> Mistake:
     return Mistake(at, finding.message, finding.remedy)
 
 
-def told(*rows: tuple[bool, Loc | str, str, str], **known: object) -> Iterator[Finding]:
+def applying(*rows: tuple[bool, Loc | str, str, str], **known: object) -> Iterator[Finding]:
     """Yield the rows that apply: whether, the way, what is wrong, and what would be right.
 
     Texts are templates: `{name}` stands for what is `known` by it, `{{` for a brace.

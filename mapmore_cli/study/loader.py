@@ -15,7 +15,7 @@ from functools import cached_property, partial
 from itertools import takewhile
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, Generic, TypeVar
+from typing import Generic, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
@@ -91,10 +91,18 @@ class Loaded(Generic[M]):
         """YAML with the defaults filled in and `extends`, variables and units resolved; it loads to
         an equal spec.
         """
-        return dump(escaped(self._document()))
+        return self._text()
 
-    def _document(self, **how: Any) -> Any:
-        return self.spec.model_dump(mode="json", by_alias=True, exclude_none=True, **how)
+    def _text(self, given_only: bool = False, moved: tuple[Path, Path] | None = None) -> str:
+        """Return the spec as YAML; `moved` are the folders that its paths start at, and shall."""
+        document = self.spec.model_dump(
+            mode="json",
+            by_alias=True,
+            exclude_none=True,
+            exclude_defaults=given_only,
+            context=moved,
+        )
+        return dump(escaped(document))
 
     def resolved_in(self, folder: Path, given_only: bool = False) -> str:
         """Return the resolved spec for a file in another folder: relative paths start there, so
@@ -103,8 +111,7 @@ class Loaded(Generic[M]):
         With `given_only`, without the defaults, and with the line that tells editors the schema,
         where the spec has it.
         """
-        places = (self.folder.resolve(), folder.resolve())
-        text = dump(escaped(self._document(exclude_defaults=given_only, context=places)))
+        text = self._text(given_only, (self.folder.resolve(), folder.resolve()))
         first = self._root.at.source.text.partition("\n")[0]
         if not given_only or not first.startswith(MODELINE):
             return text

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from pydantic.json_schema import GenerateJsonSchema, JsonSchemaValue
+from pydantic_core.core_schema import DataclassSchema, ModelSchema
 
 from mapmore_cli.domain.declared import prose
 from mapmore_cli.domain.scores import MEASURES, METRICS, OF_TARGET
@@ -32,14 +33,14 @@ class _Documented(GenerateJsonSchema):
     the titles of fields, which only repeat their names.
     """
 
-    def field_title_should_be_set(self, _schema: Any) -> bool:
+    def field_title_should_be_set(self, _schema: object) -> bool:
         return False
 
-    def model_schema(self, schema: Any) -> JsonSchemaValue:
+    def model_schema(self, schema: ModelSchema) -> JsonSchemaValue:
         """Return the schema of a section."""
         return _told(super().model_schema(schema), schema["cls"])
 
-    def dataclass_schema(self, schema: Any) -> JsonSchemaValue:
+    def dataclass_schema(self, schema: DataclassSchema) -> JsonSchemaValue:
         """Return the schema of a section that the mathematics declares."""
         return _told(super().dataclass_schema(schema), schema["cls"])
 

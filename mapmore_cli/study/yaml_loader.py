@@ -15,13 +15,15 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any, NoReturn, TypeVar, cast
 
 import yaml
 
 from mapmore_cli.domain.errors import SpecError
 from mapmore_cli.study.diagnostics import Mistake, fail
 from mapmore_cli.study.tree import Node, Position, SourceText
+
+V = TypeVar("V")
 
 _TAG = "tag:yaml.org,2002:"
 _SCALARS = {
@@ -48,7 +50,7 @@ class CoreLoader(yaml.SafeLoader):
     yaml_implicit_resolvers = _RESOLVERS
     _depth = 0
 
-    def compose_node(self, parent: yaml.Node | None, index: Any) -> yaml.Node | None:
+    def compose_node(self, parent: yaml.Node | None, index: int) -> yaml.Node | None:
         """Return a node, unless it lies too deep (PyYAML would recurse until Python's limit)."""
         self._depth += 1
         if parent is not None and self._depth > DEEPEST:
@@ -190,13 +192,16 @@ def variable_in(text: str) -> str | None:
     return next((match[0] for match in _REFERENCE.finditer(text) if match[0] != "$${"), None)
 
 
-def escaped(value: object) -> Any:
+def escaped(value: V) -> V:
     """Return a value with texts, wherever they are in it, that `expand` turns back into these."""
+    changed: object = value
     if isinstance(value, dict):
-        return {key: escaped(item) for key, item in value.items()}
-    if isinstance(value, list):
-        return [escaped(item) for item in value]
-    return value.replace("${", "$${") if isinstance(value, str) else value
+        changed = {key: escaped(item) for key, item in value.items()}
+    elif isinstance(value, list):
+        changed = [escaped(item) for item in value]
+    elif isinstance(value, str):
+        changed = value.replace("${", "$${")
+    return cast(V, changed)
 
 
 def _variable_value(reference: re.Match[str]) -> str:

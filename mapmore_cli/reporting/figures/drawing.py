@@ -16,6 +16,7 @@ from typing import Any, Literal
 
 import numpy as np
 from matplotlib import rc_context
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 
@@ -222,7 +223,7 @@ def compose(
     )
     of_panels = every.reshape(rows, stack, columns).swapaxes(1, 2).reshape(-1, stack)
     for one, axes in zip(panels, of_panels, strict=False):
-        _fill(axes, one, headings[drawing.panels.index(one)], grid, style, columns)
+        _fill([*axes], one, headings[drawing.panels.index(one)], grid, style, columns)
     for ax in of_panels[len(panels) :].flat:
         ax.remove()
     handles = list(drawing.legend) or _labelled(figure)
@@ -241,7 +242,7 @@ def compose(
 
 
 def _fill(
-    axes: Any, panel: Panel, title: str, grid: Layout, style: FigureStyle, columns: int
+    axes: Sequence[Axes], panel: Panel, title: str, grid: Layout, style: FigureStyle, columns: int
 ) -> None:
     """Draw a panel, with its title above and its x axis labelled below it."""
     top, bottom = axes[0], axes[-1]
@@ -252,7 +253,8 @@ def _fill(
     bottom.locator_params(axis="x", nbins=5 if columns < 2 else 4)
     panel.draw(*axes)
     for ax, label in zip(axes, panel.y_labels, strict=False):
-        if ax.get_subplotspec().is_first_col() or grid.common_y == "none":
+        spec = ax.get_subplotspec()
+        if (spec is not None and spec.is_first_col()) or grid.common_y == "none":
             ax.set_ylabel(label, parse_math=style.is_own_label(label))
     top.set_title(title)
     bottom.set_xlabel(panel.x_label, parse_math=style.is_own_label(panel.x_label))
