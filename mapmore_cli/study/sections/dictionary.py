@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import Field, create_model
 
-from mapmore_cli.domain.declared import Contradiction, Either, ListToo, OfTarget, always_in
+from mapmore_cli.domain.declared import Either, ListToo, OfTarget, always_in
 from mapmore_cli.modelling.expressions import ExpressionError, parse, state
 from mapmore_cli.modelling.expressions.operator import Operator
 from mapmore_cli.modelling.expressions.operators import families
-from mapmore_cli.study.fields import Section
+from mapmore_cli.study.fields import Row, Section
 from mapmore_cli.study.tree import Loc
 
 Of = Annotated[list[str], Field(min_length=1)]
@@ -30,11 +30,10 @@ class OperatorFamily(Section):
 
     of: Of
 
-    def _contradictions(self) -> Iterator[ValueError]:
+    def _contradictions(self) -> Sequence[Row]:
         keys = [key for key in type(self).model_fields if getattr(self, key) is not None]
-        if len(keys) > 2:
-            either = " or ".join(f"`{key}`" for key in keys[1:])
-            yield Contradiction(f"give either {either}", "remove one of them", *keys[:0:-1])
+        either = " or ".join(f"`{key}`" for key in keys[1:])
+        return [(len(keys) > 2, f"give either {either}", "remove one of them", *keys[:0:-1])]
 
 
 def _forms() -> Iterator[tuple[str, type[OperatorFamily]]]:
@@ -216,14 +215,16 @@ class SmoothSteps(AlongRange):
             for width in self.widths
         ]
 
-    def _contradictions(self) -> Iterator[ValueError]:
-        if ("change" in self.partners) == (self.window is None):
-            yield Contradiction(
+    def _contradictions(self) -> Sequence[Row]:
+        return [
+            (
+                ("change" in self.partners) == (self.window is None),
                 "`window` and `change` need each other",
                 "write `with: [change], window: 16`, or neither",
                 "window",
                 "with",
             )
+        ]
 
 
 class Products(Section):
@@ -302,19 +303,24 @@ class Families(Section):
         """Name and settings of the one that is given."""
         return next(iter(self._given().items()))
 
-    def _contradictions(self) -> Iterator[ValueError]:
-        if self.sign is not None and self.bounds is not None:
-            yield Contradiction("a sign is a bound", "give either `sign` or `bounds`", "sign")
-        if self.bounds is not None and not self.bounds[0] <= self.bounds[1]:
-            yield Contradiction("the bounds do not ascend", "put the lower one first", "bounds")
-        if len(self._given()) != 1:
-            count = "two families" if self._given() else "no family"
-            names = [name for name in type(self).model_fields if name not in LIMITS]
-            remedy = (
-                f"give one of {', '.join(f'`{name}`' for name in names)}; "
-                "further families are entries of their own"
-            )
-            yield Contradiction(f"this entry has {count} of terms", remedy)
+    def _contradictions(self) -> Sequence[Row]:
+        low, high = self.bounds or (0.0, 0.0)
+        count = "two families" if self._given() else "no family"
+        names = [f"`{name}`" for name in type(self).model_fields if name not in LIMITS]
+        return [
+            (
+                self.sign is not None and self.bounds is not None,
+                "a sign is a bound",
+                "give either `sign` or `bounds`",
+                "sign",
+            ),
+            (not low <= high, "the bounds do not ascend", "put the lower one first", "bounds"),
+            (
+                len(self._given()) != 1,
+                f"this entry has {count} of terms",
+                f"give one of {', '.join(names)}; further families are entries of their own",
+            ),
+        ]
 
 
 if TYPE_CHECKING:
