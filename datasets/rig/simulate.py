@@ -8,7 +8,7 @@ quantisation step.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from decimal import Decimal
 from pathlib import Path
 from typing import Annotated, Literal
@@ -48,7 +48,7 @@ from mapmore_cli.domain.declared import Name
 from mapmore_cli.domain.errors import WriteError
 from mapmore_cli.fitting.stage import Progress
 from mapmore_cli.storage.atomic import refusals_told, write_text
-from mapmore_cli.study.fields import Section
+from mapmore_cli.study.fields import Row, Section
 
 KPA = 1e3  # Pa
 
@@ -118,15 +118,23 @@ class SimulationSpec(Section):
     seed: Annotated[int, Field(ge=0)]
     output: Name
 
-    def _contradictions(self) -> Iterator[ValueError]:
-        kind = self.experiment.type
-        if {*self.sensors} != {*SENSED[kind]}:
-            measured = ", ".join(SENSED[kind])
-            yield ValueError(f"`type: {kind}` needs `sensors` of these, and no others: {measured}")
-        if isinstance(self.experiment, Waveforms | RandomVelocity | Antagonists) and not isinstance(
-            self.muscle, McKibben
-        ):
-            yield ValueError(f"`type: {kind}` moves a muscle of `kind: mckibben`")
+    def _contradictions(self) -> Sequence[Row]:
+        kind, moved = self.experiment.type, Waveforms | RandomVelocity | Antagonists
+        measured = ", ".join(SENSED[kind])
+        return [
+            (
+                {*self.sensors} != {*SENSED[kind]},
+                f"`type: {kind}` needs `sensors` of these, and no others: {measured}",
+                "add those that are missing, and remove others",
+                "sensors",
+            ),
+            (
+                isinstance(self.experiment, moved) and not isinstance(self.muscle, McKibben),
+                f"`type: {kind}` moves a muscle of `kind: mckibben`",
+                "simulate a McKibben muscle, or another experiment",
+                "muscle",
+            ),
+        ]
 
 
 # Recordings

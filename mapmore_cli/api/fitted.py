@@ -57,9 +57,9 @@ class Scores(tuple[Mapping[str, Any], ...]):
     @classmethod
     def of(cls, table: ScoreTable) -> Scores:
         """Return the rows of a score table."""
-        found = cls(score_row(score) for score in table.scores)
-        found.table = table
-        return found
+        rows = cls(score_row(score) for score in table.scores)
+        rows.table = table
+        return rows
 
     @property
     def _shown(self) -> list[Table]:
@@ -78,8 +78,8 @@ class Scores(tuple[Mapping[str, Any], ...]):
         `KeyError` where there is none.
         """
         for row in self:
-            found = (row["model"], row["split"], row["curve"])
-            if found == (model, split, "all") and target in (None, row["target"]):
+            row_key = (row["model"], row["split"], row["curve"])
+            if row_key == (model, split, "all") and target in (None, row["target"]):
                 return row
         raise KeyError(f"no row of {model} on the {split} data")
 
@@ -102,8 +102,8 @@ class Study:
     @property
     def columns(self) -> Mapping[str, Any]:
         """The section `columns` as it was given."""
-        found: Mapping[str, Any] = self.document["data"].get("columns", {})
-        return found
+        section: Mapping[str, Any] = self.document["data"].get("columns", {})
+        return section
 
     def loaded(self, changes: Mapping[str, Any] = MappingProxyType({})) -> LoadedSpec:
         """Return the spec, with the frames as its recordings in memory."""
@@ -126,7 +126,7 @@ class Study:
         """Return the model and its scores; results of stages pass through a temporary folder that
         is removed.
         """
-        told, loaded = list[str](), self.loaded(changes)
+        warnings, loaded = list[str](), self.loaded(changes)
         with scratch_folder() as runs:
             outcome = bring_up_to_date(
                 loaded,
@@ -134,7 +134,7 @@ class Study:
                 "validate",
                 options=Options(check=self.check),
                 progress=_show_progress if self.progress else lambda *_: None,
-                warn=told.append,
+                warn=warnings.append,
             )
             run = RunFiles(outcome.run_dir)
             table = run.scores()
@@ -149,7 +149,7 @@ class Study:
                 held_out=tuple(
                     curve.at(curve.held_out) for curve in shown.curves if curve.held_out.any()
                 ),
-                warnings=(*table.warnings, *told),
+                warnings=(*table.warnings, *warnings),
                 doubts=sentences(outcome.run_dir),
             )
 
@@ -206,10 +206,10 @@ class Fitted(LoadedModel):
             f"<li><code>{escape(one.id)} = {escape(one.text)}</code></li>" for one in self.equations
         ]
         more = f"<p>... {len(equations)} equations in all</p>" if len(equations) > _SHOWN else ""
-        told = "".join(f"<p>warning: {escape(warning)}</p>" for warning in self.warnings)
+        warnings = "".join(f"<p>warning: {escape(warning)}</p>" for warning in self.warnings)
         scores = self.scores._repr_html_()
         head = f"<p>{escape(super().__repr__())}</p>{scores}"
-        return f"{head}<ul>{''.join(equations[:_SHOWN])}</ul>{more}{told}"
+        return f"{head}<ul>{''.join(equations[:_SHOWN])}</ul>{more}{warnings}"
 
     @property
     def _sources(self) -> dict[str, SourceColumn]:

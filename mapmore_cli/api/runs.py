@@ -85,10 +85,10 @@ def run(
         As the command says it; but limits that are missed are in `Run.missed`.
     """
     overrides = tuple(as_overrides(plain_values(dict(settings or {}))))
-    found = run_one(Job(Path(config), Path(runs), overrides, Options(force, check=check)))
-    for warning in (*found.table.warnings, *sentences(found.run_dir)):
+    finished = run_one(Job(Path(config), Path(runs), overrides, Options(force, check=check)))
+    for warning in (*finished.table.warnings, *sentences(finished.run_dir)):
         warnings.warn(warning, stacklevel=2)
-    return Run(**vars(found))
+    return Run(**vars(finished))
 
 
 def load_model(path: str | Path, *, unverified: bool = False) -> LoadedModel:

@@ -155,14 +155,14 @@ def fit(
         raise SpecError(
             f"{HERE}: unknown key `{key}`", did_you_mean(key, [*sections, *Data.model_fields])
         )
-    given = {key: value for key, value in of_data.items() if value is not None}
-    own, frames = _data_of(frame, {**(data or {}), **given}, target)
+    data_keys = {key: value for key, value in of_data.items() if value is not None}
+    own, frames = _data_of(frame, {**(data or {}), **data_keys}, target)
     document = {key: value for key, value in sections.items() if value is not None}
     study = Study(plain_values({**document, "data": own}), frames, Path.cwd(), check, progress)
-    found = study.fitted()
-    for warning in (*found.scores.table.warnings, *found.doubts):
+    fitted = study.fitted()
+    for warning in (*fitted.scores.table.warnings, *fitted.doubts):
         warnings.warn(warning, stacklevel=2)
-    return found
+    return fitted
 
 
 def _data_of(
@@ -172,18 +172,18 @@ def _data_of(
 
     Raises `SpecError` for no table, and for frames beside files.
     """
-    given = list(frame) if isinstance(frame, list | tuple) else [frame]
-    frames = tuple(one for one in given if labels_of(one) is not None)
-    if not given or 0 < len(frames) < len(given):
+    tables = list(frame) if isinstance(frame, list | tuple) else [frame]
+    frames = tuple(one for one in tables if labels_of(one) is not None)
+    if not tables or 0 < len(frames) < len(tables):
         raise SpecError(
-            "fit: frames and files are mixed" if given else "fit: there are no frames",
+            "fit: frames and files are mixed" if tables else "fit: there are no frames",
             "give frames alone, or paths alone",
         )
     if frames and "columns" not in section:
         section["columns"] = canonical_columns(frames[0], target)
     if not frames:
-        section["files"] = [str(path) for path in given]
-        section.setdefault("reader", _reader_of(given[0]))
+        section["files"] = [str(path) for path in tables]
+        section.setdefault("reader", _reader_of(tables[0]))
     return section, frames
 
 

@@ -76,8 +76,8 @@ def issues_of(
         *(OF_CURVES if curves else ()),
         *(OF_CHECK if curves and hints else ()),
     )
-    found = (issue for subject in subjects for rule in rules for issue in rule(subject))
-    return [*dict.fromkeys(one for one in found if hints or one.severity != "hint")]
+    issues = (issue for subject in subjects for rule in rules for issue in rule(subject))
+    return [*dict.fromkeys(one for one in issues if hints or one.severity != "hint")]
 
 
 def issues_without_curves(loaded: LoadedSpec) -> list[Issue]:
@@ -97,10 +97,10 @@ def issues_without_curves(loaded: LoadedSpec) -> list[Issue]:
     bare |= {"missing": "drop", "repeated_time": "average"}
     part = slice_of(loaded.spec)
     with suppress(SpecError, DataError):
-        plain = build_dataset(
+        recordings = build_dataset(
             replace(part, data=part.data.model_copy(update=bare)),
             loaded.folder,
             tables=loaded.tables,
         )
-        return issues_of(loaded, plain, curves=False)
+        return issues_of(loaded, recordings, curves=False)
     return []

@@ -177,8 +177,8 @@ def unequal(recordings: Sequence[Recording], inputs: Sequence[str], target: str)
         some = slice(0, rows, 1 + rows // PART)
         outputs = (each.columns[target][some] / ranges[target] for each in (one, other))
         pairs.append(Unequal(one, other, tuple(moving), target, *_left(*outputs)))
-    told = (pair for pair in pairs if pair.is_large or (pair.effects and pair.apart > LITTLE))
-    return max(told, key=lambda pair: pair.apart, default=None)
+    telling = (pair for pair in pairs if pair.is_large or (pair.effects and pair.apart > LITTLE))
+    return max(telling, key=lambda pair: pair.apart, default=None)
 
 
 def _with_equal_inputs(

@@ -101,9 +101,9 @@ def mark_of(loaded: LoadedSpec, ingested: str) -> str:
 def kept(run_dir: Path, mark: str | None = None) -> tuple[Issue, ...] | None:
     """Return the findings of a run; None where there are none that have this `mark`."""
     with suppress(OSError, ValueError):
-        found = _KEPT.validate_json((run_dir / FINDINGS).read_bytes())
-        if mark in (None, found.mark):
-            return found.issues
+        stored = _KEPT.validate_json((run_dir / FINDINGS).read_bytes())
+        if mark in (None, stored.mark):
+            return stored.issues
     return None
 
 

@@ -88,8 +88,8 @@ def read_label(name: str) -> ColumnTitle | None:
         return ColumnTitle("pressure", unit, plain=False) if unit else None
     behind = apart[named[0][1] :] if named else ""
     unit = unit_in(quantity, behind)
-    plain = named[:1] == parts[:1] and len(_TOKEN.findall(behind)) == (unit is not None)
-    return ColumnTitle(quantity, unit, plain)
+    is_plain = named[:1] == parts[:1] and len(_TOKEN.findall(behind)) == (unit is not None)
+    return ColumnTitle(quantity, unit, is_plain)
 
 
 def unit_in(quantity: str, text: str) -> str | None:

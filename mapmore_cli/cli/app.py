@@ -10,9 +10,10 @@ import io
 import os
 import sys
 import warnings
+from collections.abc import Callable
 from contextlib import nullcontext
 from importlib import import_module
-from typing import Annotated, Any, cast
+from typing import TYPE_CHECKING, Annotated, TextIO, cast
 
 import typer
 from typer import Option
@@ -21,6 +22,9 @@ from typer.core import TyperGroup
 from mapmore_cli.cli import console
 from mapmore_cli.domain import plugins
 from mapmore_cli.domain.errors import UsageError
+
+if TYPE_CHECKING:
+    from typer._click.core import Command, Context
 
 MODULES = {
     **dict.fromkeys(("ingest", "segment", "fit", "fuse", "validate", "report", "run"), "pipeline"),
@@ -58,31 +62,31 @@ AS_JSON = "mapmore.json"
 """Key of the context: whether the line asks for JSON, in which errors are then told too."""
 
 
-ANYTHING = {"ignore_unknown_options": True, "allow_extra_args": True}
-
-
-def _function(name: str) -> Any:
+def _function(name: str) -> Callable[..., None]:
     """Return the function of a command; raises NotInstalled."""
     if name in MODULES:
-        return getattr(import_module(f"mapmore_cli.cli.{MODULES[name]}"), name)
-    return plugins.load("commands", name)
+        function: Callable[..., None]
+        function = getattr(import_module(f"mapmore_cli.cli.{MODULES[name]}"), name)
+        return function
+    return cast(Callable[..., None], plugins.load("commands", name))
 
 
-def _command(name: str, function: Any, **settings: Any) -> Any:
-    """Return the command that calls a function."""
+def _command(name: str, function: Callable[..., None], any_line: bool = False) -> Command:
+    """Return the command that calls a function, on any line whatever it says, or on its own."""
+    settings = {"ignore_unknown_options": any_line, "allow_extra_args": any_line}
     alone = typer.Typer(add_completion=False, rich_markup_mode=None)
-    alone.command(name, **settings)(function)
+    alone.command(name, context_settings=settings)(function)
     return typer.main.get_command(alone)
 
 
-def _absent(name: str, fault: UsageError) -> Any:
+def _absent(name: str, fault: UsageError) -> Command:
     """Return a command that says why it is missing."""
 
     def absent() -> None:
         """Not installed."""
         raise fault
 
-    return _command(name, absent, context_settings=ANYTHING)
+    return _command(name, absent, any_line=True)
 
 
 class Commands(TyperGroup):
@@ -90,30 +94,30 @@ class Commands(TyperGroup):
     codes, and takes `--debug`, `--no-plugins` and `--env` anywhere on the line.
     """
 
-    def list_commands(self, ctx: Any) -> list[str]:  # noqa: ARG002 - as click calls it
+    def list_commands(self, ctx: Context) -> list[str]:  # noqa: ARG002 - as click calls it
         """Return the names of all commands, in the order of the work."""
         if not self.commands:  # what is installed is looked at when the line is known
             added = plugins.points("commands")
             for name in added.keys() & MODULES.keys():
                 plugins.leave_plugin_out("commands", name, ValueError("mapmore has such a command"))
             names = {*MODULES, *added} - {*REMOVED}
-            ordered = [*(one for one in ORDER if one in names), *sorted(names - {*ORDER})]
-            self.commands = cast(dict[str, Any], dict.fromkeys(ordered))
+            ordered = [*(name for name in ORDER if name in names), *sorted(names - {*ORDER})]
+            self.commands = cast("dict[str, Command]", dict.fromkeys(ordered))
         return [*self.commands]
 
-    def get_command(self, ctx: Any, name: str) -> Any:
+    def get_command(self, ctx: Context, cmd_name: str) -> Command | None:
         """Return a command, built the first time that it is asked for; None for others."""
-        if name in REMOVED:
-            return _absent(name, UsageError(*REMOVED[name]))
+        if cmd_name in REMOVED:
+            return _absent(cmd_name, UsageError(*REMOVED[cmd_name]))
         self.list_commands(ctx)
-        if name in self.commands and self.commands[name] is None:
+        if cmd_name in self.commands and not self.commands[cmd_name]:
             try:
-                self.commands[name] = _command(name, _function(name))
+                self.commands[cmd_name] = _command(cmd_name, _function(cmd_name))
             except plugins.NotInstalled as fault:
-                self.commands[name] = _absent(name, fault)
-        return super().get_command(ctx, name)
+                self.commands[cmd_name] = _absent(cmd_name, fault)
+        return super().get_command(ctx, cmd_name)
 
-    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+    def parse_args(self, ctx: Context, args: list[str]) -> list[str]:
         """Move `--debug`, `--no-plugins` and `--env NAME` to the front, so that they can be added
         at the end of a line that failed.
         """
@@ -127,7 +131,7 @@ class Commands(TyperGroup):
             args = [*args[at : at + 2], *args[:at], *args[at + 2 :]]
         return super().parse_args(ctx, args)
 
-    def invoke(self, ctx: Any) -> Any:
+    def invoke(self, ctx: Context) -> None:
         """Run the command and flush what it printed, so that a broken pipe shows here and not at
         exit.
         """
@@ -201,19 +205,28 @@ def _common(
     """
 
 
-def _show_warning(message: Warning | str, category: type[Warning], *place: Any) -> None:
+def _show_warning(
+    message: Warning | str,
+    category: type[Warning],
+    filename: str,
+    lineno: int,
+    file: TextIO | None = None,
+    line: str | None = None,
+) -> None:
     """Say which plug-in is left out as other warnings are said; others, which are for us, as Python
     says them.
     """
     if not issubclass(category, plugins.PluginLeftOut):
-        sys.stderr.write(warnings.formatwarning(message, category, *place[:2]))
+        (file or sys.stderr).write(
+            warnings.formatwarning(message, category, filename, lineno, line)
+        )
     elif not {"-q", "--quiet"} & {*sys.argv}:
         print(f"warning: {message}", file=sys.stderr)
 
 
 def main() -> None:
     """Run the installed command and of `python -m mapmore_cli`."""
-    warnings.showwarning = _show_warning  # type: ignore[assignment]
+    warnings.showwarning = _show_warning
     # a terminal without ² and – still shows the table
     cast(io.TextIOWrapper, sys.stdout).reconfigure(errors="replace")
     try:

@@ -48,13 +48,13 @@ def clean(
     gone, kept = dict[Path, tuple[str, ...]](), dict[Path, tuple[str, ...]]()
     with refusals_told(runs):
         for folder in _unnamed(runs, names):
-            found = contents_of(folder)
-            if yes and not found.others:
+            contents = contents_of(folder)
+            if yes and not contents.others:
                 with run_lock(folder):
-                    found = contents_of(folder, rehash=now)
-                    if not found.others:
-                        remove_own(folder, found.own, now)
-            (kept if found.others else gone)[folder] = found.others or found.own
+                    contents = contents_of(folder, rehash=now)
+                    if not contents.others:
+                        remove_own(folder, contents.own, now)
+            (kept if contents.others else gone)[folder] = contents.others or contents.own
     print_view(_view(gone, kept, yes, f" to {runs / TRASH}" if yes and not now else ""), as_json)
 
 

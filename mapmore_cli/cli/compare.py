@@ -96,10 +96,10 @@ def compare(
         }
         view = of_campaigns(models, results)
     else:
-        found = [find_model(text, runs, archive) for text in models]
-        results, view = _of_models(models, found, margin, other_settings)
+        paths = [find_model(text, runs, archive) for text in models]
+        results, view = _of_models(models, paths, margin, other_settings)
         if figure is not None:
-            _draw(models, found, figure)
+            _draw(models, paths, figure)
     print_view(view, as_json)
     for name, one in results.items():
         if one.changed if limit is None and fail_on else one.moved(limit):
@@ -110,7 +110,7 @@ def compare(
 
 
 def _of_models(
-    names: Sequence[str], found: Sequence[Path], margin: float, other_settings: bool
+    names: Sequence[str], paths: Sequence[Path], margin: float, other_settings: bool
 ) -> tuple[dict[str, Comparison], View]:
     """Return what became of the first model, by the last one's name; of several outputs, by these.
 
@@ -120,16 +120,16 @@ def _of_models(
     from mapmore_cli.pipeline.archive import compared
     from mapmore_cli.storage.artefacts import read_model
 
-    outputs = [one.name for one in read_model(found[0]).outputs]
+    outputs = [one.name for one in read_model(paths[0]).outputs]
     if len(outputs) == 1:
-        later = [compared(found[0], one, margin, other_settings) for one in found[1:]]
+        later = [compared(paths[0], one, margin, other_settings) for one in paths[1:]]
         return {names[-1]: later[-1]}, of_comparisons(names, later)
-    if len(found) > 2:
+    if len(paths) > 2:
         raise UsageError(
             f"{', '.join(names)}: models of several outputs are compared two at a time",
             f"name two, as `mapmore compare {names[0]} {names[-1]}`",
         )
-    results = {name: compared(found[0], found[1], margin, other_settings, name) for name in outputs}
+    results = {name: compared(paths[0], paths[1], margin, other_settings, name) for name in outputs}
     return results, of_campaigns(names, results, "outputs")
 
 

@@ -56,11 +56,11 @@ def of_campaigns(
     """
     runs = [{"run": run, **picked(one, *ANSWER)} for run, one in results.items()]
     counts = Counter(one.answer for one in results.values())
-    told = ", ".join(f"{count} {answer}" for answer, count in sorted(counts.items()))
+    tally = ", ".join(f"{count} {answer}" for answer, count in sorted(counts.items()))
     lines = [f"{run}: {line}" for run, one in results.items() for line in _of_settings(one)]
     table = drift_table([names[0], *results], [*results.values()])
     document = {"before": names[0], "after": names[1], "runs": runs}
-    return View(document, (table,), (f"{len(results)} {what}: {told}.", *lines))
+    return View(document, (table,), (f"{len(results)} {what}: {tally}.", *lines))
 
 
 def _verdict(before: str, after: str, comparison: Comparison) -> str:

@@ -146,7 +146,7 @@ def documents_alone() -> Iterator[None]:
         _documents.reset(token)
 
 
-def _as_json(value: object) -> Any:
+def _as_json(value: object) -> object:
     """Rebuild a document from what JSON knows: records become objects, arrays and tuples lists,
     non-finite numbers None.
     """

@@ -5,6 +5,7 @@ make-like commands over one spec.
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -127,9 +128,9 @@ def _of_outcome(
     if finished is None:
         return of_stage(command, done).under(head)
     scores = of_scores(finished.table, finished.published)
-    told = {"missed": finished.missed, "warnings": finished.warnings, "unconfirmed": questions}
+    remarks = {"missed": finished.missed, "warnings": finished.warnings, "unconfirmed": questions}
     lines = (*verdict_lines(done), *page_lines(done)) if command == "run" else ()
-    return View({**head, **scores.document, **told}, scores.tables, lines)
+    return View({**head, **scores.document, **remarks}, scores.tables, lines)
 
 
 # The commands
@@ -148,101 +149,37 @@ PrintSpec = Annotated[
 ]
 
 
-def ingest(
-    config: Config,
-    runs: Runs = RUNS,
-    overrides: Overrides = NONE,
-    force: Force = False,
-    rehash: Rehash = False,
-    no_check: NoCheck = False,
-    explain: Explain = False,
-    as_json: AsJson = False,
-    quiet: Quiet = False,
-    verbose: Verbose = False,
-) -> None:
-    """Read the recordings and sort them into curves."""
-    how = (force, rehash, no_check)
-    _bring_up_to_date(
-        "ingest", config, runs, overrides, how, explain, Reporter(quiet, verbose), as_json
-    )
+def _stage(name: str, about: str) -> Callable[..., None]:
+    """Return the command that brings a run up to date as far as a stage, with its help."""
+
+    def bring(
+        config: Config,
+        runs: Runs = RUNS,
+        overrides: Overrides = NONE,
+        force: Force = False,
+        rehash: Rehash = False,
+        no_check: NoCheck = False,
+        explain: Explain = False,
+        as_json: AsJson = False,
+        quiet: Quiet = False,
+        verbose: Verbose = False,
+    ) -> None:
+        how = (force, rehash, no_check)
+        _bring_up_to_date(
+            name, config, runs, overrides, how, explain, Reporter(quiet, verbose), as_json
+        )
+
+    bring.__doc__ = about
+    return bring
 
 
-def segment(
-    config: Config,
-    runs: Runs = RUNS,
-    overrides: Overrides = NONE,
-    force: Force = False,
-    rehash: Rehash = False,
-    no_check: NoCheck = False,
-    explain: Explain = False,
-    as_json: AsJson = False,
-    quiet: Quiet = False,
-    verbose: Verbose = False,
-) -> None:
-    """Cut the training curves into segments. Brings the stages before it up to date first."""
-    how = (force, rehash, no_check)
-    _bring_up_to_date(
-        "segment", config, runs, overrides, how, explain, Reporter(quiet, verbose), as_json
-    )
+BEFORE = "Brings the stages before it up to date first."
 
-
-def fit(
-    config: Config,
-    runs: Runs = RUNS,
-    overrides: Overrides = NONE,
-    force: Force = False,
-    rehash: Rehash = False,
-    no_check: NoCheck = False,
-    explain: Explain = False,
-    as_json: AsJson = False,
-    quiet: Quiet = False,
-    verbose: Verbose = False,
-) -> None:
-    """Select the terms of every segment. Brings the stages before it up to date first."""
-    how = (force, rehash, no_check)
-    _bring_up_to_date(
-        "fit", config, runs, overrides, how, explain, Reporter(quiet, verbose), as_json
-    )
-
-
-def fuse(
-    config: Config,
-    runs: Runs = RUNS,
-    overrides: Overrides = NONE,
-    force: Force = False,
-    rehash: Rehash = False,
-    no_check: NoCheck = False,
-    explain: Explain = False,
-    as_json: AsJson = False,
-    quiet: Quiet = False,
-    verbose: Verbose = False,
-) -> None:
-    """Join the segments into one model that stands alone. Brings the stages before it up to date
-    first.
-    """
-    how = (force, rehash, no_check)
-    _bring_up_to_date(
-        "fuse", config, runs, overrides, how, explain, Reporter(quiet, verbose), as_json
-    )
-
-
-def validate(
-    config: Config,
-    runs: Runs = RUNS,
-    overrides: Overrides = NONE,
-    force: Force = False,
-    rehash: Rehash = False,
-    no_check: NoCheck = False,
-    explain: Explain = False,
-    as_json: AsJson = False,
-    quiet: Quiet = False,
-    verbose: Verbose = False,
-) -> None:
-    """Score the model and its competitors. Brings the stages before it up to date first."""
-    how = (force, rehash, no_check)
-    _bring_up_to_date(
-        "validate", config, runs, overrides, how, explain, Reporter(quiet, verbose), as_json
-    )
+ingest = _stage("ingest", "Read the recordings and sort them into curves.")
+segment = _stage("segment", f"Cut the training curves into segments. {BEFORE}")
+fit = _stage("fit", f"Select the terms of every segment. {BEFORE}")
+fuse = _stage("fuse", f"Join the segments into one model that stands alone. {BEFORE}")
+validate = _stage("validate", f"Score the model and its competitors. {BEFORE}")
 
 
 def report(

@@ -163,28 +163,28 @@ def _open_table(
     return as_text(sys.stdin.buffer), "stdin"
 
 
-def _constants_of(model: Model, given: Sequence[str]) -> dict[str, float]:
+def _constants_of(model: Model, settings: Sequence[str]) -> dict[str, float]:
     """Return the inputs that `--set` gives, in the model's units; raises UsageError for what is no
     input or no number.
     """
     from mapmore_cli.study.units import parse_quantity
 
     units = {quantity.name: quantity.unit for quantity in model.inputs}
-    found: dict[str, float] = {}
-    for text in given:
+    constants: dict[str, float] = {}
+    for text in settings:
         name, _, value = (part.strip() for part in text.partition("="))
         if name not in units:
             raise UsageError(
                 f"--set {text}: the model has no input '{name}'", f"it has {', '.join(units)}"
             )
         try:
-            found[name] = parse_quantity(value, units[name])
+            constants[name] = parse_quantity(value, units[name])
         except MapmoreError as fault:
             raise UsageError(
                 f"--set {text}: {fault}",
                 f"write, for example, `--set {name}=0.25` in {units[name]}",
             ) from fault
-    return found
+    return constants
 
 
 def _write_lines(lines: Iterator[str], output: Path) -> None:

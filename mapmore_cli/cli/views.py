@@ -154,16 +154,12 @@ def _of_json(path: Path) -> View:
             return View(document, of_scores(scores_in(document)).tables)
         columns = ("stage", "took [s] .2f", "why it ran")
         rows = [
-            (str(name), _seconds(entry.get("seconds")), str(entry.get("why") or ""))
+            (str(name), float(entry.get("seconds", "nan")), str(entry.get("why") or ""))
             for name, entry in document["stages"].items()
         ]
     except (ValueError, TypeError, KeyError, AttributeError, OverflowError) as fault:
         raise DataError(f"{path}: is neither a scores.json nor a run.json", remedy) from fault
     return View(document, (Table.of("stages", "Stages", columns, rows),))
-
-
-def _seconds(value: Any) -> float | None:
-    return None if value is None else float(value)
 
 
 # Scores
@@ -262,12 +258,12 @@ def _of_fit(result: FitResult) -> View:
             **picked(memory, "ridge", "held_out", "identified"),
             "forward": [memory.candidates[place] for place in memory.forward],
         }
-        found = (
+        of_memory = (
             memory_tables.identified_table(memory),
             memory_tables.sizes_table(memory),
             memory_tables.states_table(memory.model.states),
         )
-        tables += [table for table in found if table.rows]
+        tables += [table for table in of_memory if table.rows]
     if page is not None and result.body is not None:
         own, own_tables = page.show_fit(result.body)
         document |= own

@@ -83,8 +83,8 @@ def _width(values: Array) -> Array:
 
 def _learner_says(learner: Any, inputs: Array) -> Array:
     """Predictions (n,), NaN where an input is."""
-    said = np.full(len(inputs), np.nan)
+    output = np.full(len(inputs), np.nan)
     known = np.isfinite(inputs).all(axis=1)
     if known.any():
-        said[known] = learner.predict(inputs[known])
-    return said
+        output[known] = learner.predict(inputs[known])
+    return output

@@ -129,15 +129,17 @@ class Contest:
 
     def _of_simple(self, name: str) -> Sequence[Array]:
         """Predictions of a simple competitor for every curve; NaN where it has none."""
-        said: Sequence[Array] | None = None
+        outputs: Sequence[Array] | None = None
         if name == "arx":
-            said = simple.arx(self.dataset, self._inputs)
+            outputs = simple.arx(self.dataset, self._inputs)
         elif name != "backbone":
             degree, names = simple.DEGREES[name], self._inputs
-            said = simple.polynomial_fit(degree, self.dataset, names, self._rows if names else None)
+            outputs = simple.polynomial_fit(
+                degree, self.dataset, names, self._rows if names else None
+            )
         elif self._backbone is not None:
-            said = _formula_says(self._backbone, self.dataset.curves)
-        return said or [np.full(curve.size, np.nan) for curve in self.dataset.curves]
+            outputs = _formula_says(self._backbone, self.dataset.curves)
+        return outputs or [np.full(curve.size, np.nan) for curve in self.dataset.curves]
 
     @cached_property
     def _rows(self) -> simple.Rows:

@@ -113,19 +113,21 @@ def left_out(
         fold, own_choices = _held_out(dataset, outs), made_by(number)
         refuse_over_time(own_choices)
         model = refit(own_choices, replace(fold, target=fitted_to))
-        said, told = compare(replace(contest, dataset=fold, model=model, refit=refit_run))
+        outputs, fold_warnings = compare(
+            replace(contest, dataset=fold, model=model, refit=refit_run)
+        )
         own = tuple(forecast(model, curve, fold.target) for curve in fold.curves)
-        parts.append({OWN: own, **said})
-        warnings += told
+        parts.append({OWN: own, **outputs})
+        warnings += fold_warnings
         what = f"{'levels' if group is None else 'groups'} left out"
         workspace.progress(what, len(parts), len(folds))
     everywhere = [np.ones(curve.size, dtype=np.bool_) for curve in dataset.curves]
-    joined = {
-        name: _by_fold([said[name] for said in parts], folds)
+    pooled = {
+        name: _by_fold([outputs[name] for outputs in parts], folds)
         for name in parts[0]
-        if all(name in said for said in parts)
+        if all(name in outputs for outputs in parts)
     }
-    return _held_out(dataset, everywhere), joined, warnings
+    return _held_out(dataset, everywhere), pooled, warnings
 
 
 def _held_out(dataset: Dataset, outs: Sequence[BoolArray]) -> Dataset:
@@ -158,13 +160,13 @@ def _group_folds(dataset: Dataset, of: str) -> list[Masks]:
 
 def _by_fold(parts: Sequence[Forecasts], folds: Sequence[Masks]) -> Forecasts:
     """Of each sample the forecast of the fold that it was left out of."""
-    joined = []
-    for said, outs in zip(zip(*parts, strict=True), zip(*folds, strict=True), strict=True):
-        whole = next((one for one, out in zip(said, outs, strict=True) if out.all()), None)
-        values = np.select(list(outs), [one.values for one in said])
-        ready = np.select(list(outs), [one.ready for one in said])
-        joined.append(whole or Forecast.of(np.where(ready, values, np.nan)))
-    return tuple(joined)
+    pooled = []
+    for of_curve, outs in zip(zip(*parts, strict=True), zip(*folds, strict=True), strict=True):
+        whole = next((one for one, out in zip(of_curve, outs, strict=True) if out.all()), None)
+        values = np.select(list(outs), [one.values for one in of_curve])
+        ready = np.select(list(outs), [one.ready for one in of_curve])
+        pooled.append(whole or Forecast.of(np.where(ready, values, np.nan)))
+    return tuple(pooled)
 
 
 def refuse_over_time(choices: ModelChoices) -> None:
@@ -252,10 +254,10 @@ def residuals(
                 "leave it out, or change what that fit needs",
             ) from error
         errors[name] = [
-            (curve.columns[dataset.target] - said.values)[out & said.ready]
-            for curve, out, said in every
+            (curve.columns[dataset.target] - output.values)[out & output.ready]
+            for curve, out, output in every
         ]
-        values = np.concatenate([said.values[out & said.ready] for _, out, said in every])
+        values = np.concatenate([output.values[out & output.ready] for _, out, output in every])
         beyond = max(np.max(values - high, initial=0.0), np.max(low - values, initial=0.0))
         astray = max(astray, float(beyond) / (high - low) if high > low else 0.0)
         progress(f"{kind} left out", len(errors), len(parts))
@@ -274,15 +276,15 @@ def _training_residuals(
     """Return the training residuals where the model predicts, of each recording by its level; those
     of one level are left out.
     """
-    found: dict[float | None, list[Array]] = {}
+    by_level: dict[float | None, list[Array]] = {}
     for curve in dataset.curves:
-        said = forecast(model, curve)
-        residual = curve.columns[dataset.target] - said.values
-        known = curve.training & said.ready & np.isfinite(residual)
+        output = forecast(model, curve)
+        residual = curve.columns[dataset.target] - output.values
+        known = curve.training & output.ready & np.isfinite(residual)
         logs = [residual[log][known[log]] for log in curve.logs]
         if known.any() and (curve.level is None or curve.level != but):
-            found.setdefault(curve.level, []).extend(log for log in logs if len(log))
-    return found
+            by_level.setdefault(curve.level, []).extend(log for log in logs if len(log))
+    return by_level
 
 
 def parts_of(dataset: Dataset, choices: ModelChoices) -> tuple[LeftOutKind, int, dict[str, Masks]]:

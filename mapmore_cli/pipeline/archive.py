@@ -11,7 +11,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 from pydantic import ValidationError, create_model
 
@@ -22,7 +22,7 @@ from mapmore_cli.modelling.validation.comparison import Comparison, compare
 from mapmore_cli.pipeline.staleness import (
     MODEL_STAGE,
     known_records,
-    plain,
+    recorded,
     slice_differences,
 )
 from mapmore_cli.storage.artefacts import read_model
@@ -73,12 +73,12 @@ def freeze(run_dir: Path, tag: str, archive: Path) -> Path:
         )
     place = archive / f"{name}@{tag}"
     refuse_link(place)
-    taken = WriteError(f"{place}: is frozen already, and stays as it is", "choose another tag")
+    refusal = WriteError(f"{place}: is frozen already, and stays as it is", "choose another tag")
     with refusals_told(archive):
         archive.mkdir(parents=True, exist_ok=True)
         with unfinished_beside(place, folder=True) as unfinished:
             if place.exists():
-                raise taken
+                raise refusal
             for kept in KEPT:
                 write_bytes(unfinished / kept, (run_dir / kept).read_bytes())
             hashes = {kept: take_stamp(unfinished / kept).sha256 for kept in KEPT}
@@ -99,7 +99,7 @@ def freeze(run_dir: Path, tag: str, archive: Path) -> Path:
                 unfinished.rename(place)
             except OSError as fault:
                 if fault.errno in (errno.ENOTEMPTY, errno.EEXIST):  # by another process meanwhile
-                    raise taken from fault
+                    raise refusal from fault
                 raise
     return place
 
@@ -222,11 +222,11 @@ def compared(
     ]
     try:
         one, other = (alone(read_model(model).of(output)) for model in (before, after))
-        found = compare(one, other, margin)
+        comparison = compare(one, other, margin)
     except ValueError as fault:
         remedy = "compare models of the same quantities that have curves in common"
         raise DataError(f"{before}, {after}: {fault}", remedy) from fault
-    return replace(found, settings=settings, same_recordings=hashes[0] == hashes[1] != set())
+    return replace(comparison, settings=settings, same_recordings=hashes[0] == hashes[1] != set())
 
 
 MADE_BY = ("segment", "dictionary", "model", "fit", "fuse")
@@ -240,14 +240,14 @@ def _other_settings(*runs: Mapping[str, StageRecord]) -> Iterator[str]:
     Keys that came with a later version have their defaults.
     """
     sections = {name: ExperimentSpec.model_fields[name] for name in MADE_BY}
-    keys: Any = {name: (key.annotation, key.default) for name, key in sections.items()}
-    made_by = create_model("MadeBy", **keys)
+    keys = {name: (key.annotation, key.default) for name, key in sections.items()}
+    made_by = create_model("MadeBy", **cast(dict[str, Any], keys))
     for stage in (SEARCH_STAGE, MODEL_STAGE):
         slices = [run[stage].slice for run in runs if stage in run]
-        for place, recorded in enumerate(slices):
-            known = {key: recorded[key] for key in MADE_BY if key in recorded}
+        for place, values in enumerate(slices):
+            known = {key: values[key] for key in MADE_BY if key in values}
             with suppress(ValidationError):  # of a newer version
-                known = plain(made_by.model_validate_json(json.dumps(known)))
+                known = recorded(made_by.model_validate_json(json.dumps(known)))
             slices[place] = known
         if len(slices) == 2:
             yield from slice_differences(stage, *slices)

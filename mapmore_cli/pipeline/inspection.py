@@ -76,24 +76,24 @@ def inspect(
         else:
             dataset = build_dataset(part, loaded.folder, progress=progress, warn=warn)
     except (SpecError, DataError) as fault:
-        if found := issues_without_curves(loaded):
-            return _sorted(None, [*found, _no_curves(fault, loaded)], read_by)
+        if issues_of_other := issues_without_curves(loaded):
+            return _sorted(None, [*issues_of_other, _no_curves(fault, loaded)], read_by)
         raise
     issues = issues_of(loaded, dataset, hints=True)
     # what would end a run that this one needs, or is compared with, would end both
     for key, other in needed.items():
         try:
-            found = issues_of(
+            issues_of_other = issues_of(
                 other,
                 dataset
                 if slice_of(other.spec) == part
                 else build_dataset(slice_of(other.spec), other.folder),
             )
         except (SpecError, DataError) as fault:
-            found = [_no_curves(fault, other)]
+            issues_of_other = [_no_curves(fault, other)]
         issues += [
             replace(issue, message=f"in `{key}`: {issue.message}")
-            for issue in found
+            for issue in issues_of_other
             if issue.severity == "error"
         ]
     search = RunFiles(run_dir).search() if run_dir and loaded.spec.model.type == AUTO else None

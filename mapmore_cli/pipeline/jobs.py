@@ -60,7 +60,7 @@ class Finished:
 
     @classmethod
     def of(
-        cls, loaded: LoadedSpec, outcome: RunOutcome, told: Sequence[str], started: float
+        cls, loaded: LoadedSpec, outcome: RunOutcome, warnings: Sequence[str], started: float
     ) -> Finished:
         """Return what came of a spec whose run is up to date; `told` are the warnings meanwhile,
         `started` is by `time.perf_counter`.
@@ -74,7 +74,7 @@ class Finished:
             table,
             None if published is None else published.numbers,
             required_limits(loaded.spec.validation.require, table.scores),
-            (*table.warnings, *told),
+            (*table.warnings, *warnings),
             time.perf_counter() - started,
         )
 

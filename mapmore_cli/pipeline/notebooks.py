@@ -113,8 +113,8 @@ class LoadedModel:
                 f"{self.model.name}",
                 stacklevel=2,
             )
-        said = {one.output.name: predict(one, flat).reshape(shape) for one in self.model.each}
-        return said if len(said) > 1 else said[self.output.name]
+        outputs = {one.output.name: predict(one, flat).reshape(shape) for one in self.model.each}
+        return outputs if len(outputs) > 1 else outputs[self.output.name]
 
     def predict(self, frame: object, columns: Mapping[str, Any] | None = None) -> Any:
         """Return the output at the rows of a frame, (n,), in the model's unit; NaN where an input
@@ -238,8 +238,8 @@ class LoadedModel:
         signals = self.model.signals
         # what given rates and directions follow from
         spare = {"time", *(signal.of for signal in signals)} if signals else set[str]()
-        given = {*columns} if "time" in columns else {*columns, *(one.name for one in signals)}
-        reading = reading_of(self.model, given)
+        known = {*columns} if "time" in columns else {*columns, *(one.name for one in signals)}
+        reading = reading_of(self.model, known)
         needed = list(dict.fromkeys(reading.columns + reading.outputs))
         if not {*needed} <= {*columns} <= {*needed, *spare}:
             raise TypeError(
@@ -274,13 +274,13 @@ def columns_in(frame: object, column: Column) -> list[Hashable]:
     from 0, where no label is a number.
     """
     labels = labels_of(frame) or ()
-    found: list[Hashable] = [
+    exact: list[Hashable] = [
         label for label in labels if type(label) is not bool and label == column
     ]
     if isinstance(column, str):
-        return found or [label for label in labels if str(label) == column]
+        return exact or [label for label in labels if str(label) == column]
     numbered = any(isinstance(label, Integral) for label in labels)
-    return found if numbered or not 0 <= column < len(labels) else [labels[column]]
+    return exact if numbered or not 0 <= column < len(labels) else [labels[column]]
 
 
 def canonical_columns(frame: object, target: object) -> dict[str, dict[str, str]]:
@@ -290,35 +290,38 @@ def canonical_columns(frame: object, target: object) -> dict[str, dict[str, str]
     names = tuple(map(str, labels_of(frame) or ()))
     section = as_target(target)
     is_own = isinstance(section, dict) and section.get("column") in names
-    taken = filter(str.isidentifier if is_own else is_canonical, names)
-    found = {name: {"column": name} for name in taken}
-    if not found:
+    usable = filter(str.isidentifier if is_own else is_canonical, names)
+    columns = {name: {"column": name} for name in usable}
+    if not columns:
         known = known_names("", names, "The frame has")
         raise SpecError(
             "columns: no column of the frame has a canonical name",
             f'say which is which: columns={{"force": {{"column": "F"}}}}. {known}',
         )
-    return found
+    return columns
 
 
 def column_of(
-    frame: Any, column: Column, label: str, name: str, unit: str, layout: str | None = None
+    frame: Frame, column: Column, label: str, name: str, unit: str, layout: str | None = None
 ) -> Array:
     """One column as numbers of the quantity `name` in a `unit`, (n,). Raises `DataError`."""
-    labels, found, what = (
+    labels, matches, label_of_column = (
         labels_of(frame) or (),
         columns_in(frame, column),
         f"{label}: column '{column}'",
     )
-    if not found:
+    if not matches:
         known = known_names(str(column), tuple(map(str, labels)), "The frame has")
         raise DataError(f"{label}: there is no column '{column}'", known)
-    if len(found) > 1 or labels.count(found[0]) > 1:
-        raise DataError(f"{what} is there more than once", "give every column a name of its own")
-    values = given_numbers(frame[found[0]], what, name, unit, layout)
+    if len(matches) > 1 or labels.count(matches[0]) > 1:
+        raise DataError(
+            f"{label_of_column} is there more than once", "give every column a name of its own"
+        )
+    values = given_numbers(frame[matches[0]], label_of_column, name, unit, layout)
     if values.ndim != 1:
         raise DataError(
-            f"{what} has the shape {values.shape}", "give one-dimensional arrays of one length"
+            f"{label_of_column} has the shape {values.shape}",
+            "give one-dimensional arrays of one length",
         )
     return values
 
@@ -350,9 +353,11 @@ def tables_of(
         label = f"frame {number}" if len(frames) > 1 else "the frame"
         arrays = {}
         for name, entry in columns.items():
-            said = entry if isinstance(entry, Mapping) else {}
-            unit = str(said.get("unit") or default_unit(name, units))
-            own = column_of(frame, source_of(entry), label, name, unit, said.get("format")).view()
+            settings = entry if isinstance(entry, Mapping) else {}
+            unit = str(settings.get("unit") or default_unit(name, units))
+            own = column_of(
+                frame, source_of(entry), label, name, unit, settings.get("format")
+            ).view()
             own.flags.writeable = False  # it may be the user's own
             arrays[name] = own
         lengths = {name: len(values) for name, values in arrays.items()}
@@ -392,13 +397,13 @@ def write_tables(tables: Mapping[str, RawTable], folder: Path) -> list[Path]:
 
 def source_of(entry: object) -> Column:
     """Return the column that an entry of `columns` names; raises `SpecError` for another form."""
-    found = entry.get("column") if isinstance(entry, Mapping) else entry
-    if not isinstance(found, str | int):
+    source = entry.get("column") if isinstance(entry, Mapping) else entry
+    if not isinstance(source, str | int):
         raise SpecError(
             "columns: an entry names no column",
             'write columns={"force": {"column": "F", "unit": "N"}}',
         )
-    return found
+    return source
 
 
 def quantities_of(
@@ -412,7 +417,7 @@ def quantities_of(
     A column is found by its name in `columns`, with unit, scale and offset; else by the canonical
     name, already in the model's unit; else by its number in `columns`.
     """
-    found = {}
+    values_of = {}
     for name in wanted:
         column, unit = columns.get(name), units.get(name) or default_unit(name)
         numbered = (
@@ -422,20 +427,24 @@ def quantities_of(
             own = column.unit or unit
             values = column_of(frame, column.column, "the frame", name, own, column.format)
             values = values * column.scale + column.offset
-            found[name] = convert(values, own, unit)
+            values_of[name] = convert(values, own, unit)
         else:
-            found[name] = column_of(frame, name, "the frame", name, unit)
-    return found
+            values_of[name] = column_of(frame, name, "the frame", name, unit)
+    return values_of
 
 
-def plain_values(value: object) -> Any:
-    """Return the value as YAML holds it: lists for tuples and arrays, numbers for NumPy's scalars,
+def plain_values(section: Mapping[str, object]) -> dict[str, Any]:
+    """Return a section as YAML holds it: lists for tuples and arrays, numbers for NumPy's scalars,
     text for paths.
     """
+    return {str(key): _plain_value(value) for key, value in section.items()}
+
+
+def _plain_value(value: object) -> object:
     if isinstance(value, Mapping):
-        return {str(key): plain_values(item) for key, item in value.items()}
+        return plain_values(value)
     if isinstance(value, list | tuple):
-        return [plain_values(item) for item in value]
+        return [_plain_value(item) for item in value]
     if isinstance(value, np.ndarray | np.generic):
         return value.tolist()
     return str(value) if isinstance(value, Path) else value

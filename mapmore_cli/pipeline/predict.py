@@ -98,17 +98,17 @@ class Predictor:
                 continue
             # far outside of the range a term may overflow; the flag says so
             with np.errstate(all="ignore"), numbered(rows[part]):
-                said = [run(inputs) for run in runs]
+                outcomes = [run(inputs) for run in runs]
                 beyond = outside[part] = outside_range(model, inputs)
-                found = [own.values for own in said]
-                for one, own in zip(model.each, said, strict=True):
+                results = [own.values for own in outcomes]
+                for one, own in zip(model.each, outcomes, strict=True):
                     if self.level is not None:
                         widths = half_widths_of(one, inputs, self.level)
-                        found += ends(own.values, beyond, widths)
+                        results += ends(own.values, beyond, widths)
                     if self.derivatives:
-                        found += slopes(one, inputs).values()
-            numbers[part] = np.column_stack(found)
-            lost = {row for own in said for row in own.diverged}
+                        results += slopes(one, inputs).values()
+            numbers[part] = np.column_stack(results)
+            lost = {row for own in outcomes for row in own.diverged}
             diverged += rows[part][sorted(lost)].tolist()
         return numbers, outside, diverged
 
@@ -249,12 +249,12 @@ def inverted_lines(
     known = np.flatnonzero(complete(columns.values(), len(block)))
     cells = [",,"] * len(block)
     if len(known):
-        given = {column: values[known] for column, values in columns.items()}
-        found = invert(model, given.pop(model.output.name), given, name, rule)
-        starts = np.searchsorted(found.rows, np.arange(1, len(known)))
-        parts = found.picked, np.split(found.values, starts), found.status
-        for place, picked, every, status in zip(known.tolist(), *parts, strict=True):
-            cells[place] = ",".join([_digits(picked), " ".join(map(_digits, every)), status])
+        inputs = {column: values[known] for column, values in columns.items()}
+        inverse = invert(model, inputs.pop(model.output.name), inputs, name, rule)
+        starts = np.searchsorted(inverse.rows, np.arange(1, len(known)))
+        parts = inverse.picked, np.split(inverse.values, starts), inverse.status
+        for place, solution, every, status in zip(known.tolist(), *parts, strict=True):
+            cells[place] = ",".join([_digits(solution), " ".join(map(_digits, every)), status])
     yield from table.extended([table.header, *block], [",".join(added), *cells])
 
 

@@ -16,7 +16,7 @@ from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager, suppress
 from functools import cache, partial
 from threading import Thread
-from typing import TYPE_CHECKING, Any, NoReturn, TypeVar
+from typing import TYPE_CHECKING, NoReturn, TypeVar, cast
 
 from mapmore_cli import THREADS
 from mapmore_cli.domain.errors import WriteError
@@ -71,7 +71,7 @@ def variables_set(variables: Mapping[str, str]) -> Iterator[None]:
 
 
 @contextmanager
-def processes(count: int, method: str, work: Any = None) -> Iterator[ProcessPoolExecutor]:
+def processes(count: int, method: str, work: object = None) -> Iterator[ProcessPoolExecutor]:
     """Have `count` worker processes, made by `method` (`fork` or `spawn`).
 
     They end with the context, and with this process in whatever way it ends. Where an error or an
@@ -98,11 +98,11 @@ def processes(count: int, method: str, work: Any = None) -> Iterator[ProcessPool
             raise
 
 
-_shared: Any = None
+_shared: object = None
 """In a worker process: what all of them have."""
 
 
-def _begin(parent: int, work: Any) -> None:
+def _begin(parent: int, work: object) -> None:
     """Prepare a worker process: Ctrl-C is for the process that waits."""
     global _shared
     _shared = work
@@ -159,8 +159,8 @@ def free_processors() -> int:
         return 1
     from multiprocessing import active_children, parent_process
 
-    taken = parent_process() is not None or active_children()
-    return 1 if taken else min(len(os.sched_getaffinity(0)), MOST_PROCESSES)
+    busy = parent_process() is not None or active_children()
+    return 1 if busy else min(len(os.sched_getaffinity(0)), MOST_PROCESSES)
 
 
 def shared_out(
@@ -187,16 +187,17 @@ def shared_out(
                 futures = [pool.submit(_do_numbered, number) for number in range(len(items))]
             for number, future in enumerate(futures):
                 if future.exception() is None:
-                    delivered[number] = future.result()
+                    delivered[number] = cast(R, future.result())
                 progress(number + 1, len(items))
-    found = []
+    results = []
     for number, item in enumerate(items):
-        found.append(delivered[number] if number in delivered else work(item))
+        results.append(delivered[number] if number in delivered else work(item))
         if count <= 1:
             progress(number + 1, len(items))
-    return found
+    return results
 
 
-def _do_numbered(number: int) -> Any:
-    work, items = _shared
+def _do_numbered(number: int) -> object:
+    """Do one of the items that this worker process has."""
+    work, items = cast(tuple[Callable[[object], object], Sequence[object]], _shared)
     return work(items[number])

@@ -90,11 +90,11 @@ class Reading:
     turned_for: str | None = None
 
 
-def reading_of(model: Model, given: Collection[str]) -> Reading:
+def reading_of(model: Model, columns_there: Collection[str]) -> Reading:
     """Every input by its own name where it is `given`, else by the signal that it is; `time` where
     there are signals or memory.
     """
-    signals = tuple(signal for signal in model.signals if signal.name not in given)
+    signals = tuple(signal for signal in model.signals if signal.name not in columns_there)
     over_time = bool(signals) or runs_over_time(model)
     wanted = [quantity.name for quantity in model.inputs] + [signal.of for signal in signals]
     derived = {signal.name for signal in signals}

@@ -175,7 +175,7 @@ def plan_stages(
     for stage in given or pipeline(searched=loaded.spec.model.type == AUTO):
         known, part = records.get(stage.name), stage.reads(loaded.spec)
         needed = needed_runs(stage, loaded)
-        chosen = plain(part) | {
+        chosen = recorded(part) | {
             f"run {run.need.key}": _model_mark(run, given, run_dir.parent, rehash) for run in needed
         }
         inputs = _source_stamps(stage, loaded, known.inputs if known else {}, rehash)
@@ -281,13 +281,12 @@ LONGEST_VALUE = 60
 NOT_SET = "not set"
 
 
-def plain(value: object) -> Any:
+def recorded(part: object) -> dict[str, Any]:
     """Return a slice (frozen dataclasses, spec models and what they hold) as JSON values, under the
-    names of the YAML file. `also` came later, and is left out where it is empty: older runs stay up
-    to date.
+    names of the YAML file.
     """
-    found = to_jsonable_python(value, by_alias=True).items()
-    return {key: one for key, one in found if one or key != "also"}
+    values: dict[str, Any] = to_jsonable_python(part, by_alias=True)
+    return values
 
 
 def fingerprint(
@@ -307,7 +306,7 @@ def fingerprint(
     return hashlib.sha256(canonical.encode()).hexdigest()
 
 
-def slice_differences(stage: str, old: Any, new: Any) -> list[str]:
+def slice_differences(stage: str, old: object, new: Mapping[str, Any]) -> list[str]:
     """Every changed key of a stage's slice with both values, as `fuse.z_s: 0.25 -> 0.3`."""
     if old == new:
         return []
@@ -315,7 +314,7 @@ def slice_differences(stage: str, old: Any, new: Any) -> list[str]:
         return list(_differences(stage, old, new))
     return [
         text
-        for key in new | old
+        for key in {**new, **old}
         for text in _differences(
             place_in_spec(key, stage), old.get(key, NOT_SET), new.get(key, NOT_SET)
         )
@@ -337,13 +336,14 @@ def place_in_spec(key: str, stage: str) -> str:
     return f"{stage}.{key}"
 
 
-def _differences(place: str, old: Any, new: Any) -> Iterator[str]:
-    both = (old, new)
-    if all(isinstance(one, dict) for one in both):
+def _differences(place: str, old: object, new: object) -> Iterator[str]:
+    """Yield the values within a place that differ, each with its own place."""
+    if isinstance(old, dict) and isinstance(new, dict):
         for key in new | old:
             yield from _differences(f"{place}.{key}", old.get(key, NOT_SET), new.get(key, NOT_SET))
     elif (
-        all(isinstance(one, list) for one in both)
+        isinstance(old, list)
+        and isinstance(new, list)
         and len(old) == len(new)
         and any(isinstance(part, dict) for part in new)
     ):

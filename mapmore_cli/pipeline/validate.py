@@ -87,11 +87,11 @@ def score(part: ScoresSlice, workspace: Workspace) -> None:
     from mapmore_cli.storage.run_record import write_scores
 
     dataset, model = workspace.files.dataset(), workspace.files.model()
-    found = [
+    validations = [
         _scored(replace(part, target=one.target) if dataset.also else part, workspace, one, own)
         for one, own in zip(dataset.each, model.each, strict=True)
     ]
-    validation = replace(found[0], others=tuple(found[1:]))
+    validation = replace(validations[0], others=tuple(validations[1:]))
     write_validation(workspace.out / VALIDATION, validation)
     write_scores(workspace.out, validation.table, model.name)
 
@@ -124,8 +124,8 @@ def _scored(part: ScoresSlice, workspace: Workspace, measured: Dataset, model: M
     forecasts = {OWN: own, **{one.name: one.forecasts for one in rivals}}
     formulas = {name: fit for one in rivals for name, fit in one.formulas.items()}
     for name, fit in formulas.items():
-        for told in rival_minima(name, fit):
-            workspace.warn(told)
+        for sentence in rival_minima(name, fit):
+            workspace.warn(sentence)
     for name, every in forecasts.items():
         for curve, said in zip(dataset.curves, every, strict=True):
             for row in said.diverged:
@@ -171,7 +171,7 @@ def _scored(part: ScoresSlice, workspace: Workspace, measured: Dataset, model: M
     return for_report(validation, model, dataset)
 
 
-def _with_interval(model: Model, curve: Curve, said: Forecast) -> Forecast:
+def _with_interval(model: Model, curve: Curve, output: Forecast) -> Forecast:
     """Add the half widths of the intervals to what a model says of the held-out samples of a
     curve.
     """
@@ -186,7 +186,7 @@ def _with_interval(model: Model, curve: Curve, said: Forecast) -> Forecast:
         return np.where(where, values, np.nan)
 
     widths = row_by_row(half, curve.columns)
-    return replace(said, half=by_blocks(known, widths, curve.held_out))
+    return replace(output, half=by_blocks(known, widths, curve.held_out))
 
 
 def _diverged(name: str, curve: Curve, row: int, dataset: Dataset) -> str:
@@ -243,10 +243,10 @@ def _left_out(
         return {one.name: one.forecasts for one in rivals if not one.failed}, warnings
 
     group = part.groups if part.without_groups else None
-    whole, said, warnings = left_out(choices, contest, compare, workspace, fitted_to, group)
+    whole, outputs, warnings = left_out(choices, contest, compare, workspace, fitted_to, group)
     for warning in warnings:
         workspace.warn(warning)
-    return whole, said
+    return whole, outputs
 
 
 def _repeatability_scores(
@@ -268,8 +268,8 @@ def _repeatability_scores(
         along = [name for name in known if name not in (dataset.target, dataset.level)]
         others = repeats(*data, along, dataset.logs)
     if others is not None:
-        said = [Forecast(values, np.isfinite(values)) for values in others]
-        yield from score_rows(REPEATABILITY, part.target, said, dataset, scale, partial=True)
+        repeated = [Forecast(values, np.isfinite(values)) for values in others]
+        yield from score_rows(REPEATABILITY, part.target, repeated, dataset, scale, partial=True)
 
 
 def required_limits(

@@ -137,16 +137,16 @@ def _write_panels(
     numbers behind it.
     """
     folder.mkdir(exist_ok=True)
-    taken: set[str] = set()
+    stems: set[str] = set()
     for drawing, panel in panels:
         # letters that any system takes
         words = re.sub(r"[^A-Za-z0-9=+-]+", "_", panel.key).strip("_")[:80]
         name = stem = f"{drawing.name}.{words}" if words else drawing.name
         number = 1
-        while stem.lower() in taken:  # some file systems know no capitals
+        while stem.lower() in stems:  # some file systems know no capitals
             number += 1
             stem = f"{name}.{number}"
-        taken.add(stem.lower())
+        stems.add(stem.lower())
         _write_file(folder / f"{stem}.csv", data_csv(panel.data))
         with figure_style(inputs.style):
             figure = compose(drawing, inputs.style, panel)

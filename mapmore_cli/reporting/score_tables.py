@@ -166,7 +166,9 @@ def verdict_sentence(
     if seen:
         trained = "were trained on held-out samples, and are" if seen[1:] else TRAINED
         comparison += f"; {', '.join(seen)} {trained} not compared"
-    chosen = [f"{said.split(':')[0]}; " for said in warnings if said.startswith(STRUCTURE_SEEN)]
+    chosen = [
+        f"{warning.split(':')[0]}; " for warning in warnings if warning.startswith(STRUCTURE_SEEN)
+    ]
     predicts = f"{own} predicts {target.name} with {errors} {where}; {comparison}"
     return f"{''.join(chosen[:1])}{head}{predicts}{''.join(floors)}."
 
@@ -304,12 +306,12 @@ def search_table(search: Search) -> Table:
     marks = {"best": search.best, "taken": search.chosen}
     order = sorted(enumerate(search.tried), key=lambda one: (bool(one[1].failure), one[1].excess))
     for number, one in order:
-        told = ", ".join(mark for mark, place in marks.items() if place == number)
+        remark = ", ".join(mark for mark, place in marks.items() if place == number)
         if one.family == "black box":
-            told = "to compare with"
+            remark = "to compare with"
         if one.failure:
-            told = f"failed: {one.failure}"
-        rows.append((*cells_of(one, columns), one.parameters or None, one.seconds, told))
+            remark = f"failed: {one.failure}"
+        rows.append((*cells_of(one, columns), one.parameters or None, one.seconds, remark))
     notes = (
         f"Left out in turn: {search.left_out}. Errors: RMSE / FS, FS = range of the training "
         f"samples = {search.scale:.4g}. "

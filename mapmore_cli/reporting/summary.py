@@ -50,8 +50,8 @@ def summary_table(fit: FitResult, model: Model, scores: ScoreTable, weighed: boo
             if (row.model, row.split, row.curve) == (OWN, "train", "all"):
                 size = f"n = {row.n} training samples, {count} parameters, RMSE {row.rmse:.4g}"
                 aic, bic = information_criteria(row.n, row.rmse, count)
-                said = f": AIC {aic:.6g}, BIC {bic:.6g}." if not weighed else f". {NO_CRITERIA}"
-                sizes.insert(0, f"{prefix}{size} {unit}{said}")
+                criteria = f": AIC {aic:.6g}, BIC {bic:.6g}." if not weighed else f". {NO_CRITERIA}"
+                sizes.insert(0, f"{prefix}{size} {unit}{criteria}")
     if unclear:
         notes.append(f"Not told from zero by the training data (95 %): {', '.join(unclear)}.")
     return Table.of("summary", f"Summary of {model.name}", COLUMNS, rows, *sizes, *notes)

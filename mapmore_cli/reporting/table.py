@@ -48,9 +48,9 @@ class Column:
         """Return the column that is written as `RMSE [N] .3g`: its name, its unit and its format,
         of which both may be left out.
         """
-        found = WRITTEN.fullmatch(text)
-        assert found is not None
-        name, unit, spec = found.groups()
+        parts = WRITTEN.fullmatch(text)
+        assert parts is not None
+        name, unit, spec = parts.groups()
         return cls(name, unit or "", spec or cls.spec)
 
     @property
@@ -272,11 +272,11 @@ def title_of(text: str) -> str:
     from mapmore_cli.modelling import literature  # a table by itself needs no formulas
 
     names = text.split("+")
-    found = [
+    titles = [
         OTHERS.get(name) or (literature.get(name).title if name in literature.names() else "")
         for name in names
     ]
-    return text if "" in found else " + ".join(found)
+    return text if "" in titles else " + ".join(titles)
 
 
 @cache

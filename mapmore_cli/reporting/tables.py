@@ -109,11 +109,11 @@ LOWER_BOUND = (
 )
 
 
-def errors_note(found: Selection) -> str:
+def errors_note(selection: Selection) -> str:
     """Return what standard errors of a selection take residuals to be."""
-    if found.curves:
+    if selection.curves:
         return "Standard errors by curve: residuals of one curve may go together."
-    if math.isnan(found.worth):
+    if math.isnan(selection.worth):
         return LOWER_BOUND
     return (
         "Standard errors by what residuals of a recording have in common. With fewer than "
@@ -245,10 +245,10 @@ def coefficients_table(fit: FitResult, unit: str, model: Model | None = None) ->
 MOST_NAMED = 12  # terms in a sentence
 
 
-def outliers_table(found: Sequence[Outlier], unit: str) -> Table:
+def outliers_table(outliers: Sequence[Outlier], unit: str) -> Table:
     """Training samples that lie far from a robust fit, the farthest first."""
     columns = ("file", "place", "curve", f"measured − predicted [{unit}] .4g", "in scales .3g")
-    rows = ((one.file, one.place, one.curve, one.off, one.scales) for one in found)
+    rows = ((one.file, one.place, one.curve, one.off, one.scales) for one in outliers)
     note = "They count less in the fit. None is left out, of the data or of the scores."
     return Table.of("outliers", "Samples far from the fit", columns, rows, note)
 

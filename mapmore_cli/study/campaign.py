@@ -4,17 +4,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path, PurePosixPath
 from typing import Annotated, Literal
 
 from pydantic import Field
 
-from mapmore_cli.domain.declared import Contradiction, Name
+from mapmore_cli.domain.declared import Name
 from mapmore_cli.domain.errors import SpecError
 from mapmore_cli.study.experiment import OtherSettings
-from mapmore_cli.study.fields import Section, SpecPath
+from mapmore_cli.study.fields import Row, Section, SpecPath
 from mapmore_cli.study.loader import load_as
 from mapmore_cli.study.yaml_loader import as_overrides, read_source
 
@@ -29,12 +29,14 @@ class Variant(Section):
     group: str | None = None  # of whose runs the tables give the median and the worst
     set: OtherSettings = {}
 
-    def _contradictions(self) -> Iterator[ValueError]:
-        if self.base is None and self.name is None:
-            yield Contradiction(
+    def _contradictions(self) -> Sequence[Row]:
+        return [
+            (
+                self.base is None and self.name is None,
                 "a variant of the campaign's base needs a `name`",
                 "add it: every run has a folder of its own",
             )
+        ]
 
 
 class Campaign(Section):
@@ -50,11 +52,15 @@ class Campaign(Section):
         str
     ] = []  # formulas of which the best in each run, picked afterwards, is compared with
 
-    def _contradictions(self) -> Iterator[ValueError]:
-        if self.base is None and any(run.base is None for run in self.runs):
-            yield Contradiction(
-                "a run has no spec", "give the campaign a `base`, or each run one", "runs"
+    def _contradictions(self) -> Sequence[Row]:
+        return [
+            (
+                self.base is None and any(run.base is None for run in self.runs),
+                "a run has no spec",
+                "give the campaign a `base`, or each run one",
+                "runs",
             )
+        ]
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from typing import get_args
 from mapmore_cli.domain.recording import DIRECTION
 from mapmore_cli.modelling.expressions import ExpressionError, Operated, parse, state
 from mapmore_cli.modelling.expressions.states import Lagged, Measured, State
-from mapmore_cli.study.diagnostics import Finding, did_you_mean, refused, told
+from mapmore_cli.study.diagnostics import Finding, applying, did_you_mean, refused
 from mapmore_cli.study.experiment import ExperimentSpec, TargetColumn
 from mapmore_cli.study.fields import TargetKind
 from mapmore_cli.study.sections.data import Rate
@@ -91,7 +91,7 @@ def derivations(spec: ExperimentSpec) -> Iterator[Finding]:
     needs: dict[str, set[str]] = {}
     for name, rule in spec.data.derive.items():
         loc, is_rate = ("data", "derive", name), isinstance(rule, Rate)
-        yield from told(
+        yield from applying(
             (
                 name in spec.data.measured,
                 "data.derive.{name}:",
@@ -141,13 +141,13 @@ def _states_in(
         what = "the name of a quantity or a state"
         remedy = "name a quantity, or a state with memory, as `play(pressure, 0.16)`"
     try:
-        found = [state(one) for one in (sorted(parse(text).names) if is_expression else [text])]
+        states = [state(one) for one in (sorted(parse(text).names) if is_expression else [text])]
     except ExpressionError as error:
         yield Finding(loc, f"not {what}: {error.message}", remedy, error.position)
         return []
-    for one in found:
+    for one in states:
         yield from unknown_quantity(one.quantity, have, loc, _word(one.quantity, text))
-    return found
+    return states
 
 
 def clocks(spec: ExperimentSpec) -> Iterator[Finding]:
@@ -156,24 +156,24 @@ def clocks(spec: ExperimentSpec) -> Iterator[Finding]:
     no_time = "time" not in data.measured
     for key in ("gaps", "resample"):
         asked = getattr(data, key) is not None and no_time
-        yield from told((asked, "data.{key}:", "`{key}` needs the time", NO_TIME), key=key)
-    taken = set(data.columns)
+        yield from applying((asked, "data.{key}:", "`{key}` needs the time", NO_TIME), key=key)
+    names = set(data.columns)
     for i, join in enumerate(data.join):
-        have, first = sorted(taken - {"time"}), join.match.first if join.match else None
+        have, first = sorted(names - {"time"}), join.match.first if join.match else None
         what = "a join on time needs the time of the first log"
-        yield from told((join.on == "time" and no_time, f"data.join.{i}", what, NO_TIME))
+        yield from applying((join.on == "time" and no_time, f"data.join.{i}", what, NO_TIME))
         if first is not None and first not in have:
             what = f"there is no quantity `{first}` in the first log"
             loc: Loc = ("data", "join", i, "match", "first")
             yield Finding(loc, what, did_you_mean(first, have))
-        for name in taken & {*join.quantities}:
+        for name in names & {*join.quantities}:
             yield Finding(
                 ("data", "join", i, "columns", name),
                 f"`{name}` is a column already",
                 "give one of both another name",
                 on_key=True,
             )
-        taken.update(join.quantities)
+        names.update(join.quantities)
 
 
 # Terms
@@ -187,10 +187,10 @@ def terms(spec: ExperimentSpec) -> Iterator[Finding]:
     target = spec.target_quantity
     for loc, name, family in entries_of(spec.dictionary):
         for at, text, is_expression in texts_in(loc, family):
-            found = yield from _states_in(text, at, spec.quantities, is_expression)
+            states = yield from _states_in(text, at, spec.quantities, is_expression)
             if is_expression:
-                yield from _term(text, found, at, spec)
-            for one in () if is_expression else found:
+                yield from _term(text, states, at, spec)
+            for one in () if is_expression else states:
                 yield from _state(one, text, at, spec, name, family)
         if isinstance(family, Lags) and target in family.of and 0 in family.steps:
             yield Finding(
@@ -215,38 +215,38 @@ def _term(text: str, states: Sequence[State], loc: Loc, spec: ExperimentSpec) ->
 
 
 def _state(
-    found: State, text: str, loc: Loc, spec: ExperimentSpec, name: str, family: Family
+    used: State, text: str, loc: Loc, spec: ExperimentSpec, name: str, family: Family
 ) -> Iterator[Finding]:
     """Require that a state, which the operator `name` works on or a family takes as it is, is of
     the past where it is of the target.
     """
     target = spec.target_quantity
     if isinstance(family, OperatorFamily):
-        found = Operated(name, found)
+        used = Operated(name, used)
     elif isinstance(family, Lags) and spec.target not in DERIVED:
-        if isinstance(found, Lagged) and found.quantity == target:
+        if isinstance(used, Lagged) and used.quantity == target:
             what, remedy = "is of the target, and no quantity", "itself: here it is delayed"
             at = _word(target, text)
             yield Finding(loc, f"`{text}` {what}", f"name `{target}` {remedy}", at)
-        if not isinstance(found, Operated):
+        if not isinstance(used, Operated):
             return
-    yield from _of_target(found, text, loc, spec)
+    yield from _of_target(used, text, loc, spec)
 
 
-def _of_target(found: State, text: str, loc: Loc, spec: ExperimentSpec) -> Iterator[Finding]:
+def _of_target(used: State, text: str, loc: Loc, spec: ExperimentSpec) -> Iterator[Finding]:
     """Require that a state of the target is made of the target some samples ago."""
     target, is_derived = spec.target_quantity, spec.target in DERIVED
-    if found.quantity != target:
+    if used.quantity != target:
         return
     # takes long to load, and few specs need it
     from mapmore_cli.modelling.memory.feedback import looks_back
 
     back = "" if is_derived else f", or let it look back, as `{target}[k-1]`"
     what, remedy = f"`{target}` is the target", f"{OF_NOTHING}: take it out{back}"
-    if not (is_derived or isinstance(found, Measured)):
-        if looks_back(found):
+    if not (is_derived or isinstance(used, Measured)):
+        if looks_back(used):
             return
-        operator = found.name.partition("(")[0]
+        operator = used.name.partition("(")[0]
         what = f"`{operator}` works on `{target}` as it is now, which is the target"
         remedy = f"let the operator look back: write `{target}[k-1]` in place of `{target}`"
     yield Finding(loc, what, remedy, _word(target, text))
@@ -275,8 +275,8 @@ def _state_name(text: str) -> str:
 
 def _word(name: str, text: str) -> int:
     """Offset of a name in an expression, where it is not part of a longer one."""
-    found = re.search(rf"(?<![A-Za-z0-9_]){re.escape(name)}(?![A-Za-z0-9_])", text)
-    return found.start() if found else 0
+    match = re.search(rf"(?<![A-Za-z0-9_]){re.escape(name)}(?![A-Za-z0-9_])", text)
+    return match.start() if match else 0
 
 
 # Memory
@@ -297,7 +297,7 @@ def along_recordings(spec: ExperimentSpec) -> Iterator[Finding]:
         first = next(place for place, entry in enumerate(spec.dictionary) if remembers([entry]))
         who, where = "a model with memory", f"dictionary.{first}"
     has_time = "time" in data.quantities
-    yield from told(
+    yield from applying(
         (not has_time, where, "{who} needs the time", NO_TIME),
         (
             has_time and default_unit("time", spec.units) != "s",
@@ -341,12 +341,12 @@ def _of_pieces(spec: ExperimentSpec) -> Iterator[Finding]:
     for name, cut in spec.segment.items():
         remedy = "remove it, and name `{name}` in the terms; or write `{name}: none`"
         what = f"{ONE}: `{{name}}` cannot be cut"
-        yield from told((cut != "none", "segment.{name}:", what, remedy), name=name)
+        yield from applying((cut != "none", "segment.{name}:", what, remedy), name=name)
     for key in spec.fuse.changed:
         yield Finding(f"fuse.{key}:", f"{ONE}: there is nothing to join", f"remove `{key}`")
     held, forward = levels.of if levels is not None else "", fit.forward or fit.max_terms
     free_run = "free_run" in (fit.stop, fit.criterion)
-    yield from told(
+    yield from applying(
         (
             levels is not None and held not in spec.segment,
             "data.levels:",

@@ -23,7 +23,7 @@ from mapmore_cli.modelling.pieces.recipe import CutByDirection, Cuts
 from mapmore_cli.modelling.selection import AUTO
 from mapmore_cli.modelling.simple import SIMPLE
 from mapmore_cli.study.check_names import DERIVED, OF_NOTHING, unknown_quantity
-from mapmore_cli.study.diagnostics import Finding, did_you_mean, refused, told
+from mapmore_cli.study.diagnostics import Finding, applying, did_you_mean, refused
 from mapmore_cli.study.experiment import Competitor, ExperimentSpec, TargetColumn
 from mapmore_cli.study.fields import TargetKind
 from mapmore_cli.study.sections.data import STEP_OF
@@ -58,7 +58,7 @@ def segmented(spec: ExperimentSpec) -> Iterator[Finding]:
     has_terms = spec.model.type == "mapmore" and bool(spec.dictionary)
     for name, cut in spec.segment.items():
         by_direction = isinstance(cut, CutByDirection)
-        yield from told(
+        yield from applying(
             (
                 name == spec.target_quantity,
                 "segment.{name}:",
@@ -110,7 +110,7 @@ def leaving_out(spec: ExperimentSpec) -> Iterator[Finding]:
         ("group", "specimen", data.groups is not None),
     ):
         asked = getattr(data.split, f"leave_one_{one}_out")
-        yield from told(
+        yield from applying(
             (
                 asked and not there,
                 "data.split.leave_one_{one}_out:",
@@ -133,7 +133,7 @@ def groups(spec: ExperimentSpec) -> Iterator[Finding]:
     groups, left_out = spec.data.groups, spec.data.split.leave_one_group_out
     if groups is None:
         return
-    yield from told(
+    yield from applying(
         (
             groups.of not in spec.data.quantities,
             "data.groups.of",
@@ -178,7 +178,7 @@ def after_cycles(spec: ExperimentSpec) -> Iterator[Finding]:
         ]
     what = "`cycles` puts samples in the order of `{over}`: they have no `time` any more"
     remedy = "name `{over}`, or remove `cycles`"
-    yield from told(*((*use, what, remedy) for use in uses), over=cycles.over)
+    yield from applying(*((*use, what, remedy) for use in uses), over=cycles.over)
 
 
 def chosen_levels(spec: ExperimentSpec) -> Iterator[Finding]:
@@ -186,7 +186,7 @@ def chosen_levels(spec: ExperimentSpec) -> Iterator[Finding]:
     levels, hold_out, trains = spec.data.levels, spec.data.split.hold_out, spec.fit.train_level
     if levels is None:
         what = "there are no levels to choose from"
-        yield from told((trains != "all", "fit.train_level:", what, "add `levels` to `data`"))
+        yield from applying((trains != "all", "fit.train_level:", what, "add `levels` to `data`"))
     elif not isinstance(levels.at, str):
         values = hold_out.quantities.get(levels.of) if hold_out is not None else None
         reach = levels.within or (levels.spacing or 0) / 2
@@ -210,7 +210,7 @@ def target(spec: ExperimentSpec) -> Iterator[Finding]:
     needs, plateau, have = spec.needs, spec.data.plateau, spec.data.quantities
     missing = [f"`needs.{name}`" for name in ("static", "damping") if getattr(needs, name) is None]
     low, high = plateau if isinstance(plateau, tuple) else (0.0, 1.0)
-    yield from told(
+    yield from applying(
         (
             isinstance(spec.target, str) and spec.target_quantity not in have,
             "target",
@@ -322,7 +322,7 @@ def kind(spec: ExperimentSpec) -> Iterator[Finding]:
     tries_fits = any(getattr(cut, "method", None) == "optimal" for cut in spec.segment.values())
     is_own = not isinstance(spec.target, TargetColumn) or scored_as == spec.target.column
     for name in family:
-        yield from told(
+        yield from applying(
             (
                 name not in spec.data.quantities,
                 "model.family:",
@@ -332,7 +332,7 @@ def kind(spec: ExperimentSpec) -> Iterator[Finding]:
             name=name,
         )
     weighed = sorted({"loss", "weight"} & {*spec.fit.changed})
-    yield from told(
+    yield from applying(
         *(
             (
                 not is_pieces,
@@ -456,7 +456,7 @@ def _needs(spec: ExperimentSpec, name: str, formula: Formula, loc: Loc) -> Itera
     of_cycles = formula.fitted_to == literature.LOAD_CYCLES
     beside, muscle = "name it in `validate.against`", spec.muscle
     beyond = "use `type: literature` with `{name}`" if is_backbone else None
-    yield from told(
+    yield from applying(
         (
             loc == ("model", "name") and not formula.inputs,
             loc,
@@ -500,7 +500,7 @@ def _needs(spec: ExperimentSpec, name: str, formula: Formula, loc: Loc) -> Itera
 
 def _other_rival(spec: ExperimentSpec, name: str, rival: Competitor, loc: Loc) -> Iterator[Finding]:
     is_box = name in LEARNERS
-    yield from told(
+    yield from applying(
         (
             name == "backbone" and spec.model.backbone is None,
             loc,
@@ -533,7 +533,7 @@ def competitors(spec: ExperimentSpec) -> Iterator[Finding]:
         formula, composite = formula_called(spec, rival.model), rival.static is not None
         if formula is not None and rival.starts is not None:
             yield from refused((*loc, "starts"), formula.starting_from, rival.starts)
-        yield from told(
+        yield from applying(
             (
                 composite and not moves,
                 loc,
@@ -556,7 +556,7 @@ def competitors(spec: ExperimentSpec) -> Iterator[Finding]:
             label=rival.label,
         )
         at_levels = rival.levels is not None
-        yield from told(
+        yield from applying(
             (
                 at_levels and rival.model is not None and formula is None and not rival.is_file,
                 (*loc, "levels"),
@@ -578,16 +578,16 @@ def own_formulas(spec: ExperimentSpec) -> Iterator[Finding]:
     """Require that a formula of the spec's own has a name of its own, is an expression, and is
     linear in what has no bounds.
     """
-    taken = {*literature.names(), *LEARNERS, *SIMPLE, OWN, REPEATABILITY, AUTO}
+    names = {*literature.names(), *LEARNERS, *SIMPLE, OWN, REPEATABILITY, AUTO}
     for i, one in enumerate(spec.formulas):
         if isinstance(one, str):
             what, remedy = "this is no formula", "write `formulas: [my_formula.yaml]`"
             yield Finding(f"formulas.{i}", what, f"{remedy}, or the formula itself")
             continue
-        if one.name in taken:
+        if one.name in names:
             what = f"there is a model `{one.name}` already"
             yield Finding(f"formulas.{i}.name", what, "give this one another name")
-        taken.add(one.name)
+        names.add(one.name)
         place, inputs = f"formulas.{i}.expression", None
         try:
             inputs = _defined(spec, one).inputs
@@ -598,7 +598,7 @@ def own_formulas(spec: ExperimentSpec) -> Iterator[Finding]:
         except ValueError as error:
             remedy = "give `bounds` to every parameter in which it is not linear"
             yield Finding(place, str(error), remedy)
-        yield from told(
+        yield from applying(
             (
                 inputs == (),
                 place,
@@ -625,7 +625,7 @@ def shapes(spec: ExperimentSpec) -> Iterator[Finding]:
     is_other = spec.model.type not in ("mapmore", "literature")
     weighed = fit.loss != "squares" or fit.weight == "curve"
     kept = fit.shape is not None or any(entry.bounded for entry in spec.dictionary)
-    yield from told(
+    yield from applying(
         (
             weighed and kept,
             "fit.loss" if fit.loss != "squares" else "fit.weight",
@@ -637,7 +637,7 @@ def shapes(spec: ExperimentSpec) -> Iterator[Finding]:
         loc: Loc = ("fit", "shape", name)
         yield from unknown_quantity(name, (*spec.quantities, target), loc, on_key=True)
         own = {words} if isinstance(words, str) else {*words}
-        yield from told(
+        yield from applying(
             (
                 (name == target) != (own == {"positive"}),
                 loc,
@@ -661,7 +661,7 @@ def shapes(spec: ExperimentSpec) -> Iterator[Finding]:
     for i, entry in enumerate(spec.dictionary):
         _, family = entry.family
         inner = family.of if isinstance(family, Products) else []
-        yield from told(
+        yield from applying(
             (
                 entry.bounded and (spec.has_memory or isinstance(family, AlongRange)),
                 f"dictionary.{i}",

@@ -72,7 +72,7 @@ def locate(finding: Finding, root: Node) -> Mistake:
     return Mistake(at, finding.message, finding.remedy)
 
 
-def told(*rows: tuple[bool, Loc | str, str, str], **known: object) -> Iterator[Finding]:
+def applying(*rows: tuple[bool, Loc | str, str, str], **known: object) -> Iterator[Finding]:
     """Yield the rows that apply: whether, the way, what is wrong, and what would be right.
 
     Texts are templates: `{name}` stands for what is `known` by it, `{{` for a brace.
@@ -298,48 +298,10 @@ def _split(loc: Loc, root: Node) -> tuple[tuple[str | int, ...], tuple[str | int
     return tuple(held), tuple(rest)
 
 
-REMOVED = {
-    "creep.tau": "write the state by its name, as `creep(pressure, 10, 0.05)`",
-    "dictionary.delays": "count samples: `lags: {of: [pressure], steps: [2, 4], constant: false}`",
-    "dictionary.stribeck": "write it as a term: `coulomb(v, 0.02)*exp(-(v/0.1)^2)`",
-    "*.grid": "remove it: `optimal` has a grid of 20 cells",
-    "*.separation": "remove it: boundaries lie a tenth of the range apart",
-    "formulas.output": "write the factor into the `expression`",
-    "parameters.start": "remove it: `variable_projection` needs no start",
-    "parameters.value": "write the number into the `expression`",
-    **{
-        f"dictionary.{name}": f"write the state by its name, as `{name}(pressure)`"
-        for name in ("direction", "rate", "saturate")
-    },
-    "family.dead": "remove it: fittings are 7.5 mm long",
-    "family.rate": "remove it: the prior is that of our muscles",
-    "fit.select": "remove it: `stop: free_run` chooses the number of terms",
-    "fit.start": "remove it: free runs begin with measured outputs",
-    "fuse.align": "use a `backbone`, as `sarosi_hinged`",
-    "fuse.limits": "remove it: extrapolation begins at each curve's ends",
-    "fuse.shrink": "remove it: left-out training data choose the share",
-    "match.within": "write the shift, as `shift: -40.2 s`",
-    "missing.action": "remove it: with `tokens`, samples without a value are left out",
-    "model.iterations": "remove it: the swarm has P's 20",
-    "model.bounds": "remove it: the swarm looks at all stable sections, and beyond",
-    "model.method": "name the formula in `validate.against`, which has a `method`",
-    "model.particles": "remove it: the swarm has P's 50",
-    "model.polish": "use `solver: least_squares`",
-    "model.starts": "name the formula in `validate.against`, which has `starts`",
-    "published.tables": "remove it",
-    "resonance.frequency": "write the state by its name, as `resonance(pressure, 4, 0.2)`",
-    "spline.constant": "leave it out: a spline has its constant",
-    "wen.p": "write the state by its name, as `wen(pressure, 2, 8)`",
-    "wen_stiffening.p": "write the state by its name, as `wen_stiffening(pressure, -1, 8)`",
-}
-"""Keys that there were, by the section that they stood in, and what to do instead."""
-
-
 def _unknown_key(loc: Loc, known: Iterable[str]) -> Explained:
     inside = f" in `{_dotted(loc[:-1])}`" if len(loc) > 1 else ""
     words = [step for step in loc if isinstance(step, str)]
-    told = REMOVED.get(".".join(words[-2:])) or REMOVED.get(f"*.{words[-1]}")
-    return f"unknown key `{words[-1]}`{inside}", told or did_you_mean(words[-1], known)
+    return f"unknown key `{words[-1]}`{inside}", did_you_mean(words[-1], known)
 
 
 def _dotted(loc: Loc) -> str:

@@ -8,7 +8,7 @@ validation (see `spec.fields`), in the unit that the field's mark names.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import PurePosixPath
@@ -39,6 +39,7 @@ from mapmore_cli.study.fields import (
     Metric,
     PathOrName,
     Quantity,
+    Row,
     Section,
     Share,
     SpecPath,
@@ -97,23 +98,21 @@ class TargetColumn(Settings):
 # --------------------------------------------------------------------------------------------------
 
 
-def _with_paths(settings: Mapping[str, Any], change: Callable[[str], Any]) -> dict[str, Any]:
+OF_PATHS = ("needs.static", "needs.damping", "data.files")
+"""Keys of a spec whose values are paths."""
+
+
+def _with_paths(settings: Mapping[str, Any], change: Callable[[str], object]) -> dict[str, Any]:
     """Return keys of a spec with every path in their values changed."""
-    changed = dict(settings)
-    for key in ("needs.static", "needs.damping"):
-        if isinstance(changed.get(key), str):
-            changed[key] = change(changed[key])
-    files = changed.get("data.files")
-    if isinstance(files, list):
-        changed["data.files"] = [
-            {**one, "path": change(one["path"])}
-            if isinstance(one, dict) and isinstance(one.get("path"), str)
-            else change(one)
-            if isinstance(one, str)
-            else one
-            for one in files
-        ]
-    return changed
+
+    def changed(value: object) -> object:
+        if isinstance(value, list):
+            return [changed(entry) for entry in value]
+        if isinstance(value, dict) and "path" in value:
+            return {**value, "path": changed(value["path"])}
+        return change(value) if isinstance(value, str) else value
+
+    return {key: changed(value) if key in OF_PATHS else value for key, value in settings.items()}
 
 
 def _read_settings(given: object, info: ValidationInfo) -> object:
@@ -167,60 +166,64 @@ class Competitor(Section):
     sum: Summands | None = None
     as_: Name | None = Field(default=None, alias="as")
 
-    def _contradictions(self) -> Iterator[ValueError]:
-        kinds = (
-            self.model,
-            self.run,
-            self.set,
-            self.sum,
-            self.static if self.static is not None else self.damping,
-        )
-        if len([kind for kind in kinds if kind is not None]) != 1:
-            remedy = "give one of the five, as `{model: sarosi}`"
-            found = (
-                "a competitor is a `model`, a `run`, this spec with keys `set`, a `sum`, or "
-                "`static` with `damping`"
-            )
-            yield Contradiction(found, remedy, "model", "run", "set", "sum", "static")
+    def _contradictions(self) -> Sequence[Row]:
+        parts, frees = self.static or self.damping, self.method != "levenberg_marquardt"
+        kinds = (self.model, self.run, self.set, self.sum, parts)
+        has_name, first = self.as_ is not None, (self.sum or (None,))[0]
         refuse_mixed(self.sum or ())
-        if self.sum is not None and (self.as_ is None or self.sum[0].formula is None):
-            yield Contradiction(
-                "a sum as competitor is of formulas, and has a name", "add it, as `as: pair`", "sum"
-            )
-        if self.set is not None and self.as_ is None:
-            yield Contradiction(
+        return [
+            (
+                sum(kind is not None for kind in kinds) != 1,
+                "a competitor is a `model`, a `run`, this spec with keys `set`, a `sum`, or "
+                "`static` with `damping`",
+                "give one of the five, as `{model: sarosi}`",
+                *("model", "run", "set", "sum", "static"),
+            ),
+            (
+                first is not None and (not has_name or first.formula is None),
+                "a sum as competitor is of formulas, and has a name",
+                "add it, as `as: pair`",
+                "sum",
+            ),
+            (
+                self.set is not None and not has_name,
                 "changed settings need a name",
                 "add it, as `{set: {fit.max_terms: 1}, as: one_term}`",
                 "set",
-            )
-        if (self.static is None) != (self.damping is None):
-            remedy = (
-                "add the other, as `{static: sarosi, damping: reynolds}`; `damping: none` "
-                "adds nothing"
-            )
-            yield Contradiction(
-                "a composite needs `static` and `damping`", remedy, "static", "damping"
-            )
-        if (self.run is not None or self.set is not None) and self.method is not None:
-            yield Contradiction("another run has a fit of its own", "remove `method`", "method")
-        if self.is_file and (self.as_ is None or self.method is not None):
-            remedy = "write `{model: archive/NAME@TAG/model.h5, as: before}`"
-            yield Contradiction(
-                "a frozen model needs a name for its scores, and is not fitted",
-                remedy,
-                "as",
+            ),
+            (
+                (self.static is None) != (self.damping is None),
+                "a composite needs `static` and `damping`",
+                "add the other, as `{static: sarosi, damping: reynolds}`; `damping: none` adds "
+                "nothing",
+                "static",
+                "damping",
+            ),
+            (
+                (self.run is not None or self.set is not None) and self.method is not None,
+                "another run has a fit of its own",
+                "remove `method`",
                 "method",
-                "model",
-            )
-        if self.starts is not None and (self.model is None or self.method != "levenberg_marquardt"):
-            remedy = "write `{model: sarosi, method: levenberg_marquardt, starts: published}`"
-            yield Contradiction(
-                "`starts` goes with a `model` and `method: levenberg_marquardt`", remedy, "starts"
-            )
-
-        if self.levels is not None and (self.model is None or self.is_file):
-            remedy = "write `{model: polynomial_5, levels: nominal, as: at_levels}`"
-            yield Contradiction("`levels` goes with the formula of a `model`", remedy, "levels")
+            ),
+            (
+                self.is_file and (not has_name or self.method is not None),
+                "a frozen model needs a name for its scores, and is not fitted",
+                "write `{model: archive/NAME@TAG/model.h5, as: before}`",
+                *("as", "method", "model"),
+            ),
+            (
+                self.starts is not None and (self.model is None or frees),
+                "`starts` goes with a `model` and `method: levenberg_marquardt`",
+                "write `{model: sarosi, method: levenberg_marquardt, starts: published}`",
+                "starts",
+            ),
+            (
+                self.levels is not None and (self.model is None or self.is_file),
+                "`levels` goes with the formula of a `model`",
+                "write `{model: polynomial_5, levels: nominal, as: at_levels}`",
+                "levels",
+            ),
+        ]
 
     @property
     def is_file(self) -> bool:
@@ -492,22 +495,22 @@ class ExperimentSpec(Section):
     @model_validator(mode="after")
     def _structured(self, info: ValidationInfo) -> ExperimentSpec:
         """Require a structure where none is searched, and none where one is."""
-        given = [
+        parts = [
             name
             for name, empty in (("segment", {}), ("fit", Fit()), ("dictionary", []))
             if getattr(self, name) != empty
         ]
         if isinstance(info.context, Context) and info.context.partial:
             return self
-        if self.model.type == "auto" and given:
+        if self.model.type == "auto" and parts:
             remedy = (
                 "remove it, or say the whole structure, as `dictionary: [{polynomial: {of: "
                 "[strain], order: 4}}]`"
             )
             raise Contradiction(
-                f"`{given[0]}` is part of the structure that `model: {{type: auto}}` searches",
+                f"`{parts[0]}` is part of the structure that `model: {{type: auto}}` searches",
                 remedy,
-                *given,
+                *parts,
             )
         if self.model.type == "mapmore" and not self.dictionary:
             example = (

@@ -5,7 +5,7 @@ what validators know of the spec around a value.
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -51,6 +51,10 @@ def as_target(given: object) -> object:
     return {"column": given} if is_name else given
 
 
+Row = tuple[bool, str, str, *tuple[str, ...]]
+"""A contradiction: whether it applies, what is wrong, what to do, and at which keys it is shown."""
+
+
 class Section(BaseModel):
     """Base of every part of a spec: strict, closed and immutable."""
 
@@ -67,14 +71,17 @@ class Section(BaseModel):
             info.context.note(given, keys)
         return given
 
-    def _contradictions(self) -> Iterator[ValueError]:
-        """Yield what does not fit each other within the section; the first is told."""
-        yield from ()
+    def _contradictions(self) -> Sequence[Row]:
+        """Return what may not fit each other within the section; the first that applies is
+        shown.
+        """
+        return ()
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
-        for contradiction in self._contradictions():
-            raise contradiction
+        for applies, what, remedy, *near in self._contradictions():
+            if applies:
+                raise Contradiction(what, remedy, *near)
         return self
 
 
@@ -105,8 +112,8 @@ class Context:
         spec["target"] = as_target(spec.get("target"))
 
         def texts(place: str, step: int = -1) -> dict[str, str]:
-            found = values_at(spec, place)
-            return {str(way[step]): str(text) for way, text in found if isinstance(text, str)}
+            values = values_at(spec, place)
+            return {str(way[step]): str(text) for way, text in values if isinstance(text, str)}
 
         units, rates = texts("units.*"), texts("data.derive.*.rate_of", -2)
         places = ("data.derive.*", "data.columns.*", "data.join.*.columns.*", "data.files.*.set.*")
@@ -311,9 +318,9 @@ def stray_variables(root: Node, context: Context) -> Iterator[tuple[Node, str]]:
     """Yield the texts that hold a variable and were read by no path, with what is wrong."""
     children = root.value.values() if isinstance(root.value, dict) else root.value
     if isinstance(children, str):
-        if id(root) not in context.paths and (found := variable_in(children)):
+        if id(root) not in context.paths and (variable := variable_in(children)):
             what = "stands in a text that is no path: variables are expanded in paths alone"
-            yield root, f"`{found}` {what}"
+            yield root, f"`{variable}` {what}"
     elif isinstance(children, Iterable):
         for child in children:
             yield from stray_variables(child, context)

@@ -15,7 +15,7 @@ from functools import cached_property, partial
 from itertools import takewhile
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, Generic, TypeVar
+from typing import Generic, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
@@ -52,11 +52,11 @@ from mapmore_cli.study.yaml_loader import VARIABLES, dump, escaped, expand, pars
 
 def findings(spec: ExperimentSpec) -> Iterator[Finding]:
     """Every mistake of an experiment whose form is right."""
-    told = list[Finding]()
+    mistakes = list[Finding]()
     for one in spec.each:
         for check in (*check_names.CHECKS, *check_study.CHECKS):
-            told += [finding for finding in check(one) if finding not in told]
-    yield from (*check_study.several(spec), *check_study.metrics(spec), *told)
+            mistakes += [finding for finding in check(one) if finding not in mistakes]
+    yield from (*check_study.several(spec), *check_study.metrics(spec), *mistakes)
 
 
 MODELINE, SCHEMA = "# yaml-language-server: $schema=", "mapmore.schema.json"
@@ -91,10 +91,18 @@ class Loaded(Generic[M]):
         """YAML with the defaults filled in and `extends`, variables and units resolved; it loads to
         an equal spec.
         """
-        return dump(escaped(self._document()))
+        return self._text()
 
-    def _document(self, **how: Any) -> Any:
-        return self.spec.model_dump(mode="json", by_alias=True, exclude_none=True, **how)
+    def _text(self, given_only: bool = False, moved: tuple[Path, Path] | None = None) -> str:
+        """Return the spec as YAML; `moved` are the folders that its paths start at, and shall."""
+        document = self.spec.model_dump(
+            mode="json",
+            by_alias=True,
+            exclude_none=True,
+            exclude_defaults=given_only,
+            context=moved,
+        )
+        return dump(escaped(document))
 
     def resolved_in(self, folder: Path, given_only: bool = False) -> str:
         """Return the resolved spec for a file in another folder: relative paths start there, so
@@ -103,8 +111,7 @@ class Loaded(Generic[M]):
         With `given_only`, without the defaults, and with the line that tells editors the schema,
         where the spec has it.
         """
-        places = (self.folder.resolve(), folder.resolve())
-        text = dump(escaped(self._document(exclude_defaults=given_only, context=places)))
+        text = self._text(given_only, (self.folder.resolve(), folder.resolve()))
         first = self._root.at.source.text.partition("\n")[0]
         if not given_only or not first.startswith(MODELINE):
             return text
@@ -175,12 +182,12 @@ def _validated(
     root = _with_overrides(_extended(source, path, problems), overrides, problems)
     if model is ExperimentSpec:
         root = _with_units(_with_formulas(root, problems))
-    context, given = Context.of(root), written(root)
+    context, document = Context.of(root), written(root)
     try:
-        spec = model.model_validate(given, context=context)
+        spec = model.model_validate(document, context=context)
         later = [locate(finding, root) for finding in check(spec)]
     except ValidationError as error:
-        keys_at = partial(context.keys_at, given)
+        keys_at = partial(context.keys_at, document)
         later = [
             *explain(error, root, keys_at),
             *_further_mistakes(error, root, keys_at, model, check),
@@ -211,15 +218,15 @@ def _further_mistakes(
                 return []
             root = without(root, loc)
             sections.add(loc[0])
-        context, given = Context.of(root, partial=True), written(root)
+        context, document = Context.of(root, partial=True), written(root)
         try:
             return [
                 locate(finding, root)
-                for finding in check(model.model_validate(given, context=context))
+                for finding in check(model.model_validate(document, context=context))
                 if not ("dictionary" in sections and finding.loc[0] == "fit")
             ]
         except ValidationError as still:  # what was left out was required: its section goes next
-            error, keys_at = still, partial(context.keys_at, given)
+            error, keys_at = still, partial(context.keys_at, document)
 
 
 def _echoes(loc: Loc) -> bool:
@@ -246,7 +253,7 @@ def questions_in(text: str) -> tuple[str, ...]:
     """Return the open questions of a spec: its comments that begin with `CHECK`, each after the key
     that it is about.
     """
-    found = []
+    questions = []
     # which is looked for much faster
     for match in _QUESTION.finditer(text) if "CHECK" in text else ():
         words = [match["text"]]
@@ -258,8 +265,8 @@ def questions_in(text: str) -> tuple[str, ...]:
                 lambda line: line.lstrip().startswith("# ") and "CHECK:" not in line, below
             )
             words += [line.strip().lstrip("# ") for line in after]
-        found.append(" ".join([f"{key[1]}:" if key is not None else "", *words]).strip())
-    return tuple(found)
+        questions.append(" ".join([f"{key[1]}:" if key is not None else "", *words]).strip())
+    return tuple(questions)
 
 
 def confirmed(text: str) -> str:
@@ -358,13 +365,13 @@ def _with_units(root: Node) -> Node:
     units = root.child("units") or Node({}, root.at)
     if not isinstance(units.value, dict):
         return root
-    found = dict(units.value)
+    entries = dict(units.value)
     for place in ("data.columns.*.unit", "data.join.*.columns.*.unit"):
         for way, unit in values_at(written(root), place):
             name = str(way[-2])
-            if name not in found and default_unit(name) == "1" and is_kept(str(unit)):
-                found[name] = nearest(root, way)
-    return with_child(root, "units", replace(units, value=found)) if found else root
+            if name not in entries and default_unit(name) == "1" and is_kept(str(unit)):
+                entries[name] = nearest(root, way)
+    return with_child(root, "units", replace(units, value=entries)) if entries else root
 
 
 # Overrides

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from pydantic.json_schema import GenerateJsonSchema, JsonSchemaValue
+from pydantic_core.core_schema import DataclassSchema, ModelSchema
 
 from mapmore_cli.domain.declared import prose
 from mapmore_cli.domain.scores import MEASURES, METRICS, OF_TARGET
@@ -32,14 +33,14 @@ class _Documented(GenerateJsonSchema):
     the titles of fields, which only repeat their names.
     """
 
-    def field_title_should_be_set(self, _schema: Any) -> bool:
+    def field_title_should_be_set(self, _schema: object) -> bool:
         return False
 
-    def model_schema(self, schema: Any) -> JsonSchemaValue:
+    def model_schema(self, schema: ModelSchema) -> JsonSchemaValue:
         """Return the schema of a section."""
         return _told(super().model_schema(schema), schema["cls"])
 
-    def dataclass_schema(self, schema: Any) -> JsonSchemaValue:
+    def dataclass_schema(self, schema: DataclassSchema) -> JsonSchemaValue:
         """Return the schema of a section that the mathematics declares."""
         return _told(super().dataclass_schema(schema), schema["cls"])
 
@@ -49,18 +50,18 @@ def _told(section: JsonSchemaValue, of: type) -> JsonSchemaValue:
     inherits from, say of its keys.
     """
     keys = section.get("properties", {})
-    told = {
-        found[1]: found
+    said_of = {
+        match[1]: match
         for base in reversed(of.__mro__)
-        for found in KEY.finditer(prose(vars(base).get("__doc__")))
-        if found[1] in keys
+        for match in KEY.finditer(prose(vars(base).get("__doc__")))
+        if match[1] in keys
     }
     own = prose(of.__doc__)
-    about = KEY.sub(lambda found: "" if found[1] in told else found[0], own)
+    about = KEY.sub(lambda match: "" if match[1] in said_of else match[0], own)
     for key, value in keys.items():
         unit = _unit_within(value)
-        if key in told:
-            _, own_unit, value["description"], example = told[key].groups()
+        if key in said_of:
+            _, own_unit, value["description"], example = said_of[key].groups()
             node = parse(SourceText("an example", Path(), example or "", numbered=False), [])
             value["examples"] = json.loads(json.dumps([written(node)]))  # plain, without places
             unit = own_unit or unit
@@ -78,8 +79,8 @@ def _unit_within(value: object) -> str | None:
     if not isinstance(value, dict):
         return None
     inner = _unit_within([part for key, part in value.items() if key not in ("default", "enum")])
-    plain = "1" if value.get("type") in ("number", "integer") else None
-    return value.pop("unit", None) or inner or plain
+    number = "1" if value.get("type") in ("number", "integer") else None
+    return value.pop("unit", None) or inner or number
 
 
 def _whole_schema() -> JsonSchemaValue:

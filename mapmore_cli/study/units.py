@@ -18,13 +18,16 @@ from contextlib import suppress
 from difflib import get_close_matches
 from fractions import Fraction
 from types import MappingProxyType
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, TypeVar, cast
 
 import numpy as np
 
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import SpecError
 from mapmore_cli.domain.recording import BaseUnits
+
+if TYPE_CHECKING:
+    from pint import Unit, UnitRegistry
 
 N = TypeVar("N", float, Array)
 
@@ -242,20 +245,20 @@ def is_quantity(text: str) -> bool:
     """Return True for text that starts with a number and goes on with something else, as `250
     kPa`.
     """
-    found = _QUANTITY.fullmatch(text.strip())
-    return found is not None and bool(found[2])
+    match = _QUANTITY.fullmatch(text.strip())
+    return match is not None and bool(match[2])
 
 
 def split_quantity(text: str) -> tuple[float, str | None]:
     """Return number and unit of a quantity; the unit is None for a number alone. Raises SpecError
     for text that is neither.
     """
-    found = _QUANTITY.fullmatch(text.strip())
-    if found is None:
+    match = _QUANTITY.fullmatch(text.strip())
+    if match is None:
         raise SpecError(
             f"{text[:_LONGEST_UNIT]!r} is not a number with a unit", "write it as `250 kPa`"
         )
-    return float(found[1]), found[2].lstrip() or None
+    return float(match[1]), match[2].lstrip() or None
 
 
 def parse_quantity(text: str, unit: str, *, difference: bool = False) -> float:
@@ -348,7 +351,7 @@ def base_units(unit: str) -> BaseUnits | None:
     except SpecError:
         return None
     zero, one = (_registry().Quantity(value, parsed).to_base_units() for value in (0.0, 1.0))
-    powers = {_BASE.get(name, name): power for name, power in one.unit_items()}
+    powers = {_BASE.get(name, name): cast(float, power) for name, power in one.unit_items()}
     if not all(
         name in _BASE.values() and float(power).is_integer() for name, power in powers.items()
     ):
@@ -362,10 +365,11 @@ def base_units(unit: str) -> BaseUnits | None:
 
 
 @functools.cache
-def _registry() -> Any:
+def _registry() -> UnitRegistry[float]:
+    """Return the units that pint knows, and absolute pressures."""
     import pint
 
-    registry: Any = pint.UnitRegistry()
+    registry: UnitRegistry[float] = pint.UnitRegistry()
     for unit, absolute in _ABSOLUTE.items():
         pascals = registry.Quantity(1.0, unit).to("Pa").magnitude
         registry.define(f"{absolute} = {pascals!r} Pa; offset: {-_AIR}")
@@ -373,7 +377,7 @@ def _registry() -> Any:
 
 
 @functools.cache
-def _pint_unit(unit: str) -> Any:
+def _pint_unit(unit: str) -> Unit:
     """Return a pint unit; `1` is dimensionless. The grammar is checked first, as pint would compute
     `m**9**9**9`.
     """
@@ -382,9 +386,8 @@ def _pint_unit(unit: str) -> Any:
         spelled, registry = text.replace("%", "percent"), _registry()
         try:
             return registry.parse_units("" if spelled == "1" else spelled)
-        except (
-            Exception
-        ):  # pint and the tokenizer below it raise a dozen kinds, all for the same reason
+        # pint and the tokenizer below it raise a dozen kinds, all for the same reason
+        except Exception:
             pass
     shown = unit if len(unit) <= _LONGEST_UNIT else f"{unit[:_LONGEST_UNIT]}..."
     raise SpecError(
@@ -394,10 +397,11 @@ def _pint_unit(unit: str) -> Any:
     )
 
 
-def _without_zero(unit: Any) -> Any:
+def _without_zero(unit: Unit) -> Unit:
     """Return pint's unit of the differences of values in a unit that may have a zero of its own."""
     quantity = _registry().Quantity
-    return (quantity(1.0, unit) - quantity(0.0, unit)).units
+    width: Unit = (quantity(1.0, unit) - quantity(0.0, unit)).units
+    return width
 
 
 def _dimension(unit: str) -> str:

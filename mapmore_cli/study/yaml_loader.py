@@ -15,13 +15,15 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any, NoReturn, TypeVar, cast
 
 import yaml
 
 from mapmore_cli.domain.errors import SpecError
 from mapmore_cli.study.diagnostics import Mistake, fail
 from mapmore_cli.study.tree import Node, Position, SourceText
+
+V = TypeVar("V")
 
 _TAG = "tag:yaml.org,2002:"
 _SCALARS = {
@@ -48,7 +50,7 @@ class CoreLoader(yaml.SafeLoader):
     yaml_implicit_resolvers = _RESOLVERS
     _depth = 0
 
-    def compose_node(self, parent: yaml.Node | None, index: Any) -> yaml.Node | None:
+    def compose_node(self, parent: yaml.Node | None, index: int) -> yaml.Node | None:
         """Return a node, unless it lies too deep (PyYAML would recurse until Python's limit)."""
         self._depth += 1
         if parent is not None and self._depth > DEEPEST:
@@ -190,13 +192,16 @@ def variable_in(text: str) -> str | None:
     return next((match[0] for match in _REFERENCE.finditer(text) if match[0] != "$${"), None)
 
 
-def escaped(value: object) -> Any:
+def escaped(value: V) -> V:
     """Return a value with texts, wherever they are in it, that `expand` turns back into these."""
+    changed: object = value
     if isinstance(value, dict):
-        return {key: escaped(item) for key, item in value.items()}
-    if isinstance(value, list):
-        return [escaped(item) for item in value]
-    return value.replace("${", "$${") if isinstance(value, str) else value
+        changed = {key: escaped(item) for key, item in value.items()}
+    elif isinstance(value, list):
+        changed = [escaped(item) for item in value]
+    elif isinstance(value, str):
+        changed = value.replace("${", "$${")
+    return cast(V, changed)
 
 
 def _variable_value(reference: re.Match[str]) -> str:
@@ -295,8 +300,8 @@ def parse(source: SourceText, problems: list[Mistake]) -> Node:
 
     Raises SpecError for text that is no YAML, or nests or multiplies without end.
     """
-    root, found = (_remembered if len(source.text) < KEPT else _tree_of)(source)
-    problems += found
+    root, mistakes = (_remembered if len(source.text) < KEPT else _tree_of)(source)
+    problems += mistakes
     return root
 
 
@@ -306,9 +311,9 @@ def _tree_of(source: SourceText) -> tuple[Node, tuple[Mistake, ...]]:
     except yaml.YAMLError as error:
         _explain_fault(error, source)
     except (ValueError, OverflowError):  # of PyYAML's `chr`
-        found = re.search(r"\\U(?!00(?:0|10))[0-9A-Fa-f]{8}", source.text)
-        what = f"{found[0] if found else 'an escape'} is no character: Unicode has fewer"
-        fail(_at(source, found.start() if found else 0), what, "write the character itself")
+        escape = re.search(r"\\U(?!00(?:0|10))[0-9A-Fa-f]{8}", source.text)
+        what = f"{escape[0] if escape else 'an escape'} is no character: Unicode has fewer"
+        fail(_at(source, escape.start() if escape else 0), what, "write the character itself")
     problems: list[Mistake] = []
     tree = (
         Node(None, Position(source, 1, 1))
@@ -428,10 +433,10 @@ def _explain_fault(error: Exception, source: SourceText) -> NoReturn:
         )
     mark = getattr(error, "problem_mark", None) or getattr(error, "context_mark", None)
     at = Position(source, mark.line + 1, mark.column + 1) if mark else Position(source, 1, 1)
-    said = (
+    complaint = (
         f"{getattr(error, 'context', None) or ''} {getattr(error, 'problem', None) or ''}".strip()
     )
     for phrase, message, remedy in _PLAINER:
-        if phrase in said:
+        if phrase in complaint:
             fail(at, f"not valid YAML: {message}", remedy)
-    fail(at, f"not valid YAML: {said}")
+    fail(at, f"not valid YAML: {complaint}")

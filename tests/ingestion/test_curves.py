@@ -12,7 +12,7 @@ from mapmore_cli.ingestion.dataset import build_dataset
 from mapmore_cli.ingestion.files import slice_of
 from mapmore_cli.modelling.signals.cycles import last_cycles
 from mapmore_cli.pipeline.stages import INGEST
-from mapmore_cli.pipeline.staleness import plain
+from mapmore_cli.pipeline.staleness import recorded
 
 REPEATS = {
     f"{level}_{repeat}.csv": steps(level, F=100 * level + repeat)
@@ -231,9 +231,9 @@ def test_slice_holds_what_ingest_depends_on_and_no_more():
         spec_of({**a, **held(**choice)})
         for choice in ({"last": 0.5}, {"pressure": [80.0]}, {"pressure": [150.0]})
     ]
-    part = plain(slice_of(spec_of(a)))
-    assert all(plain(slice_of(one)) == part for one in same)
-    different = [part, *(plain(slice_of(one)) for one in other)]
+    part = recorded(slice_of(spec_of(a)))
+    assert all(recorded(slice_of(one)) == part for one in same)
+    different = [part, *(recorded(slice_of(one)) for one in other)]
     assert all(one != another for one, another in combinations(different, 2))
 
 

@@ -144,8 +144,8 @@ class Draft:
 
 def yaml_text(spec: Mapping[str, Any], notes: Mapping[Loc, Note], head: str) -> str:
     """Return a spec as YAML with notes, under its first lines."""
-    ordered = {key: spec[key] for key in (*_ORDER, *spec) if key in spec}
-    return "\n".join([head, *_yaml_lines(escaped(_ten_digits(ordered)), (), notes), ""])
+    ordered = {key: _ten_digits(spec[key]) for key in (*_ORDER, *spec) if key in spec}
+    return "\n".join([head, *_yaml_lines(escaped(ordered), (), notes), ""])
 
 
 def _ten_digits(value: object) -> object:

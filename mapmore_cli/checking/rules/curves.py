@@ -159,17 +159,17 @@ def single_valued(subject: Subject) -> Issues:
     over = next(swept, None)
     if over is None:
         return
-    found = floors(
+    lowest = floors(
         *([curve.columns[name] for curve in dataset.curves] for name in (over, dataset.target))
     )
-    told = [
+    levels = [
         f"{100 * floor:.2g} % at {dataset.curves[number].id}"
-        for number, floor in enumerate(found)
+        for number, floor in enumerate(lowest)
         if floor > WORTH
     ]
-    if told:
+    if levels:
         best = (
-            f"no model without memory does better than {', '.join(told)} of the largest "
+            f"no model without memory does better than {', '.join(levels)} of the largest "
             f"{dataset.target}"
         )
         yield Issue(

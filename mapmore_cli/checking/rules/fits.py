@@ -50,8 +50,8 @@ def short_segments(subject: Subject) -> Issues:
     for curve in cut:
         short = [piece for piece in curve.segments if len(piece.rows) <= least]
         if short:
-            told = ", ".join(f"{one.id} has {_samples(len(one.rows))}" for one in short)
-            yield _short(subject, f"{told}: too few for {least} term{'s' * (least > 1)}")
+            sizes = ", ".join(f"{one.id} has {_samples(len(one.rows))}" for one in short)
+            yield _short(subject, f"{sizes}: too few for {least} term{'s' * (least > 1)}")
 
 
 def _most_terms(subject: Subject) -> int:

@@ -24,18 +24,18 @@ def spikes_in(subject: Subject) -> Issues:
             values = recording.columns[name]
             # block by block: a long record may change its ways
             blocks = enumerate(in_blocks(values, rows=WIDE))
-            found = np.concatenate([number * WIDE + spikes(x) for number, (x,) in blocks])
+            rows = np.concatenate([number * WIDE + spikes(x) for number, (x,) in blocks])
             limit = _vacuum(subject, name)
-            found = found if limit is None else found[values[found] >= limit]
-            if not found.size:
+            rows = rows if limit is None else rows[values[rows] >= limit]
+            if not rows.size:
                 continue
-            first, unit = int(found[0]), subject.units[name]
+            first, unit = int(rows[0]), subject.units[name]
             between = f"between {values[first - 1]:.6g} and {values[first + 1]:.6g} {unit}".rstrip()
             yield Issue(
                 "warning",
                 "spike",
                 subject.source(name),
-                f"{_first_of(subject, recording, found)}: {name} is {values[first]:.6g} for "
+                f"{_first_of(subject, recording, rows)}: {name} is {values[first]:.6g} for "
                 f"one sample, {between}",
                 f"leave it out, as with `keep: [{{quantity: {name}, above: ...}}]`, or empty "
                 "its cell; where it is real, nothing is wrong",
@@ -50,15 +50,15 @@ def below_vacuum(subject: Subject) -> Issues:
             continue
         for recording in subject.recordings:
             values = recording.columns.get(name, np.zeros(0))
-            found = np.flatnonzero(by_blocks(partial(np.greater, limit), values))
-            if found.size:
-                lowest = f"{recording.columns[name][found].min():.6g} {subject.units[name]}"
+            rows = np.flatnonzero(by_blocks(partial(np.greater, limit), values))
+            if rows.size:
+                lowest = f"{recording.columns[name][rows].min():.6g} {subject.units[name]}"
                 below = f"below absolute zero ({limit:.4g} {subject.units[name]} of a gauge)"
                 yield Issue(
                     "warning",
                     "below-vacuum",
                     subject.source(name),
-                    f"{_first_of(subject, recording, found)}: {name} is {lowest}, {below}",
+                    f"{_first_of(subject, recording, rows)}: {name} is {lowest}, {below}",
                     "mend its `unit`, `scale` or `offset`, or leave them out, as `keep: "
                     f"[{{quantity: {name}, above: {limit:.4g}}}]`",
                     "data",
@@ -77,11 +77,11 @@ def _vacuum(subject: Subject, name: str) -> float | None:
         return None
 
 
-def _first_of(subject: Subject, recording: Recording, found: IntArray) -> str:
+def _first_of(subject: Subject, recording: Recording, rows: IntArray) -> str:
     """Name the first of some samples: by its row in the file, where all rows were kept, and by its
     time; and how many more there are.
     """
-    data, first = subject.spec.data, int(found[0])
+    data, first = subject.spec.data, int(rows[0])
     by_rows = (
         data.reader in WITH_ROWS
         and recording.rows_kept == recording.rows_read
@@ -95,4 +95,4 @@ def _first_of(subject: Subject, recording: Recording, found: IntArray) -> str:
     )
     time = recording.columns.get("time")
     at = "" if time is None else f" (time {time[first]:.6g} {subject.units['time']})"
-    return place + at + (f" and {found.size - 1} more" if found.size > 1 else "")
+    return place + at + (f" and {rows.size - 1} more" if rows.size > 1 else "")

@@ -67,14 +67,14 @@ def same_signal(subject: Subject) -> Issues:
     """
     names = [name for name in subject.spec.data.measured if name != "time" and subject.has(name)]
     for family in evidence.same_signals([subject.pooled(name) for name in names]):
-        told = " and ".join(names[place] for place in family)
+        signals = " and ".join(names[place] for place in family)
         # two inputs may be so, as the muscles of one joint
         target = subject.target in (names[place] for place in family)
         yield Issue(
             "error" if target else "hint",
             "same-signal",
             subject.source(names[family[-1]]),
-            f"{told} are one signal: each is the other times a constant, plus one "
+            f"{signals} are one signal: each is the other times a constant, plus one "
             f"(correlation {1 - evidence.ROUNDING:g} or more)",
             "keep the one of them that was measured; another sensor has to tell the other quantity",
         )
@@ -247,16 +247,16 @@ def unsettled(subject: Subject) -> Issues:
         or not subject.has("time", "pressure")
     ):
         return
-    found = evidence.settling(subject.recordings, subject.units["time"])
-    if found is not None and found.share < MUCH:
+    settling = evidence.settling(subject.recordings, subject.units["time"])
+    if settling is not None and settling.share < MUCH:
         unit = f"{subject.units['pressure']}/s"
-        window = f"{1000 * found.window:g} ms"
+        window = f"{1000 * settling.window:g} ms"
         yield Issue(
             "hint",
             "unsettled",
             subject.where("data"),
-            f"the pressure changes by more than {found.limit:g} {unit} in "
-            f"{1 - found.share:.0%} of the samples: hardly static",
+            f"the pressure changes by more than {settling.limit:g} {unit} in "
+            f"{1 - settling.share:.0%} of the samples: hardly static",
             f"derive `pressure_rate: {{rate_of: pressure, window: {window}, order: 2}}` and "
-            f"`keep: [{{quantity: pressure_rate, abs_below: {found.limit:g} {unit}}}]`",
+            f"`keep: [{{quantity: pressure_rate, abs_below: {settling.limit:g} {unit}}}]`",
         )

@@ -125,17 +125,17 @@ def _units_below(subject: Subject, names: list[str], below: list[list[str]]) -> 
             )
 
 
-def _contradicted(subject: Subject, name: str, told: str | None) -> str:
+def _contradicted(subject: Subject, name: str, unit_told: str | None) -> str:
     """Return the unit that a column without a scale is read in, where another one is told; else the
     empty text.
     """
     column = subject.spec.data.columns[name]
     declared = column.unit or default_unit(name, subject.spec.units)
-    if told is None or column.scale != 1.0:
+    if unit_told is None or column.scale != 1.0:
         return ""
     # a name that says bar may mean absolute ones; what cannot be converted means something else
-    agrees = any(is_same(unit, declared) for unit in (told, f"{told} abs"))
-    return "" if agrees or not can_convert(told, declared) else declared
+    agrees = any(is_same(unit, declared) for unit in (unit_told, f"{unit_told} abs"))
+    return "" if agrees or not can_convert(unit_told, declared) else declared
 
 
 def formulas_in_labels(subject: Subject) -> Issues:

@@ -16,14 +16,14 @@ from typing import Any, Literal
 
 import numpy as np
 from matplotlib import rc_context
-from matplotlib.collections import PathCollection
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 
 from mapmore_cli.domain import plugins
 from mapmore_cli.domain.errors import UsageError
 from mapmore_cli.domain.foreign import xml_text
-from mapmore_cli.reporting.figures.panels import evenly, titles
+from mapmore_cli.reporting.figures.panels import titles
 from mapmore_cli.reporting.figures.style import figure_style
 from mapmore_cli.reporting.inputs import SINGLE, FigureStyle, ReportInputs
 from mapmore_cli.reporting.table import title_of
@@ -223,7 +223,7 @@ def compose(
     )
     of_panels = every.reshape(rows, stack, columns).swapaxes(1, 2).reshape(-1, stack)
     for one, axes in zip(panels, of_panels, strict=False):
-        _fill(axes, one, headings[drawing.panels.index(one)], grid, style, columns)
+        _fill([*axes], one, headings[drawing.panels.index(one)], grid, style, columns)
     for ax in of_panels[len(panels) :].flat:
         ax.remove()
     handles = list(drawing.legend) or _labelled(figure)
@@ -242,7 +242,7 @@ def compose(
 
 
 def _fill(
-    axes: Any, panel: Panel, title: str, grid: Layout, style: FigureStyle, columns: int
+    axes: Sequence[Axes], panel: Panel, title: str, grid: Layout, style: FigureStyle, columns: int
 ) -> None:
     """Draw a panel, with its title above and its x axis labelled below it."""
     top, bottom = axes[0], axes[-1]
@@ -253,9 +253,8 @@ def _fill(
     bottom.locator_params(axis="x", nbins=5 if columns < 2 else 4)
     panel.draw(*axes)
     for ax, label in zip(axes, panel.y_labels, strict=False):
-        # what `_hovered` says of a place
-        ax.set_label("" if grid.projection else f"{panel.x_label}\n{label}")
-        if ax.get_subplotspec().is_first_col() or grid.common_y == "none":
+        spec = ax.get_subplotspec()
+        if (spec is not None and spec.is_first_col()) or grid.common_y == "none":
             ax.set_ylabel(label, parse_math=style.is_own_label(label))
     top.set_title(title)
     bottom.set_xlabel(panel.x_label, parse_math=style.is_own_label(panel.x_label))
@@ -263,11 +262,11 @@ def _fill(
 
 def _labelled(figure: Figure) -> list[Any]:
     """Return what stands in the legend: everything that is drawn with a label, each label once."""
-    found: dict[str, Any] = {}
+    handles: dict[str, Any] = {}
     for ax in figure.axes:
         for handle, label in zip(*ax.get_legend_handles_labels(), strict=True):
-            found.setdefault(label, handle)
-    return [*found.values()]
+            handles.setdefault(label, handle)
+    return [*handles.values()]
 
 
 SVG_PROLOGUE = '<?xml version="1.0" encoding="utf-8"?>\n'
@@ -291,31 +290,7 @@ def to_svg(figure: Figure, name: str, alt: str) -> str:
             metadata={"Date": None, "Creator": None, "Format": None, "Type": None},
         )
     svg = _GROUP_ID.sub("<g", _PROLOGUE.sub("", xml_text(text.getvalue(), "\n")))
-    svg = svg.replace("</svg>", f"{_hovered(figure)}</svg>")
     return svg.replace("<svg ", f'<svg role="img" aria-label="{escape(xml_text(alt))}" ', 1)
-
-
-HOVERED = 80
-"""Dots of each line or cloud that say their numbers."""
-
-
-def _hovered(figure: Figure) -> str:
-    """Return unseen circles over dots, whose titles a browser shows under the pointer."""
-    circles = []
-    for ax in (one for one in figure.axes if one.get_label()):
-        labels = str(ax.get_label()).split("\n")
-        lines = [one for one in ax.lines if one.get_marker() not in ("None", "")]
-        clouds = [one for one in ax.collections if isinstance(one, PathCollection)]
-        drawn = [one.get_xydata() for one in lines] + [one.get_offsets() for one in clouds]
-        for data in (np.asarray(places, dtype=np.float64) for places in drawn):
-            some = data[evenly(len(data), HOVERED)]
-            for numbers, (x, y) in zip(some, ax.transData.transform(some), strict=True):
-                if ax.bbox.contains(x, y):
-                    told = map("{}: {:.4g}".format, labels, numbers)
-                    title = escape(xml_text("\n".join(told), "\n"))
-                    place = f'cx="{x:.1f}" cy="{figure.bbox.height - y:.1f}" r="3"'
-                    circles.append(f"<circle {place}><title>{title}</title></circle>")
-    return f'<g fill-opacity="0">{"".join(circles)}</g>' if circles else ""
 
 
 def to_bytes(figure: Figure, suffix: str, name: str, alt: str) -> bytes:

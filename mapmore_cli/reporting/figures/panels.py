@@ -183,9 +183,9 @@ def told_apart(names: Sequence[str], length: int) -> list[str]:
     parts = [re.split(r"(?<=[^A-Za-z0-9])", name) for name in names]
     head, tail = _alike(parts), _alike([one[::-1] for one in parts])
     cut = ["".join(["…"[:head], *one[head : len(one) - tail], "…"[:tail]]) for one in parts]
-    found = [shorten(name, length) for name in cut]
-    if len({*found}) == len({*names}):
-        return found
+    names_of_cut = [shorten(name, length) for name in cut]
+    if len({*names_of_cut}) == len({*names}):
+        return names_of_cut
     places = {name: f"{number}: " for number, name in enumerate(dict.fromkeys(names), 1)}
     numbers = [places[name] for name in names]
     return [n + shorten(name, length - len(n)) for n, name in zip(numbers, cut, strict=True)]

@@ -4,14 +4,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import math
+from collections.abc import Sequence
 from itertools import pairwise
 from typing import Annotated, Literal
 
 from pydantic import ConfigDict, Field
 
 from mapmore_cli.domain.declared import (
-    Contradiction,
     Difference,
     Either,
     OfKey,
@@ -19,7 +19,7 @@ from mapmore_cli.domain.declared import (
     always_in,
     of_sibling,
 )
-from mapmore_cli.study.fields import PathOrName, Quantity, Section, SignedSeconds, Uncertainty
+from mapmore_cli.study.fields import PathOrName, Quantity, Row, Section, SignedSeconds, Uncertainty
 from mapmore_cli.study.sections.logs import FileEntry, Join, Keep, Logs
 
 OfLevel = Annotated[float, of_sibling("of")]
@@ -101,21 +101,26 @@ class Levels(Section):
         ordered = sorted(self.at)
         return min(after - before for before, after in pairwise(ordered))
 
-    def _contradictions(self) -> Iterator[ValueError]:
-        if self.spacing == 0 and not isinstance(self.at, str):
-            twice = sorted({level for level in self.at if self.at.count(level) > 1})
-            yield Contradiction(
+    def _contradictions(self) -> Sequence[Row]:
+        levels, apart = [] if isinstance(self.at, str) else self.at, self.spacing
+        twice = sorted({level for level in levels if levels.count(level) > 1})
+        half = math.inf if apart is None else apart / 2
+        within = self.within or 0.0
+        return [
+            (
+                bool(twice),
                 f"level {', '.join(f'{level:g}' for level in twice)} is given twice",
                 "give each level once",
                 "at",
-            )
-        if self.within is not None and self.spacing is not None and self.within > self.spacing / 2:
-            yield Contradiction(
-                f"levels overlap: they lie {self.spacing:g} apart, and `within: "
-                f"{self.within:g}` reaches further than half of that",
-                f"give `within` of {self.spacing / 2:g} or less",
+            ),
+            (
+                within > half,
+                f"levels overlap: they lie {2 * half:g} apart, and `within: {within:g}` reaches "
+                "further than half of that",
+                f"give `within` of {half:g} or less",
                 "within",
-            )
+            ),
+        ]
 
 
 class Between(Section):
@@ -128,14 +133,16 @@ class Between(Section):
         list[Annotated[tuple[OfKey, OfKey], Field(strict=False)]], Field(min_length=1)
     ]
 
-    def _contradictions(self) -> Iterator[ValueError]:
-        for low, high in self.between:
-            if low > high:
-                yield Contradiction(
-                    f"the interval runs from {low:g} to {high:g}",
-                    "put the lower end first",
-                    "between",
-                )
+    def _contradictions(self) -> Sequence[Row]:
+        return [
+            (
+                low > high,
+                f"the interval runs from {low:g} to {high:g}",
+                "put the lower end first",
+                "between",
+            )
+            for low, high in self.between
+        ]
 
 
 Part = Annotated[float, Field(gt=0, lt=1), always_in("1")]
@@ -172,20 +179,30 @@ class Holdout(Section):
         """The keys that are quantities."""
         return self.__pydantic_extra__
 
-    def _contradictions(self) -> Iterator[ValueError]:
+    def _contradictions(self) -> Sequence[Row]:
         conditions = (self.files, self.recordings, self.last, self.last_cycles, self.fraction)
-        if all(value is None for value in conditions) and not self.quantities:
-            yield Contradiction(
+        return [
+            (
+                all(value is None for value in conditions) and not self.quantities,
                 "`validate` does not say what is held out",
                 "name a quantity, as `pressure: [250]`",
                 "seed",
                 "of",
-            )
-        if (self.last_cycles is None) != (self.of is None):
-            remedy = "say of which quantity, as `{last_cycles: 0.5, of: pressure}`"
-            yield Contradiction("`last_cycles` and `of` go together", remedy, "last_cycles", "of")
-        if self.seed is not None and self.fraction is None:
-            yield Contradiction("`seed` draws nothing here", "it belongs to `fraction`", "seed")
+            ),
+            (
+                (self.last_cycles is None) != (self.of is None),
+                "`last_cycles` and `of` go together",
+                "say of which quantity, as `{last_cycles: 0.5, of: pressure}`",
+                "last_cycles",
+                "of",
+            ),
+            (
+                self.seed is not None and self.fraction is None,
+                "`seed` draws nothing here",
+                "it belongs to `fraction`",
+                "seed",
+            ),
+        ]
 
 
 class Split(Section):
@@ -210,15 +227,15 @@ class Split(Section):
         """Whether every level or group is left out in turn."""
         return self.leave_one_level_out or self.leave_one_group_out
 
-    def _contradictions(self) -> Iterator[ValueError]:
-        given = [
-            key for key in ("leave_one_level_out", "leave_one_group_out") if getattr(self, key)
-        ]
-        told = [*(["validate"] if self.hold_out is not None else []), *given]
-        if len(told) > 1:
-            yield Contradiction(
-                f"both {' and '.join(f'`{key}`' for key in told)} are given", "choose one", told[-1]
-            )
+    def _contradictions(self) -> Sequence[Row]:
+        ways = {
+            "validate": self.hold_out is not None,
+            "leave_one_level_out": self.leave_one_level_out,
+            "leave_one_group_out": self.leave_one_group_out,
+        }
+        keys = [key for key, is_chosen in ways.items() if is_chosen]
+        both = " and ".join(f"`{key}`" for key in keys)
+        return [(len(keys) > 1, f"both {both} are given", "choose one", *keys[-1:])]
 
 
 class Groups(Section):
@@ -325,23 +342,27 @@ class Data(Logs):
     uncertainty: dict[Quantity, Uncertainty] = {}
     split: Split = Split()
 
-    def _contradictions(self) -> Iterator[ValueError]:
-        yield from super()._contradictions()
-        for name, rule in self.uncertainty.items():
-            if isinstance(rule, dict) and self.groups is None:
-                yield Contradiction(
+    def _contradictions(self) -> Sequence[Row]:
+        return [
+            *super()._contradictions(),
+            *(
+                (
+                    isinstance(rule, dict) and self.groups is None,
                     f"the uncertainty of `{name}` is by group, and there are no groups",
                     "say what tells them apart, as `groups: {of: session}`",
                     "uncertainty",
                 )
+                for name, rule in self.uncertainty.items()
+            ),
+        ]
 
     @property
     def measured(self) -> tuple[str, ...]:
         """Every quantity that comes from a column, or is the time made from `sample_time`."""
-        joined = (name for join in self.join for name in join.quantities)
+        of_joins = (name for join in self.join for name in join.quantities)
         return tuple(
             dict.fromkeys(
-                (*self.columns, *(["time"] if self.sample_time is not None else []), *joined)
+                (*self.columns, *(["time"] if self.sample_time is not None else []), *of_joins)
             )
         )
 

@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import Field, create_model
 
-from mapmore_cli.domain.declared import Contradiction, Either, ListToo, OfTarget, always_in
+from mapmore_cli.domain.declared import Either, ListToo, OfTarget, always_in
 from mapmore_cli.modelling.expressions import ExpressionError, parse, state
 from mapmore_cli.modelling.expressions.operator import Operator
 from mapmore_cli.modelling.expressions.operators import families
-from mapmore_cli.study.fields import Section
+from mapmore_cli.study.fields import Row, Section
 from mapmore_cli.study.tree import Loc
 
 Of = Annotated[list[str], Field(min_length=1)]
@@ -30,11 +30,10 @@ class OperatorFamily(Section):
 
     of: Of
 
-    def _contradictions(self) -> Iterator[ValueError]:
-        given = [key for key in type(self).model_fields if getattr(self, key) is not None]
-        if len(given) > 2:
-            either = " or ".join(f"`{key}`" for key in given[1:])
-            yield Contradiction(f"give either {either}", "remove one of them", *given[:0:-1])
+    def _contradictions(self) -> Sequence[Row]:
+        keys = [key for key in type(self).model_fields if getattr(self, key) is not None]
+        either = " or ".join(f"`{key}`" for key in keys[1:])
+        return [(len(keys) > 2, f"give either {either}", "remove one of them", *keys[:0:-1])]
 
 
 def _forms() -> Iterator[tuple[str, type[OperatorFamily]]]:
@@ -44,13 +43,13 @@ def _forms() -> Iterator[tuple[str, type[OperatorFamily]]]:
         shape = (*operator.parameters, operator.spread) if len(operator.parameters) == 1 else ()
         shapes.setdefault(shape, []).append(key)
     for shape, keys in shapes.items():
-        told = "\n".join(
+        about = "\n".join(
             [*map(_about_family, keys), *(_about_numbers(families()[keys[0]][0], shape))]
         )
         form = create_model(
             "".join(key.title() for key in keys) if shape else "Operators",
             __base__=OperatorFamily,
-            __doc__=f"States that an operator makes of the quantities `of`.\n\n{told}",
+            __doc__=f"States that an operator makes of the quantities `of`.\n\n{about}",
             __module__=__name__,
             **_number_fields(families()[keys[0]][0]) if shape else {},
         )
@@ -91,10 +90,10 @@ def numbers_of(
     `step` is the time between samples, `longest` the duration of the longest piece, s.
     """
     operator, count = families()[name][0], getattr(family, "count", None)
-    given = getattr(family, operator.parameters[0].key, None)
+    numbers = getattr(family, operator.parameters[0].key, None)
     if count is not None and operator.spread is not None:
-        given = operator.spread(count, step, longest)
-    return [(number,) for number in given or ()]
+        numbers = operator.spread(count, step, longest)
+    return [(number,) for number in numbers or ()]
 
 
 Order = Annotated[int, Field(ge=1, le=20)]
@@ -216,14 +215,16 @@ class SmoothSteps(AlongRange):
             for width in self.widths
         ]
 
-    def _contradictions(self) -> Iterator[ValueError]:
-        if ("change" in self.partners) == (self.window is None):
-            yield Contradiction(
+    def _contradictions(self) -> Sequence[Row]:
+        return [
+            (
+                ("change" in self.partners) == (self.window is None),
                 "`window` and `change` need each other",
                 "write `with: [change], window: 16`, or neither",
                 "window",
                 "with",
             )
+        ]
 
 
 class Products(Section):
@@ -302,19 +303,24 @@ class Families(Section):
         """Name and settings of the one that is given."""
         return next(iter(self._given().items()))
 
-    def _contradictions(self) -> Iterator[ValueError]:
-        if self.sign is not None and self.bounds is not None:
-            yield Contradiction("a sign is a bound", "give either `sign` or `bounds`", "sign")
-        if self.bounds is not None and not self.bounds[0] <= self.bounds[1]:
-            yield Contradiction("the bounds do not ascend", "put the lower one first", "bounds")
-        if len(self._given()) != 1:
-            found = "two families" if self._given() else "no family"
-            names = [name for name in type(self).model_fields if name not in LIMITS]
-            remedy = (
-                f"give one of {', '.join(f'`{name}`' for name in names)}; "
-                "further families are entries of their own"
-            )
-            yield Contradiction(f"this entry has {found} of terms", remedy)
+    def _contradictions(self) -> Sequence[Row]:
+        low, high = self.bounds or (0.0, 0.0)
+        count = "two families" if self._given() else "no family"
+        names = [f"`{name}`" for name in type(self).model_fields if name not in LIMITS]
+        return [
+            (
+                self.sign is not None and self.bounds is not None,
+                "a sign is a bound",
+                "give either `sign` or `bounds`",
+                "sign",
+            ),
+            (not low <= high, "the bounds do not ascend", "put the lower one first", "bounds"),
+            (
+                len(self._given()) != 1,
+                f"this entry has {count} of terms",
+                f"give one of {', '.join(names)}; further families are entries of their own",
+            ),
+        ]
 
 
 if TYPE_CHECKING:
@@ -362,9 +368,9 @@ def texts_in(loc: Loc, family: Family) -> Iterator[tuple[Loc, str, bool]]:
     for place, text in enumerate(() if isinstance(family, AlongRange) else family.of):
         if isinstance(text, str):
             yield (*loc, "of", place), text, False
-    told = "change" if getattr(family, "window", None) else ""
+    of_window = "change" if getattr(family, "window", None) else ""
     for place, text in enumerate(getattr(family, "partners", None) or ()):
-        if not (is_along and text == told):
+        if not (is_along and text == of_window):
             yield (*loc, "with", place), text, is_along
 
 

@@ -7,7 +7,7 @@ samples are kept.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from datetime import datetime
 from typing import TYPE_CHECKING, Annotated, Literal
 from warnings import catch_warnings
@@ -24,7 +24,7 @@ from mapmore_cli.domain.declared import (
 )
 from mapmore_cli.storage.readers import READERS
 from mapmore_cli.storage.tables.cells import FORMAT, THOUSANDS
-from mapmore_cli.study.fields import InColumnUnit, Quantity, Section, SignedSeconds, SpecPath
+from mapmore_cli.study.fields import InColumnUnit, Quantity, Row, Section, SignedSeconds, SpecPath
 
 OfQuantity = Annotated[float, of_sibling("quantity")]
 Interval = Annotated[tuple[OfQuantity, OfQuantity], Field(strict=False)]
@@ -48,25 +48,41 @@ class Keep(Section):
     between: Interval | None = None
     outside: Interval | None = None
 
-    def _contradictions(self) -> Iterator[ValueError]:
+    def _contradictions(self) -> Sequence[Row]:
         conditions = [name for name in type(self).model_fields if name != "quantity"]
-        given = [name for name in conditions if getattr(self, name) is not None]
-        if len(given) != 1:
-            found = (
-                "two conditions at once: " + ", ".join(f"`{name}`" for name in given)
-                if given
-                else "no condition"
-            )
-            remedy = f"give one of {', '.join(f'`{name}`' for name in conditions)}"
-            yield Contradiction(f"`keep` has {found}", remedy, *given[1:], "quantity")
-        for name in ("between", "outside"):
-            interval = getattr(self, name)
-            if interval is not None and interval[0] >= interval[1]:
-                yield Contradiction(
-                    f"`{name}` runs from {interval[0]:g} to {interval[1]:g}",
+        used = [name for name in conditions if getattr(self, name) is not None]
+        count = f"two conditions at once: {_quoted(used)}" if used else "no condition"
+        ends = {name: getattr(self, name) or (0.0, 1.0) for name in ("between", "outside")}
+        return [
+            (
+                len(used) != 1,
+                f"`keep` has {count}",
+                f"give one of {_quoted(conditions)}",
+                *[*used[1:], "quantity"],
+            ),
+            *(
+                (
+                    low >= high,
+                    f"`{name}` runs from {low:g} to {high:g}",
                     "put the lower end first",
                     name,
                 )
+                for name, (low, high) in ends.items()
+            ),
+        ]
+
+
+def _quoted(names: Iterable[str], between: str = ", ") -> str:
+    """Return names as a message lists them."""
+    return between.join(f"`{name}`" for name in names)
+
+
+def _is_encoding(name: str) -> bool:
+    """Tell whether Python knows an encoding."""
+    try:
+        return bool("a".encode(name))
+    except (LookupError, ValueError):  # ValueError: a zero byte in the name
+        return False
 
 
 if TYPE_CHECKING:
@@ -77,14 +93,7 @@ else:
 READERS_OF: Mapping[str, tuple[str, ...]] = {
     key: tuple(name for name, reader in READERS.items() if key in reader.keys)
     for key in (
-        "header",
-        "skip_rows",
-        "delimiter",
-        "decimal",
-        "thousands",
-        "encoding",
-        "sheet",
-        "root",
+        *("header", "skip_rows", "delimiter", "decimal", "thousands", "encoding", "sheet", "root"),
     )
 }
 """The readers that have a use for a key."""
@@ -199,68 +208,77 @@ class Logs(Section):
         others = {column.column for name, column in self.columns.items() if name != "time"}
         return frozenset({column.column for column in self.columns.values()} - others)
 
-    def _contradictions(self) -> Iterator[ValueError]:
-        reader = READERS[self.reader]
+    def _contradictions(self) -> Sequence[Row]:
+        reader, has_time = READERS[self.reader], "time" in self.columns
+        others = [column for name, column in self.columns.items() if name != "time"]
         unused = [
             (key, key) for key in READERS_OF if getattr(self, key) != Logs.model_fields[key].default
         ]
-        unused += [
-            ("sheet", "files")
-            for entry in self.files
-            if isinstance(entry, FileEntry) and entry.sheet is not None
-        ]
-        for key, place in unused:
-            if key not in reader.keys:
-                owners = " and ".join(f"`{name}`" for name in READERS_OF[key])
-                yield Contradiction(
+        if any(isinstance(entry, FileEntry) and entry.sheet is not None for entry in self.files):
+            unused.append(("sheet", "files"))
+        return [
+            *(
+                (
+                    key not in reader.keys,
                     f"reader `{self.reader}` has no use for `{key}`",
-                    f"remove it: it belongs to {owners}",
+                    f"remove it: it belongs to {_quoted(READERS_OF[key], ' and ')}",
                     place,
                 )
-        if not reader.by_index and any(
-            isinstance(column.column, int) for column in self.columns.values()
-        ):
-            yield Contradiction(
+                for key, place in unused
+            ),
+            (
+                not reader.by_index
+                and any(isinstance(column.column, int) for column in self.columns.values()),
                 f"reader `{reader.name}` finds columns by name",
                 f"write `column: {reader.column}`",
                 "columns",
-            )
-        if self.sample_time is not None and "time" in self.columns:
-            yield Contradiction(
+            ),
+            (
+                self.sample_time is not None and has_time,
                 "`time` is a column, and `sample_time` makes it as well",
                 "keep one of both",
                 "sample_time",
-            )
-        if (
-            self.sample_time is None
-            and "time" not in self.columns
-            and any(column.rest is not None for column in self.columns.values())
-        ):
-            yield Contradiction(
-                "`rest` needs the time", "add `time` to `columns`, or `sample_time`", "columns"
-            )
-        if not re.fullmatch(r"tab|whitespace|[^\w\s\"'.+-]|[\t ]", self.delimiter):
-            remedy = 'write one character, as `";"`, or `tab`, or `whitespace`'
-            yield Contradiction(f"{self.delimiter!r} cannot separate fields", remedy, "delimiter")
-        if self.delimiter == self.decimal:
-            remedy = 'say what separates the fields, as `delimiter: ";"`'
-            yield Contradiction("the decimal point also separates the fields", remedy, "decimal")
-        others = [column for name, column in self.columns.items() if name != "time"]
-        if any(column.format is not None or column.unwrap is True for column in others):
-            yield Contradiction(
-                "`format` and `unwrap: true` belong to `time`", "remove them elsewhere", "columns"
-            )
-        blank = self.delimiter == "whitespace" and (self.thousands or "0").isspace()
-        if blank or self.thousands in (self.decimal, self.delimiter):
-            remedy = 'say what each is, as `decimal: "."`, `thousands: ","` and `delimiter: ";"`'
-            yield Contradiction(
-                "what stands between thousands means something else as well", remedy, "thousands"
-            )
-        try:
-            "a".encode(self.encoding)
-        except (LookupError, ValueError):  # ValueError: a zero byte in the name
-            remedy = "write `utf-8`, `utf-16`, `latin-1`, `cp1252`, ..."
-            yield Contradiction(f"encoding {self.encoding!r} is unknown", remedy, "encoding")
+            ),
+            (
+                self.sample_time is None
+                and not has_time
+                and any(column.rest is not None for column in others),
+                "`rest` needs the time",
+                "add `time` to `columns`, or `sample_time`",
+                "columns",
+            ),
+            (
+                not re.fullmatch(r"tab|whitespace|[^\w\s\"'.+-]|[\t ]", self.delimiter),
+                f"{self.delimiter!r} cannot separate fields",
+                'write one character, as `";"`, or `tab`, or `whitespace`',
+                "delimiter",
+            ),
+            (
+                self.delimiter == self.decimal,
+                "the decimal point also separates the fields",
+                'say what separates the fields, as `delimiter: ";"`',
+                "decimal",
+            ),
+            (
+                any(column.format is not None or column.unwrap is True for column in others),
+                "`format` and `unwrap: true` belong to `time`",
+                "remove them elsewhere",
+                "columns",
+            ),
+            (
+                self.thousands in (self.decimal, self.delimiter)
+                or (self.delimiter == "whitespace" and (self.thousands or "0").isspace()),
+                "what stands between thousands means something else as well",
+                'say what each is, as `decimal: "."`, `thousands: ","` and `delimiter: ";"`',
+                "thousands",
+            ),
+            (
+                not _is_encoding(self.encoding),
+                f"encoding {self.encoding!r} is unknown",
+                "write `utf-8`, `utf-16`, `latin-1`, `cp1252`, ...",
+                "encoding",
+            ),
+        ]
 
 
 class Match(Section):
@@ -297,45 +315,63 @@ class Join(Logs):
         """What it adds to the recording."""
         return tuple(name for name in self.columns if name != "time")
 
-    def _contradictions(self) -> Iterator[ValueError]:
-        yield from super()._contradictions()
+    def _contradictions(self) -> Sequence[Row]:
         has_time = "time" in self.columns or self.sample_time is not None
-        if self.on == "time" and not has_time:
-            remedy = "add `time` to its `columns`, or say `on: row`"
-            yield Contradiction(
-                "a join on time needs the time of the second log", remedy, "on", "columns"
-            )
-        if self.on == "row" and (self.shift != 0 or self.max_gap is not None):
-            yield Contradiction(
+        by_row, is_found = self.on == "row", self.shift == "auto"
+        second = self.match.second if self.match is not None else ""
+        return [
+            *super()._contradictions(),
+            (
+                self.on == "time" and not has_time,
+                "a join on time needs the time of the second log",
+                "add `time` to its `columns`, or say `on: row`",
+                "on",
+                "columns",
+            ),
+            (
+                by_row and (self.shift != 0 or self.max_gap is not None),
                 "a join on rows has no use for `shift` and `max_gap`",
                 "remove them",
                 "shift",
                 "max_gap",
-            )
-        if self.on == "row" and has_time:
-            yield Contradiction(
-                "a join on rows takes the time of the first log", "remove the second", "columns"
-            )
-        if self.shift == "auto" and self.match is None:
-            remedy = "add `match: {first: QUANTITY, second: QUANTITY}`, which change together"
-            yield Contradiction(
-                "`shift: auto` needs two quantities that tell the shift", remedy, "shift"
-            )
-        if self.shift != "auto" and self.match is not None:
-            yield Contradiction(
-                "`match` is about `shift: auto`", "add that, or remove `match`", "match"
-            )
-        if self.match is not None and self.match.second not in self.quantities:
-            remedy = f"name one of {', '.join(f'`{name}`' for name in self.quantities)}"
-            yield Contradiction(
-                f"the second log has no quantity `{self.match.second}`", remedy, "match"
-            )
-        if not self.quantities:
-            yield Contradiction("the join adds no quantity", "name one besides `time`", "columns")
-        if any(
-            isinstance(entry, FileEntry) and (entry.set or entry.id or entry.keep)
-            for entry in self.files
-        ):
-            yield Contradiction(
-                "`set`, `id` and `keep` belong to `data.files`", "move them there", "files"
-            )
+            ),
+            (
+                by_row and has_time,
+                "a join on rows takes the time of the first log",
+                "remove the second",
+                "columns",
+            ),
+            (
+                is_found and self.match is None,
+                "`shift: auto` needs two quantities that tell the shift",
+                "add `match: {first: QUANTITY, second: QUANTITY}`, which change together",
+                "shift",
+            ),
+            (
+                not is_found and self.match is not None,
+                "`match` is about `shift: auto`",
+                "add that, or remove `match`",
+                "match",
+            ),
+            (
+                self.match is not None and second not in self.quantities,
+                f"the second log has no quantity `{second}`",
+                f"name one of {_quoted(self.quantities)}",
+                "match",
+            ),
+            (
+                not self.quantities,
+                "the join adds no quantity",
+                "name one besides `time`",
+                "columns",
+            ),
+            (
+                any(
+                    isinstance(entry, FileEntry) and (entry.set or entry.id or entry.keep)
+                    for entry in self.files
+                ),
+                "`set`, `id` and `keep` belong to `data.files`",
+                "move them there",
+                "files",
+            ),
+        ]

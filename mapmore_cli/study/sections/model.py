@@ -4,7 +4,7 @@ that a spec defines.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -15,7 +15,7 @@ from mapmore_cli.domain import plugins
 from mapmore_cli.domain.declared import Contradiction, Pair, Seconds, Settings, always_in
 from mapmore_cli.modelling import kinds
 from mapmore_cli.modelling.literature.own import FamilySettings
-from mapmore_cli.study.fields import Quantity, Section, SpecPath
+from mapmore_cli.study.fields import Quantity, Row, Section, SpecPath
 
 # ruff: noqa: RUF012 (pydantic copies the default of a field for every instance)
 
@@ -30,13 +30,16 @@ class FormulaParameter(Section):
     unit: str | None = None
     bounds: Pair | None = None
 
-    def _contradictions(self) -> Iterator[ValueError]:
-        if self.bounds is not None and not self.bounds[0] < self.bounds[1]:
-            yield Contradiction(
-                f"the bounds run from {self.bounds[0]:g} to {self.bounds[1]:g}",
+    def _contradictions(self) -> Sequence[Row]:
+        low, high = self.bounds or (0.0, 1.0)
+        return [
+            (
+                not low < high,
+                f"the bounds run from {low:g} to {high:g}",
                 "put the lower one first",
                 "bounds",
             )
+        ]
 
 
 class OwnFormula(Section):
