@@ -16,7 +16,7 @@ from mapmore_cli.domain.declared import (
 )
 from mapmore_cli.domain.fits import Boundaries, FormulaFit, MemoryModel, Scaling
 from mapmore_cli.domain.joining import Fusion
-from mapmore_cli.domain.recording import Quantity, Signal
+from mapmore_cli.domain.recording import CurveRange, Quantity, Signal
 
 
 @dataclass(frozen=True)
@@ -40,17 +40,14 @@ class SegmentFunction:
 
 
 @dataclass(frozen=True)
-class CurveFunction:
+class CurveFunction(CurveRange):
     """The fused segment functions of one training curve."""
 
-    curve: Annotated[Label, "identifier of the curve"]
-    level: Annotated[Number | None, "value of the level quantity", "[level]"]
     boundaries: Annotated[
         tuple[Boundaries, ...],
         "(p) segment locations of each segmented variable, both ends included",
         "[variables.*]",
     ]
-    limits: Annotated[Ranges, "least and greatest training value of each input", "[*]"]
     segments: Annotated[tuple[SegmentFunction, ...], "segment functions"]
 
 
@@ -64,15 +61,6 @@ class FoldError:
     choice: Annotated[Label, "what was cross-validated"]
     rmse: Annotated[float, "pooled error of all left-out samples", "[target]"]
     folds: Annotated[Count, "number of folds"]
-
-
-@dataclass(frozen=True)
-class CurveRange:
-    """Training range of every input within one training curve."""
-
-    curve: Annotated[Label, "identifier of the curve"]
-    level: Annotated[Number | None, "value of the level quantity", "[level]"]
-    limits: Annotated[Ranges, "least and greatest training value of each input", "[*]"]
 
 
 class Body:
@@ -112,7 +100,7 @@ class Pieces(Body):
     @property
     def ranges(self) -> tuple[CurveRange, ...]:
         """Training range of every curve."""
-        return tuple(CurveRange(curve.curve, curve.level, curve.limits) for curve in self.curves)
+        return self.curves
 
     def joined(self, **how: Any) -> Pieces:
         """Return the pieces joined in another way: `how` has fields of `Fusion`."""

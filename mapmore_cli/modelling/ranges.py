@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mapmore_cli.domain.arrays import Array, BoolArray, Columns, row_count
-from mapmore_cli.domain.models import CurveRange
+from mapmore_cli.domain.recording import CurveRange
 
 OUTSIDE_TOLERANCE = 1e-9
 """Inputs within this fraction of a range beyond its end still count as inside: the end itself must

@@ -12,9 +12,8 @@ import numpy as np
 from mapmore_cli.annexes.motion.body import BUMPLESS, HARD, REST, Motion, MotionSection, StateSpace
 from mapmore_cli.annexes.motion.simulation import simulate as simulated
 from mapmore_cli.domain.arrays import Columns
-from mapmore_cli.domain.fits import SegmentedCurve
-from mapmore_cli.domain.models import CurveRange, Equation, Model
-from mapmore_cli.domain.recording import Quantity
+from mapmore_cli.domain.models import Equation, Model
+from mapmore_cli.domain.recording import CurveRange, Quantity
 from mapmore_cli.domain.results import Run
 from mapmore_cli.modelling.expressions import Expression, Name, Number, add, parse, substitute
 from mapmore_cli.modelling.expressions.syntax import ZERO, Condition, names_in
@@ -29,15 +28,13 @@ OfSection = Callable[[str, Sequence[Side]], Expression]
 def build(
     name: str,
     motion: Motion,
-    training: Sequence[SegmentedCurve],
+    training: Sequence[CurveRange],
     quantities: Mapping[str, Quantity],
     notes: tuple[str, ...],
 ) -> Model:
     """Return a model of motion; the `training` curves say the range of the inputs."""
     inputs = motion_inputs(motion)
-    ranges = tuple(
-        CurveRange(c.curve, c.level, {name: c.limits[name] for name in inputs}) for c in training
-    )
+    ranges = tuple(curve.of(inputs) for curve in training)
     return Model(
         name,
         quantities[motion.output],

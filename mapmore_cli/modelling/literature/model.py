@@ -10,9 +10,9 @@ import numpy as np
 
 from mapmore_cli.domain.arrays import Array, Columns, row_count
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.domain.fits import FormulaFit, SegmentedCurve
-from mapmore_cli.domain.models import CurveRange, Equation, Formula, Model
-from mapmore_cli.domain.recording import Quantity
+from mapmore_cli.domain.fits import FormulaFit
+from mapmore_cli.domain.models import Equation, Formula, Model
+from mapmore_cli.domain.recording import CurveRange, Quantity
 from mapmore_cli.domain.results import Run
 from mapmore_cli.modelling import literature
 from mapmore_cli.modelling.equations import written
@@ -37,7 +37,7 @@ def build(
     output: Quantity,
     fit: FormulaFit,
     level: str | None,
-    training: Sequence[SegmentedCurve],
+    training: Sequence[CurveRange],
     quantities: Mapping[str, Quantity],
 ) -> Model:
     """Return a fitted formula as a model; the `training` curves, in the order of their levels, say
@@ -45,10 +45,7 @@ def build(
     """
     inputs = sorted({*literature.of(fit).inputs, *([level] if level is not None else [])})
     ordered = sorted(training, key=lambda curve: (curve.level is not None, curve.level))
-    ranges = tuple(
-        CurveRange(curve.curve, curve.level, {i: curve.limits[i] for i in inputs})
-        for curve in ordered
-    )
+    ranges = tuple(curve.of(inputs) for curve in ordered)
     return Model(name, output, tuple(quantities[i] for i in inputs), Formula(fit, level, ranges))
 
 

@@ -11,9 +11,9 @@ import numpy as np
 
 from mapmore_cli.domain.arrays import Array, Columns, row_by_row, row_count
 from mapmore_cli.domain.errors import FitError
-from mapmore_cli.domain.fits import PIECE, FormulaFit, MemoryModel, SegmentedCurve
-from mapmore_cli.domain.models import CurveRange, Equation, Memory, Model
-from mapmore_cli.domain.recording import Quantity, united
+from mapmore_cli.domain.fits import PIECE, FormulaFit, MemoryModel
+from mapmore_cli.domain.models import Equation, Memory, Model
+from mapmore_cli.domain.recording import CurveRange, Quantity, united
 from mapmore_cli.domain.results import Run
 from mapmore_cli.modelling import literature
 from mapmore_cli.modelling.equations import equation
@@ -48,7 +48,7 @@ def build(
     name: str,
     memory: MemoryModel,
     backbone: FormulaFit | None,
-    training: Sequence[SegmentedCurve],
+    training: Sequence[CurveRange],
     quantities: Mapping[str, Quantity],
     notes: tuple[str, ...] = (),
 ) -> Model:
@@ -57,9 +57,7 @@ def build(
     """
     formula = () if backbone is None else literature.of(backbone).inputs
     inputs = sorted({*memory_inputs(memory), *formula})
-    ranges = tuple(
-        CurveRange(c.curve, c.level, {name: c.limits[name] for name in inputs}) for c in training
-    )
+    ranges = tuple(curve.of(inputs) for curve in training)
     return Model(
         name,
         quantities[memory.output],

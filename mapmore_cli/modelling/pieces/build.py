@@ -401,13 +401,7 @@ def fuse(
             for f in fits.get(s.curve, ())
         )
         functions.append(
-            CurveFunction(
-                curve=s.curve,
-                level=s.level,
-                boundaries=s.boundaries,
-                limits={name: s.limits[name] for name in inputs},
-                segments=segments,
-            )
+            taken(CurveFunction, s.of(inputs), boundaries=s.boundaries, segments=segments)
         )
     several = any(len(one.terms) > 1 for one in result.segments)
     sides = _extrapolation(recipe, inputs, "saturate" if several else "continue")

@@ -8,7 +8,7 @@ from itertools import count
 
 import numpy as np
 
-from mapmore_cli.domain.models import CurveRange
+from mapmore_cli.domain.recording import CurveRange
 from mapmore_cli.modelling.expressions import Expression, Name, Number, call, substitute
 from mapmore_cli.modelling.expressions.syntax import (
     ONE,

@@ -15,8 +15,7 @@ import numpy as np
 
 from mapmore_cli.domain.arrays import Array, BoolArray
 from mapmore_cli.domain.errors import FitError
-from mapmore_cli.domain.models import CurveRange
-from mapmore_cli.domain.recording import Curve, united
+from mapmore_cli.domain.recording import Curve, CurveRange, united
 from mapmore_cli.modelling.ranges import limits
 from mapmore_cli.modelling.selection import Fit
 from mapmore_cli.modelling.shape.region import Region, region_within

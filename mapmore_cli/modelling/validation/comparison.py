@@ -16,7 +16,8 @@ from typing import NamedTuple
 import numpy as np
 
 from mapmore_cli.domain.arrays import Array, Ranges
-from mapmore_cli.domain.models import CurveRange, Model, Pieces, SegmentFunction
+from mapmore_cli.domain.models import Model, Pieces, SegmentFunction
+from mapmore_cli.domain.recording import CurveRange
 from mapmore_cli.modelling.kinds import predict
 from mapmore_cli.modelling.ranges import limits
 from mapmore_cli.modelling.validation.intervals import half_widths
