@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, replace
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, TypeVar
 
 from mapmore_cli.domain.arrays import ASCENDING, Array, IntArray, Number, Numbers, Ranges
 from mapmore_cli.domain.declared import (
@@ -78,6 +78,9 @@ class Body:
     def memories(self) -> tuple[MemoryModel, ...]:
         """None."""
         return ()
+
+
+B = TypeVar("B", bound=Body)
 
 
 @dataclass(frozen=True, eq=False)  # equal to itself alone: arrays have no hash
@@ -268,6 +271,11 @@ class Model:
         LeftOut | None, "what intervals are made of, where the spec asked for them"
     ] = None
     shape: Annotated[Shape | None, "the shape that it keeps, where the spec asked for one"] = None
+
+    def body_of(self, kind: type[B]) -> B:
+        """Return the body, which is of this kind."""
+        assert isinstance(self.body, kind)
+        return self.body
 
     @property
     def each(self) -> tuple[Model, ...]:

@@ -113,26 +113,21 @@ class FormulaVerbs(Verbs):
 
     def simulate(self, model: Model, columns: Columns) -> Run:
         """Return the formula at every row, (n,); NaN where an input is."""
-        body = model.body
-        assert isinstance(body, Formula)
+        fit = model.body_of(Formula).fit
         return Run(
-            where_finite(
-                model.inputs, columns, lambda inputs, n: backbone_values(body.fit, inputs, n)
-            )
+            where_finite(model.inputs, columns, lambda inputs, n: backbone_values(fit, inputs, n))
         )
 
     def parameters(self, model: Model) -> int:
         """Return the parameters of the formula."""
-        assert isinstance(model.body, Formula)
-        return len(model.body.fit.parameters)
+        return len(model.body_of(Formula).fit.parameters)
 
     def equations(self, model: Model, units: Mapping[str, float]) -> tuple[Equation, ...]:
         """Return the formula with its parameters put in."""
-        assert isinstance(model.body, Formula)
-        return formula_equations(model.body.fit, units)
+        return formula_equations(model.body_of(Formula).fit, units)
 
     def write(self, m: Writer, model: Model, inputs: Inputs) -> Expression:
         """Write a formula alone."""
-        assert isinstance(model.body, Formula)
-        limit(m, model.body.ranges, model.body.level, inputs)
-        return formula_value(m, model.body.fit, inputs)
+        body = model.body_of(Formula)
+        limit(m, body.ranges, body.level, inputs)
+        return formula_value(m, body.fit, inputs)

@@ -68,17 +68,12 @@ def build(
 
 
 def _base(model: Model, columns: Columns) -> Array:
-    body = _memory_of(model)
+    body = model.body_of(Memory)
     if body.backbone is None and not model.inputs:
         return np.zeros(row_count(columns))
     return where_finite(
         model.inputs, columns, lambda inputs, n: backbone_values(body.backbone, inputs, n)
     )
-
-
-def _memory_of(model: Model) -> Memory:
-    assert isinstance(model.body, Memory)
-    return model.body
 
 
 def _written(m: Writer, model: MemoryModel, inputs: Inputs) -> Expression:
@@ -136,7 +131,7 @@ class MemoryVerbs(Verbs):
         """Return what tells the next rows of a recording each time that it is called: in free run,
         or one step `ahead`; on the backbone where there is one.
         """
-        along = Along(_memory_of(model).model, ahead)
+        along = Along(model.body_of(Memory).model, ahead)
 
         def next_rows(columns: Columns) -> Run:
             run = along(columns)
@@ -172,7 +167,7 @@ class MemoryVerbs(Verbs):
         """
         from scipy.optimize import fixed_point
 
-        memory, base = _memory_of(model).model, _base(model, columns)
+        memory, base = model.body_of(Memory).model, _base(model, columns)
         terms, start = list(map(parse, memory.terms)), np.full(len(base), memory.limits[1])
 
         def following(y: Array) -> Array:
@@ -192,7 +187,7 @@ class MemoryVerbs(Verbs):
 
     def equations(self, model: Model, units: Mapping[str, float]) -> tuple[Equation, ...]:
         """Return the backbone first, then the equation of the next output."""
-        body = _memory_of(model)
+        body = model.body_of(Memory)
         own, limits = (
             body.model,
             united([*(one.limits for one in body.ranges), {body.model.output: body.model.limits}]),
@@ -203,7 +198,7 @@ class MemoryVerbs(Verbs):
 
     def rules(self, model: Model) -> Iterator[str]:
         """Yield how the model is run."""
-        body = _memory_of(model)
+        body = model.body_of(Memory)
         memory = body.model
         if body.backbone is not None:
             yield f"{model.output.name} is {body.backbone.name} plus what has memory."
@@ -216,18 +211,18 @@ class MemoryVerbs(Verbs):
         """Return the coefficients of the terms, with the model's own constant where it has one, and
         the parameters of the backbone.
         """
-        body = _memory_of(model)
+        body = model.body_of(Memory)
         own = len(body.model.theta) + (body.model.constant != 0.0)
         return own + (0 if body.backbone is None else len(body.backbone.parameters))
 
     def fed_back(self, model: Model) -> tuple[str, ...]:
         """Return the output, where the model goes on from it."""
-        memory = _memory_of(model).model
+        memory = model.body_of(Memory).model
         return (memory.output,) if fed_back_states(memory.states, memory.output) else ()
 
     def write(self, m: Writer, model: Model, inputs: Inputs) -> Expression:
         """Write a model with memory, on its backbone where it has one."""
-        body = _memory_of(model)
+        body = model.body_of(Memory)
         limit(m, body.ranges, None, inputs)
         m.kept.steps.append(body.model.states.step)
         return m.let(
@@ -236,7 +231,7 @@ class MemoryVerbs(Verbs):
 
     def faults(self, model: Model) -> Iterator[str]:
         """Say what of a stored model no prediction would notice."""
-        memory = _memory_of(model).model
+        memory = model.body_of(Memory).model
         if memory.output != model.output.name or not all(
             parse(text).names <= {*memory.states.names} for text in memory.terms
         ):

@@ -42,8 +42,7 @@ def shaped(
 
     Raises FitError where no coefficients of the chosen terms do.
     """
-    body, asked = model.body, asked_of(recipe.fit)
-    assert isinstance(body, Pieces)
+    body, asked = model.body_of(Pieces), asked_of(recipe.fit)
     if not body.segments:  # the backbone stands alone
         return verified(model, curves, recipe.fit)
     region = region_of(model, curves, recipe.fit) if asked else None

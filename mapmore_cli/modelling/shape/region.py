@@ -104,10 +104,10 @@ class Region:
     def holds(self, columns: Columns) -> BoolArray:
         """Return True at places in it, (n,)."""
         inside = np.asarray(self.output(columns) > self.values.min() + self.fit.slack * self.span)
-        for name, at, levels, *ends in self.ranges:
-            low, high = (x if at is None else np.interp(columns[at], levels, x) for x in ends)
+        for one in self.ranges:
+            (low, high), x = one.ends(columns), columns[one.name]
             margin = (self.fit.beyond + OUTSIDE_TOLERANCE) * (high - low)
-            inside &= (columns[name] >= low - margin) & (columns[name] <= high + margin)
+            inside &= (x >= low - margin) & (x <= high + margin)
         return inside
 
     def asks(self, asked: Sequence[Asked]) -> list[Asked]:

@@ -315,12 +315,10 @@ def _limits_at(model: Model, place: Place) -> Ranges:
     if place.level is None:
         return next(one.limits for one in ranges if one.curve == place.curve)
     return {
-        one.name: (
-            float(np.interp(place.level, one.levels, one.low)),
-            float(np.interp(place.level, one.levels, one.high)),
-        )
+        one.name: (float(low[0]), float(high[0]))
         for one in limits(ranges, model.level)
         if one.at is not None
+        for low, high in [one.ends({one.at: np.array([place.level])})]
     }
 
 
