@@ -96,7 +96,7 @@ class Contradiction(ValueError):
         self.message, self.remedy, self.near = message, remedy, near
 
 
-def taken(of: type[S], settings: object, **own: object) -> S:
+def from_fields(of: type[S], settings: object, **own: object) -> S:
     """Return an `of` with the fields that it shares with `settings`, and with its `own`."""
     names = [field.name for field in fields(of)]  # type: ignore[arg-type]
     shared = {name: getattr(settings, name) for name in names if hasattr(settings, name)}

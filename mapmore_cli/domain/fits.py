@@ -153,7 +153,7 @@ class Selection:
 
 
 @dataclass(frozen=True)
-class Piece:
+class GridCell:
     """One cell of the grid that a training curve is cut into."""
 
     id: Annotated[Label, "identifier of the segment, as `pressure=150/strain:2`"]
@@ -162,7 +162,7 @@ class Piece:
 
 
 @dataclass(frozen=True)
-class Segment(Piece):
+class Segment(GridCell):
     """Rows of a training curve that one segment function is fitted to."""
 
     rows: Annotated[
@@ -187,7 +187,7 @@ class SegmentedCurve(CurveRange):
 
 
 @dataclass(frozen=True)
-class SegmentFit(Piece):
+class SegmentFit(GridCell):
     """A segment function: the chosen terms with their scaling, and how they were found."""
 
     candidates: Annotated[tuple[TermName, ...], "(M) names of all M dictionary terms"]

@@ -197,7 +197,7 @@ def along(
     beginning, at rest then. Where the piece goes on, its own last values and those of the source
     came `before`.
     """
-    own, source = map(_known, before)
+    own, source = map(_from_first_number, before)
     if len(own):
         rule = operator.recursion(setting)
         return run_recursion(rule, x, _latest(own, rule.own), _latest(source, rule.source))
@@ -213,7 +213,7 @@ def along(
     return values
 
 
-def _known(values: Array) -> Array:
+def _from_first_number(values: Array) -> Array:
     """Return the values from the first that is a number."""
     known = ~np.isnan(values)
     return values[int(np.argmax(known)) if known.any() else len(values) :]

@@ -13,7 +13,7 @@ from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.fits import FormulaFit
 from mapmore_cli.domain.models import Equation, Formula, Model
 from mapmore_cli.domain.recording import CurveRange, Quantity
-from mapmore_cli.domain.results import Run
+from mapmore_cli.domain.results import SimulatedRun
 from mapmore_cli.modelling import literature
 from mapmore_cli.modelling.equations import written
 from mapmore_cli.modelling.expressions import (
@@ -111,10 +111,10 @@ def formula_value(
 class FormulaVerbs(Verbs):
     """What a formula does as a model."""
 
-    def simulate(self, model: Model, columns: Columns) -> Run:
+    def simulate(self, model: Model, columns: Columns) -> SimulatedRun:
         """Return the formula at every row, (n,); NaN where an input is."""
         fit = model.body_of(Formula).fit
-        return Run(
+        return SimulatedRun(
             where_finite(model.inputs, columns, lambda inputs, n: backbone_values(fit, inputs, n))
         )
 

@@ -14,7 +14,7 @@ from mapmore_cli.domain.errors import FitError
 from mapmore_cli.domain.fits import PIECE, FormulaFit, MemoryModel
 from mapmore_cli.domain.models import Equation, Memory, Model
 from mapmore_cli.domain.recording import CurveRange, Quantity, united
-from mapmore_cli.domain.results import Run
+from mapmore_cli.domain.results import SimulatedRun
 from mapmore_cli.modelling import literature
 from mapmore_cli.modelling.equations import equation
 from mapmore_cli.modelling.expressions import (
@@ -38,7 +38,7 @@ from mapmore_cli.modelling.literature.model import (
 from mapmore_cli.modelling.memory.feedback import StateWriter, fed_back_states, parts_of_terms
 from mapmore_cli.modelling.memory.free_run import Along
 from mapmore_cli.modelling.memory.records import numbered
-from mapmore_cli.modelling.memory.simulation import bounds_of
+from mapmore_cli.modelling.memory.simulation import divergence_bounds
 from mapmore_cli.modelling.memory.states import evaluate_states, memory_inputs
 from mapmore_cli.modelling.program.statements import NOTHING, Queue
 from mapmore_cli.modelling.program.writing import Inputs, Writer, limit, product_as_written, total
@@ -90,7 +90,7 @@ def _written(m: Writer, model: MemoryModel, inputs: Inputs) -> Expression:
         """Write the output while it stays within bounds; nothing from where it leaves them, up to
         a reset.
         """
-        value, (low, high) = _sum_of_terms(m, model, names), bounds_of(model.limits)
+        value, (low, high) = _sum_of_terms(m, model, names), divergence_bounds(model.limits)
         lost_now = [(lost > 0, NOTHING), (value < low, NOTHING), (value > high, NOTHING)]
         return m.choose("within", lost_now, value)
 
@@ -127,19 +127,19 @@ def _sum_of_terms(m: Writer, model: MemoryModel, names: Mapping[str, Expression]
 class MemoryVerbs(Verbs):
     """What a model with memory does."""
 
-    def running(self, model: Model, ahead: bool = False) -> Callable[[Columns], Run]:
+    def running(self, model: Model, ahead: bool = False) -> Callable[[Columns], SimulatedRun]:
         """Return what tells the next rows of a recording each time that it is called: in free run,
         or one step `ahead`; on the backbone where there is one.
         """
         along = Along(model.body_of(Memory).model, ahead)
 
-        def next_rows(columns: Columns) -> Run:
+        def next_rows(columns: Columns) -> SimulatedRun:
             run = along(columns)
-            return Run(_base(model, columns) + run.values, run.diverged)
+            return SimulatedRun(_base(model, columns) + run.values, run.diverged)
 
         return next_rows
 
-    def simulate(self, model: Model, columns: Columns, ahead: bool = False) -> Run:
+    def simulate(self, model: Model, columns: Columns, ahead: bool = False) -> SimulatedRun:
         """Return the model in free run along one recording, (n,), or one step `ahead`."""
         next_rows, diverged, rows = self.running(model, ahead), list[int](), 0
 
@@ -152,7 +152,7 @@ class MemoryVerbs(Verbs):
             rows += len(numbers)
             return run.values
 
-        return Run(row_by_row(values, columns), tuple(diverged))
+        return SimulatedRun(row_by_row(values, columns), tuple(diverged))
 
     def one_step(self, model: Model, columns: Columns) -> Array:
         """Prediction of every row from the measured past, (n,); NaN before there is history."""
@@ -178,7 +178,7 @@ class MemoryVerbs(Verbs):
 
         with suppress(NotFinite, RuntimeError), np.errstate(all="ignore"):
             rest = fixed_point(following, start) if self.fed_back(model) else following(start)
-            if (np.clip(rest, *bounds_of(memory.limits)) == rest).all():
+            if (np.clip(rest, *divergence_bounds(memory.limits)) == rest).all():
                 return np.asarray(base + rest)
         raise FitError(
             "fit.shape: with inputs that stand still, the fitted model comes to no rest",

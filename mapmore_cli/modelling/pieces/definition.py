@@ -206,7 +206,7 @@ def segment_value(
         if name in z:
             scale = float(scaling.slope[scaling.variables.index(name)])
             slope = scale * add(
-                *weighted(segment, renamed_all([derivative(term, name) for term in terms], z))
+                *weighted_terms(segment, renamed_all([derivative(term, name) for term in terms], z))
             )
             value = m.choose(
                 "straight", [(beyond_it, value + slope * way) for beyond_it, way in cases], value
@@ -216,10 +216,10 @@ def segment_value(
 
 def combination(segment: SegmentFunction, regressors: Sequence[Expression]) -> Expression:
     """Return `y_slope sum_k theta_k D_k + y_intercept` of some regressors D_k."""
-    return add(Number(float(segment.scaling.y_intercept)), *weighted(segment, regressors))
+    return add(Number(float(segment.scaling.y_intercept)), *weighted_terms(segment, regressors))
 
 
-def weighted(segment: SegmentFunction, regressors: Sequence[Expression]) -> list[Expression]:
+def weighted_terms(segment: SegmentFunction, regressors: Sequence[Expression]) -> list[Expression]:
     """Return `y_slope theta_k D_k` for each regressor."""
     return [
         float(segment.scaling.y_slope * theta) * D

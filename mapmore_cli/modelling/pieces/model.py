@@ -9,7 +9,7 @@ import numpy as np
 
 from mapmore_cli.domain.arrays import Array, Columns
 from mapmore_cli.domain.models import CurveFunction, Equation, Model, Pieces, SegmentFunction
-from mapmore_cli.domain.results import Run
+from mapmore_cli.domain.results import SimulatedRun
 from mapmore_cli.modelling.equations import equation
 from mapmore_cli.modelling.expressions import Expression, parse
 from mapmore_cli.modelling.kinds import Verbs
@@ -77,7 +77,7 @@ def _weight(
 class PiecesVerbs(Verbs):
     """What MAPMORE does as a model."""
 
-    def simulate(self, model: Model, columns: Columns) -> Run:
+    def simulate(self, model: Model, columns: Columns) -> SimulatedRun:
         """Return `backbone(inputs) + sum_i f_i(E(x)) prod_j w_ij(x_j)` at every row, (n,) (M1 eq 5,
         M2 eq 9); NaN where an input is.
         """
@@ -89,7 +89,7 @@ class PiecesVerbs(Verbs):
             base = backbone_values(body.backbone, inputs, n)
             return base if pieces is None else base + pieces(inputs)[0]
 
-        return Run(where_finite(model.inputs, columns, value))
+        return SimulatedRun(where_finite(model.inputs, columns, value))
 
     def equations(self, model: Model, units: Mapping[str, float]) -> tuple[Equation, ...]:
         """Return the backbone first, then every segment function, in the model's units or in

@@ -14,7 +14,7 @@ from mapmore_cli.domain.recording import Curve
 from mapmore_cli.modelling.literature.backbone import pooled_training
 from mapmore_cli.modelling.ranges import OUTSIDE_TOLERANCE, InputRange, limits
 from mapmore_cli.modelling.selection import Fit
-from mapmore_cli.modelling.shape.stencils import Asked
+from mapmore_cli.modelling.shape.stencils import ShapeWord
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
@@ -110,7 +110,7 @@ class Region:
             inside &= (x >= low - margin) & (x <= high + margin)
         return inside
 
-    def asks(self, asked: Sequence[Asked]) -> list[Asked]:
+    def asks(self, asked: Sequence[ShapeWord]) -> list[ShapeWord]:
         """Return the words about the output, and about inputs that vary."""
         return [one for one in asked if one.word == "positive" or one.quantity in self.names]
 

@@ -12,7 +12,7 @@ from mapmore_cli.domain.arrays import Array, BoolArray, Columns
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.foreign import tex_text
 from mapmore_cli.domain.models import Equation, Model
-from mapmore_cli.domain.results import Run
+from mapmore_cli.domain.results import SimulatedRun
 from mapmore_cli.modelling import kinds
 from mapmore_cli.modelling.expressions import Expression
 from mapmore_cli.modelling.kinds import Verbs
@@ -64,9 +64,9 @@ def _force(model: Model, columns: Columns) -> Array:
 class TendonVerbs(Verbs):
     """What a muscle behind a tendon does."""
 
-    def simulate(self, model: Model, columns: Columns) -> Run:
+    def simulate(self, model: Model, columns: Columns) -> SimulatedRun:
         """Return the force at every row of a recording, (n,). Raises DataError without its time."""
-        return Run(_force(model, columns), ())
+        return SimulatedRun(_force(model, columns), ())
 
     def outside_range(self, model: Model, columns: Columns) -> BoolArray:
         """Return True where the muscle itself is beyond its training range, (n,)."""

@@ -21,7 +21,7 @@ from mapmore_cli.domain.arrays import (
     in_blocks,
     row_blocks,
 )
-from mapmore_cli.domain.compared import Block, Compared, Normaliser, ratio
+from mapmore_cli.domain.compared import Compared, Normaliser, SampleBlock, ratio
 from mapmore_cli.domain.recording import DIRECTION, Curve, Dataset, uncertainty_of
 from mapmore_cli.domain.results import ErrorBand, Forecast
 from mapmore_cli.domain.scores import Score
@@ -169,13 +169,13 @@ def score_rows(
     `divisor` of the study, `free` are the numbers that were fitted to all training samples.
     """
     for split, held in SPLITS:
-        rows: dict[tuple[int, Any], tuple[str, list[Part]]] = {}
+        rows: dict[tuple[int, Any], tuple[str, list[ScoredSamples]]] = {}
         for number, (curve, forecast) in enumerate(zip(dataset.curves, forecasts, strict=True)):
             wanted = curve.held_out == held
             for place, name, own in _rows_of(
                 curve, wanted & forecast.ready if partial else wanted, number, group
             ):
-                part = Part(curve, dataset.target, forecast, own)
+                part = ScoredSamples(curve, dataset.target, forecast, own)
                 rows.setdefault(place, (name, []))[1].append(part)
         whole = [part for (kind, _), (_, parts) in rows.items() if kind == 0 for part in parts]
         for name, parts in [("all", whole), *(rows[place] for place in sorted(rows))]:
@@ -185,7 +185,7 @@ def score_rows(
 
 
 @dataclass(frozen=True)
-class Part:
+class ScoredSamples:
     """Samples of one curve with a forecast: those that are `wanted`, (n,)."""
 
     curve: Curve
@@ -193,7 +193,7 @@ class Part:
     forecast: Forecast
     wanted: BoolArray
 
-    def blocks(self) -> Iterator[Block]:
+    def blocks(self) -> Iterator[SampleBlock]:
         """Yield its samples."""
         y, said = self.curve.columns[self.target], self.forecast
         sigma = self.curve.columns.get(uncertainty_of(self.target))
@@ -203,7 +203,7 @@ class Part:
             if wanted.any():
                 ready = wanted & said.ready[rows]
                 none = np.full(np.count_nonzero(ready), np.nan)
-                yield Block(
+                yield SampleBlock(
                     y[rows][wanted],
                     *(none if column is None else column[rows][ready] for column in columns),
                 )
@@ -236,13 +236,13 @@ def _where_equal(column: Array, value: float) -> BoolArray:
     return np.asarray(by_blocks(lambda part: part == value, column))
 
 
-def compared(parts: Sequence[Part], scale: Normaliser, free: int = 0) -> Compared:
+def compared(parts: Sequence[ScoredSamples], scale: Normaliser, free: int = 0) -> Compared:
     """Return the samples of some parts as one row of the score table."""
 
-    def blocks() -> Iterator[Block]:
+    def blocks() -> Iterator[SampleBlock]:
         return chain.from_iterable(part.blocks() for part in parts)
 
     if sum(part.curve.size for part in parts) > HELD:
         return Compared(blocks, scale, free)
     arrays = [np.concatenate(own) for own in zip(*blocks(), strict=True)]
-    return Compared(lambda: [Block(*arrays)] if arrays else [], scale, free)
+    return Compared(lambda: [SampleBlock(*arrays)] if arrays else [], scale, free)
