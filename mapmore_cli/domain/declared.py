@@ -152,7 +152,7 @@ class Either:
             for mark in getattr(member, "__metadata__", ())
         )
 
-        def told(value: Any) -> str:
+        def told(value: object) -> str:
             is_number = has_unit and getattr(value, "is_quantity", False)
             return "<a number>" if is_number else self._told(value)
 
