@@ -16,7 +16,7 @@ from pages import printed, r2, rms, run, scores, write_page
 from scipy.optimize import brentq, least_squares
 
 from mapmore_cli.domain.arrays import Array, Columns
-from mapmore_cli.domain.compared import Block, Compared, Normaliser
+from mapmore_cli.domain.compared import Compared, Normaliser, SampleBlock
 from mapmore_cli.modelling import literature
 from mapmore_cli.modelling.literature.linear import half_width
 from mapmore_cli.reporting.table import Cell, Table
@@ -102,7 +102,7 @@ def rebuilt_table(_runs: Path) -> Table:
 
 def correlation(measured: Array, predicted: Array) -> float:
     """W's index, about zero."""
-    samples = Block(measured, measured, *[predicted] * 4)
+    samples = SampleBlock(measured, measured, *[predicted] * 4)
     return Compared(lambda: [samples], Normaliser("", 1.0)).correlation
 
 

@@ -6,10 +6,13 @@ import shutil
 import subprocess
 import sys
 import tracemalloc
+from dataclasses import replace
 
 import numpy as np
 
 from mapmore_cli.domain.recording import Curve, Dataset, Quantity
+from mapmore_cli.modelling.pieces.definition import pieces_program
+from mapmore_cli.modelling.program.values import evaluator
 
 OCTAVE = shutil.which("octave-cli") or shutil.which("octave")
 NO_OCTAVE = "there is no Octave here (Debian's package octave), so MATLAB code is not run"
@@ -93,3 +96,18 @@ def mapmore(*arguments, **options):
 def python(code, *arguments, **options):
     """The same of Python code."""
     return process(sys.executable, "-c", code, *arguments, **options)
+
+
+def weight_of(body, segments, columns):
+    """Weight of some segment functions together, (n,): what the model is with the functions of
+    these ids one and all others zero. With `levels: pchip` it depends on the values of the curves.
+    """
+
+    def constant(segment):
+        scaling = replace(segment.scaling, y_slope=1.0, y_intercept=float(segment.id in segments))
+        return replace(segment, terms=(), theta=np.empty(0), scaling=scaling)
+
+    curves = tuple(
+        replace(curve, segments=tuple(map(constant, curve.segments))) for curve in body.curves
+    )
+    return evaluator(pieces_program(replace(body, curves=curves), list(columns)))(columns)[0]

@@ -12,6 +12,7 @@ import numpy as np
 from annotated_types import Interval
 from scipy.signal import lfilter
 
+from datasets.rig.marks import NonNegative, Positive
 from datasets.rig.muscle import (
     IN_KPA,
     SLACK_WIDTH,
@@ -23,7 +24,7 @@ from datasets.rig.muscle import (
 from datasets.rig.sensors import low_pass
 from datasets.rig.static_muscles import McKibben, volume, volume_slope
 from mapmore_cli.domain.arrays import Array, Columns
-from mapmore_cli.domain.declared import NonNegative, Positive, Settings
+from mapmore_cli.domain.declared import Settings
 
 ATMOSPHERE = 101_325.0
 """p0, Pa."""

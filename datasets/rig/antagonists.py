@@ -15,12 +15,13 @@ import numpy as np
 from annotated_types import Len
 
 from datasets.rig.air import TOLERANCE, Air, ClosedMuscle, Regulator
+from datasets.rig.marks import NonNegative, Positive
 from datasets.rig.muscle import Hysteresis, PositiveKpa, Pressure, Rubber
 from datasets.rig.random_velocity import PressureCourse, RestLength
 from datasets.rig.sensors import clock, integrate, low_pass
 from datasets.rig.static_muscles import McKibben
 from mapmore_cli.domain.arrays import Array, Columns
-from mapmore_cli.domain.declared import ListToo, NonNegative, Positive, Settings
+from mapmore_cli.domain.declared import ListToo, Settings
 
 SIGNS = (1.0, -1.0)
 """Of the change of strain with the angle: flexor, extensor."""

@@ -18,6 +18,7 @@ from annotated_types import Ge, Interval, Len
 from scipy.interpolate import CubicHermiteSpline
 from scipy.signal import lfilter
 
+from datasets.rig.marks import NonNegative, Positive
 from datasets.rig.muscle import (
     GRAVITY,
     SLACK_WIDTH,
@@ -30,7 +31,7 @@ from datasets.rig.muscle import (
 from datasets.rig.sensors import Pressures, clock, distinct, integrate, pressure_label
 from datasets.rig.water import DrivingPressure, WaterRig, WetMuscle, observe
 from mapmore_cli.domain.arrays import Array, Columns
-from mapmore_cli.domain.declared import NonNegative, Pair, Positive, Settings
+from mapmore_cli.domain.declared import Pair, Settings
 
 
 @dataclass(frozen=True)

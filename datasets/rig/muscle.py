@@ -18,8 +18,9 @@ import numpy as np
 from annotated_types import Interval, Len
 from scipy.optimize import brentq
 
+from datasets.rig.marks import After, NonNegative, Positive
 from mapmore_cli.domain.arrays import Array
-from mapmore_cli.domain.declared import After, NonNegative, Positive, Settings
+from mapmore_cli.domain.declared import Settings
 from mapmore_cli.domain.errors import SpecError
 
 IN_KPA = After(lambda pressure: pressure * 1e3)

@@ -12,11 +12,12 @@ from annotated_types import Ge, Interval
 from scipy.interpolate import CubicHermiteSpline
 
 from datasets.rig.air import ATMOSPHERE, TOLERANCE, Air, ClosedMuscle, Regulator
+from datasets.rig.marks import Positive
 from datasets.rig.muscle import PositiveKpa, Pressure, Rubber
 from datasets.rig.sensors import Pressures, clock, integrate, low_pass
 from datasets.rig.static_muscles import volume
 from mapmore_cli.domain.arrays import Array, Columns
-from mapmore_cli.domain.declared import ListToo, Positive, Settings
+from mapmore_cli.domain.declared import ListToo, Settings
 
 
 @dataclass(frozen=True)

@@ -13,9 +13,10 @@ from annotated_types import Len
 from scipy.integrate import solve_ivp
 from scipy.signal import lfilter
 
+from datasets.rig.marks import After, NonNegative, Positive
 from datasets.rig.muscle import Pressure
 from mapmore_cli.domain.arrays import Array, Columns
-from mapmore_cli.domain.declared import After, NonNegative, Positive, Settings
+from mapmore_cli.domain.declared import Settings
 from mapmore_cli.domain.errors import SpecError
 
 

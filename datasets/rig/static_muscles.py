@@ -15,6 +15,7 @@ import numpy as np
 from annotated_types import Ge, Interval
 from scipy.optimize import brentq
 
+from datasets.rig.marks import After, NonNegative, Positive
 from datasets.rig.muscle import (
     NonNegativeKpa,
     PositiveKpa,
@@ -24,7 +25,7 @@ from datasets.rig.muscle import (
     softplus,
 )
 from mapmore_cli.domain.arrays import Array
-from mapmore_cli.domain.declared import After, NonNegative, Positive, Settings
+from mapmore_cli.domain.declared import Settings
 
 
 @dataclass(frozen=True)

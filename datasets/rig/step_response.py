@@ -17,11 +17,12 @@ import numpy as np
 from annotated_types import Len
 
 from datasets.rig.air import Reservoir
+from datasets.rig.marks import NonNegative, Positive
 from datasets.rig.muscle import GRAVITY, zero_force_strain
 from datasets.rig.sensors import TOLERANCE, distinct, integrate_phases, pressure_label
 from datasets.rig.water import DrivingPressure, WaterRig, WetMuscle, observe
 from mapmore_cli.domain.arrays import Array, Columns
-from mapmore_cli.domain.declared import NonNegative, Positive, Settings
+from mapmore_cli.domain.declared import Settings
 
 ABOVE_WATER = (1e5, 0.1, 1.0)
 """Size of the states that stand before the wet muscle's: reservoir pressure (Pa), strain, strain

@@ -15,10 +15,11 @@ import numpy as np
 from annotated_types import Interval
 
 from datasets.rig.air import ATMOSPHERE
+from datasets.rig.marks import NonNegative, Positive
 from datasets.rig.muscle import IN_KPA, SLACK_WIDTH, MovingMuscle, Rubber, softplus
 from datasets.rig.sensors import low_pass
 from mapmore_cli.domain.arrays import Array, Columns
-from mapmore_cli.domain.declared import NonNegative, Positive, Settings
+from mapmore_cli.domain.declared import Settings
 
 DrivingPressure = Annotated[float, Interval(gt=0, le=1000), IN_KPA]
 """That fills a muscle with water; gauge, Pa."""

@@ -17,11 +17,12 @@ import numpy as np
 from annotated_types import Ge, Interval, Len
 
 from datasets.rig.air import TOLERANCE, Air, ClosedMuscle, Regulator
+from datasets.rig.marks import NonNegative, Positive
 from datasets.rig.muscle import GRAVITY, Hysteresis, Rubber
 from datasets.rig.sensors import clock, distinct, integrate_phases
 from datasets.rig.static_muscles import McKibben
 from mapmore_cli.domain.arrays import Array, Columns
-from mapmore_cli.domain.declared import Name, NonNegative, Positive, Settings
+from mapmore_cli.domain.declared import Name, Settings
 
 Command = Annotated[float, Interval(ge=0, le=10)]
 """V."""

@@ -8,9 +8,9 @@ engine as an estimator. Nothing is written but by `run`, and by `save`, `to_yaml
 model.
 """
 
+from mapmore_cli.api.estimator import FROLS
 from mapmore_cli.api.fitted import Fitted, Scores
 from mapmore_cli.api.runs import Run, load_model, run
 from mapmore_cli.api.sections import example, fit
-from mapmore_cli.modelling.frols.estimator import FROLS
 
 __all__ = ["FROLS", "Fitted", "Run", "Scores", "example", "fit", "load_model", "run"]

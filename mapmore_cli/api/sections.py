@@ -10,8 +10,8 @@ from typing import Any
 from mapmore_cli.api.fitted import HERE, Fitted, Study
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import SpecError
-from mapmore_cli.domain.given import labels_of
 from mapmore_cli.pipeline.example import example_recordings
+from mapmore_cli.pipeline.frames import labels_of
 from mapmore_cli.pipeline.notebooks import canonical_columns, plain_values
 from mapmore_cli.storage.readers import reader_of
 from mapmore_cli.study.diagnostics import did_you_mean

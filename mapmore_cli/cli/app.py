@@ -97,7 +97,7 @@ class Commands(TyperGroup):
     def list_commands(self, ctx: Context) -> list[str]:  # noqa: ARG002 - as click calls it
         """Return the names of all commands, in the order of the work."""
         if not self.commands:  # what is installed is looked at when the line is known
-            added = plugins.points("commands")
+            added = plugins.entry_points("commands")
             for name in added.keys() & MODULES.keys():
                 plugins.leave_plugin_out("commands", name, ValueError("mapmore has such a command"))
             names = {*MODULES, *added} - {*REMOVED}

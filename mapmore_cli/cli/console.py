@@ -26,8 +26,8 @@ from mapmore_cli.domain.errors import (
     Stopped,
     UsageError,
     WriteError,
+    error_text,
     explained,
-    told,
 )
 from mapmore_cli.domain.foreign import printable
 from mapmore_cli.storage.atomic import write_bytes, write_text
@@ -212,7 +212,7 @@ def write_ci_files(
     from mapmore_cli.reporting.ci import RunReport, to_junit, to_summary
 
     reports = [
-        RunReport(name, failure=told(run))
+        RunReport(name, failure=error_text(run))
         if isinstance(run, BaseException)
         else RunReport(name, run.seconds, None, run.limits, run.warnings)
         for name, run in ended.items()
@@ -270,7 +270,7 @@ def error_document(error: BaseException) -> dict[str, object]:
     error = explained(error)
     if isinstance(error, MapmoreError):
         return {"message": error.message, "remedy": error.remedy, "exit_code": error.exit_code}
-    return {"message": told(error), "remedy": None, "exit_code": exit_code(error)}
+    return {"message": error_text(error), "remedy": None, "exit_code": exit_code(error)}
 
 
 def exit_code(error: BaseException) -> int:
@@ -289,12 +289,12 @@ def message(error: BaseException) -> str:
     if isinstance(error, KeyboardInterrupt):
         return str(error) or "interrupted"
     if isinstance(error, MapmoreError):
-        return f"error: {told(error)}"
+        return f"error: {error_text(error)}"
     package = plugins.blamed(error)
     if package is not None:
         fault = f"{type(error).__name__}: {error}"
         return f"error: the plug-in {package} failed: {fault}\n  ask its authors, or uninstall it"
-    return told(error)
+    return error_text(error)
 
 
 def _silence_stdout() -> None:

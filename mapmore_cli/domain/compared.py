@@ -26,7 +26,7 @@ class Normaliser:
         return error / self.value if self.value > 0 else math.nan
 
 
-class Block(NamedTuple):
+class SampleBlock(NamedTuple):
     """Samples, (n,) each, with what a model says of them; NaN where it says nothing, or nothing is
     known. `recorded` has in addition the history that a model with memory goes on from.
     """
@@ -52,21 +52,21 @@ class Compared:
     - `free`: the numbers that were fitted to these samples.
     """
 
-    blocks: Callable[[], Iterable[Block]]
+    blocks: Callable[[], Iterable[SampleBlock]]
     scale: Normaliser
     free: int = 0
 
-    def total(self, of: Callable[[Block], Array | BoolArray]) -> float:
+    def total(self, of: Callable[[SampleBlock], Array | BoolArray]) -> float:
         """Return the sum over all samples."""
         with np.errstate(over="ignore", invalid="ignore"):
             return float(sum(float(np.sum(of(block))) for block in self.blocks()))
 
-    def spread(self, of: Callable[[Block], Array]) -> float:
+    def spread(self, of: Callable[[SampleBlock], Array]) -> float:
         """Return the sum of squares about the mean."""
         mean = self.total(of) / max(self.total(lambda block: np.ones(len(of(block)))), 1)
         return self.total(lambda block: (of(block) - mean) ** 2)
 
-    def median(self, of: Callable[[Block], Array]) -> float:
+    def median(self, of: Callable[[SampleBlock], Array]) -> float:
         """Return the median of the known values, of many of an even share; NaN where there are
         none.
         """

@@ -16,7 +16,7 @@ from dataclasses import dataclass, fields
 from inspect import cleandoc
 from typing import Annotated, Any, ClassVar, Literal, Protocol, TypeVar, get_args, get_origin
 
-from annotated_types import Ge, Gt, MaxLen
+from annotated_types import Gt, MaxLen
 
 from mapmore_cli.domain.foreign import is_one_line
 
@@ -96,7 +96,7 @@ class Contradiction(ValueError):
         self.message, self.remedy, self.near = message, remedy, near
 
 
-def taken(of: type[S], settings: object, **own: object) -> S:
+def from_fields(of: type[S], settings: object, **own: object) -> S:
     """Return an `of` with the fields that it shares with `settings`, and with its `own`."""
     names = [field.name for field in fields(of)]  # type: ignore[arg-type]
     shared = {name: getattr(settings, name) for name in names if hasattr(settings, name)}
@@ -152,7 +152,7 @@ class Either:
             for mark in getattr(member, "__metadata__", ())
         )
 
-        def told(value: Any) -> str:
+        def told(value: object) -> str:
             is_number = has_unit and getattr(value, "is_quantity", False)
             return "<a number>" if is_number else self._told(value)
 
@@ -178,23 +178,6 @@ class ListToo:
 
 
 Pair = Annotated[tuple[float, float], ListToo()]
-
-
-@dataclass(frozen=True)
-class After:
-    """Marks a value that a function checks or converts after the marks before it; what the function
-    returns is kept.
-    """
-
-    function: Callable[[Any], Any]
-
-    def __get_pydantic_core_schema__(self, source: object, handler: Handler) -> object:
-        """Return the value's schema, and the function behind it."""
-        return {
-            "type": "function-after",
-            "function": {"type": "no-info", "function": self.function},
-            "schema": handler(source),
-        }
 
 
 @dataclass(frozen=True)
@@ -309,8 +292,6 @@ def of_sibling(name: str, mark: type[InUnit] = InUnit) -> InUnit:
     return mark(lambda place: place.unit_of(place.siblings.get(name)), f"that of `{name}`")
 
 
-Positive = Annotated[float, Gt(0)]
-NonNegative = Annotated[float, Ge(0)]
 Seconds = Annotated[float, Gt(0), always_in("s")]
 OfKey = Annotated[
     float, InUnit(lambda place: place.unit_of(place.quantity), "that of the quantity")

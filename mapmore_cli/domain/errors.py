@@ -73,7 +73,7 @@ def explained(error: BaseException) -> BaseException:
     return error
 
 
-def told(error: BaseException) -> str:
+def error_text(error: BaseException) -> str:
     """Return what a user is told of an error; a fault of the program itself is one line."""
     error = explained(error)
     if isinstance(error, MapmoreError):

@@ -19,11 +19,11 @@ from mapmore_cli.domain.arrays import (
     IntArray,
     Number,
     Numbers,
-    Ranges,
     Rows,
     Span,
 )
 from mapmore_cli.domain.declared import Checked, Count, Label, QuantityName, TermName, one_of
+from mapmore_cli.domain.recording import CurveRange
 
 Boundaries = Annotated[Numbers, ASCENDING]
 Step = Annotated[Number, Checked("is not above 0", lambda step: step > 0)]
@@ -153,12 +153,18 @@ class Selection:
 
 
 @dataclass(frozen=True)
-class Segment:
-    """Rows of a training curve that one segment function is fitted to."""
+class GridCell:
+    """One cell of the grid that a training curve is cut into."""
 
     id: Annotated[Label, "identifier of the segment, as `pressure=150/strain:2`"]
     curve: Annotated[Label, "identifier of its curve"]
     cell: Annotated[tuple[int, ...], "place along each segmented variable, from 1", "-"]
+
+
+@dataclass(frozen=True)
+class Segment(GridCell):
+    """Rows of a training curve that one segment function is fitted to."""
+
     rows: Annotated[
         Rows,
         "row numbers within the curve's training samples, from 0; the first of those that follow "
@@ -168,28 +174,22 @@ class Segment:
 
 
 @dataclass(frozen=True)
-class SegmentedCurve:
+class SegmentedCurve(CurveRange):
     """A training curve cut up; samples stay in the dataset file."""
 
-    curve: Annotated[Label, "identifier of the curve"]
-    level: Annotated[Number | None, "value of the level quantity", "[level]"]
     variables: Annotated[tuple[QuantityName, ...], "(p) segmented variables"]
     boundaries: Annotated[
         tuple[Boundaries, ...],
         "(p) segment locations of each variable, both ends included",
         "[variables.*]",
     ]
-    limits: Annotated[Ranges, "least and greatest training value of each input", "[*]"]
     segments: Annotated[tuple[Segment, ...], "segments of the curve"]
 
 
 @dataclass(frozen=True)
-class SegmentFit:
+class SegmentFit(GridCell):
     """A segment function: the chosen terms with their scaling, and how they were found."""
 
-    id: Annotated[Label, "identifier of the segment"]
-    curve: Annotated[Label, "identifier of its curve"]
-    cell: Annotated[tuple[int, ...], "place along each segmented variable, from 1", "-"]
     candidates: Annotated[tuple[TermName, ...], "(M) names of all M dictionary terms"]
     scaling: Annotated[Scaling, "scaling of the segment"]
     selection: Annotated[Selection, "how the terms were found"]

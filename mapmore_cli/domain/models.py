@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, replace
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, TypeVar
 
 from mapmore_cli.domain.arrays import ASCENDING, Array, IntArray, Number, Numbers, Ranges
 from mapmore_cli.domain.declared import (
@@ -16,7 +16,7 @@ from mapmore_cli.domain.declared import (
 )
 from mapmore_cli.domain.fits import Boundaries, FormulaFit, MemoryModel, Scaling
 from mapmore_cli.domain.joining import Fusion
-from mapmore_cli.domain.recording import Quantity, Signal
+from mapmore_cli.domain.recording import CurveRange, Quantity, Signal
 
 
 @dataclass(frozen=True)
@@ -40,17 +40,14 @@ class SegmentFunction:
 
 
 @dataclass(frozen=True)
-class CurveFunction:
+class CurveFunction(CurveRange):
     """The fused segment functions of one training curve."""
 
-    curve: Annotated[Label, "identifier of the curve"]
-    level: Annotated[Number | None, "value of the level quantity", "[level]"]
     boundaries: Annotated[
         tuple[Boundaries, ...],
         "(p) segment locations of each segmented variable, both ends included",
         "[variables.*]",
     ]
-    limits: Annotated[Ranges, "least and greatest training value of each input", "[*]"]
     segments: Annotated[tuple[SegmentFunction, ...], "segment functions"]
 
 
@@ -64,15 +61,6 @@ class FoldError:
     choice: Annotated[Label, "what was cross-validated"]
     rmse: Annotated[float, "pooled error of all left-out samples", "[target]"]
     folds: Annotated[Count, "number of folds"]
-
-
-@dataclass(frozen=True)
-class CurveRange:
-    """Training range of every input within one training curve."""
-
-    curve: Annotated[Label, "identifier of the curve"]
-    level: Annotated[Number | None, "value of the level quantity", "[level]"]
-    limits: Annotated[Ranges, "least and greatest training value of each input", "[*]"]
 
 
 class Body:
@@ -90,6 +78,9 @@ class Body:
     def memories(self) -> tuple[MemoryModel, ...]:
         """None."""
         return ()
+
+
+B = TypeVar("B", bound=Body)
 
 
 @dataclass(frozen=True, eq=False)  # equal to itself alone: arrays have no hash
@@ -112,7 +103,7 @@ class Pieces(Body):
     @property
     def ranges(self) -> tuple[CurveRange, ...]:
         """Training range of every curve."""
-        return tuple(CurveRange(curve.curve, curve.level, curve.limits) for curve in self.curves)
+        return self.curves
 
     def joined(self, **how: Any) -> Pieces:
         """Return the pieces joined in another way: `how` has fields of `Fusion`."""
@@ -280,6 +271,11 @@ class Model:
         LeftOut | None, "what intervals are made of, where the spec asked for them"
     ] = None
     shape: Annotated[Shape | None, "the shape that it keeps, where the spec asked for one"] = None
+
+    def body_of(self, kind: type[B]) -> B:
+        """Return the body, which is of this kind."""
+        assert isinstance(self.body, kind)
+        return self.body
 
     @property
     def each(self) -> tuple[Model, ...]:

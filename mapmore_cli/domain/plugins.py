@@ -58,7 +58,7 @@ def parts(group: str, form: type[P], package: str = "") -> Iterator[Added[P]]:
             if isinstance(part.value, form):
                 taken.add(part.name)
                 yield Added(part.name, part.value, part.source)
-    for name in sorted(points(group)):
+    for name in sorted(entry_points(group)):
         try:
             found = list[Added[P]]()
             for part in _parts_in(group, name, load(group, name)):
@@ -76,7 +76,7 @@ def parts(group: str, form: type[P], package: str = "") -> Iterator[Added[P]]:
 
 def leave_plugin_out(group: str, name: str, fault: BaseException) -> None:
     """Warn that a part of a plug-in is left out, and why."""
-    _leave_out(group, points(group)[name], f"{type(fault).__name__}: {fault}")
+    _leave_out(group, entry_points(group)[name], f"{type(fault).__name__}: {fault}")
 
 
 def _leave_out(group: str, point: EntryPoint, why: str) -> None:
@@ -118,7 +118,7 @@ NONE_OF_OTHERS = "MAPMORE_NO_PLUGINS"
 def leave_out_others() -> None:
     """Leave out the plug-ins of all other packages, in this process and those that it starts."""
     os.environ[NONE_OF_OTHERS] = "1"
-    for remembered in (_installed, points):
+    for remembered in (_installed, entry_points):
         remembered.cache_clear()
 
 
@@ -153,7 +153,7 @@ def _name_of(package: Distribution) -> str:
 
 
 @cache
-def points(group: str) -> dict[str, EntryPoint]:
+def entry_points(group: str) -> dict[str, EntryPoint]:
     """Return the entry points of a group by name; of two with one name, ours, else the first by
     module. The other one is named in a warning.
     """
@@ -185,7 +185,7 @@ def _printing_to_stderr() -> Iterator[None]:
 @cache
 def load(group: str, name: str) -> Any:
     """Return what an entry point names; raises NotInstalled where it cannot be imported."""
-    point = points(group)[name]
+    point = entry_points(group)[name]
     try:
         with nullcontext() if _owner(point) == OURS else _printing_to_stderr():
             return point.load()

@@ -95,6 +95,19 @@ class Recording:
 
 
 @dataclass(frozen=True)
+class CurveRange:
+    """Training range of every input within one training curve."""
+
+    curve: Annotated[Label, "identifier of the curve"]
+    level: Annotated[Number | None, "value of the level quantity", "[level]"]
+    limits: Annotated[Ranges, "least and greatest training value of each input", "[*]"]
+
+    def of(self, names: Iterable[str]) -> CurveRange:
+        """Return the range of some inputs alone."""
+        return CurveRange(self.curve, self.level, {name: self.limits[name] for name in names})
+
+
+@dataclass(frozen=True)
 class Curve:
     """Samples at one value of the level quantity, or of one recording.
 

@@ -220,7 +220,7 @@ class Validation:
 
 
 @dataclass(frozen=True)
-class Run:
+class SimulatedRun:
     """Predictions (n,), empty (NaN) before there is history and from a sample at which the run left
     all bounds to the end of its piece.
     """

@@ -22,7 +22,7 @@ from mapmore_cli.domain.declared import Settings
 from mapmore_cli.domain.errors import DataError, UsageError
 from mapmore_cli.domain.fits import Fit
 from mapmore_cli.domain.models import Body, Equation, Model
-from mapmore_cli.domain.results import Run
+from mapmore_cli.domain.results import SimulatedRun
 from mapmore_cli.modelling.expressions import Expression, ExpressionError
 from mapmore_cli.modelling.program.writing import Inputs, Writer
 from mapmore_cli.modelling.ranges import outside_limits
@@ -36,7 +36,7 @@ class Verbs(Protocol):
     """
 
     @abstractmethod
-    def simulate(self, model: Model, columns: Columns) -> Run:
+    def simulate(self, model: Model, columns: Columns) -> SimulatedRun:
         """Return the output at every row, (n,), NaN where an input is NaN or there is no
         history.
         """
@@ -55,7 +55,7 @@ class Verbs(Protocol):
     def write(self, m: Writer, model: Model, inputs: Inputs) -> Expression:
         """Write the model as statements; return its output."""
 
-    def running(self, model: Model) -> Callable[[Columns], Run] | None:  # noqa: ARG002
+    def running(self, model: Model) -> Callable[[Columns], SimulatedRun] | None:  # noqa: ARG002
         """Return what simulates one recording block after block; None where the kind needs the
         whole recording.
         """
@@ -154,7 +154,7 @@ def predict(model: Model, columns: Columns) -> Array:
     return simulate(model, columns).values
 
 
-def simulate(model: Model, columns: Columns) -> Run:
+def simulate(model: Model, columns: Columns) -> SimulatedRun:
     """Output of the model at every row, (n,), NaN where an input is NaN; and the rows at which a
     free run diverges.
 
@@ -179,7 +179,7 @@ def settled(model: Model, columns: Columns) -> Array:
     return verbs_of(model).settled(model, columns)
 
 
-def running(model: Model) -> Callable[[Columns], Run] | None:
+def running(model: Model) -> Callable[[Columns], SimulatedRun] | None:
     """Return what simulates one recording block after block; None of a kind that wants it whole."""
     return verbs_of(model).running(model)
 

@@ -10,9 +10,21 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Any
+from typing import Protocol
 
 import numpy as np
+
+from mapmore_cli.domain.arrays import Array
+
+
+class Regressor(Protocol):
+    """What learns from inputs, (n, m), and outputs, (n,), and predicts (n,) of other inputs."""
+
+    def fit(self, x: Array, y: Array, /) -> object:
+        """Learn from samples."""
+
+    def predict(self, x: Array, /) -> Array:
+        """Return the outputs at other inputs."""
 
 
 @dataclass(frozen=True)
@@ -23,31 +35,34 @@ class Learner:
 
     title: str
     most_samples: int
-    make: Callable[[int], Any]
+    make: Callable[[int], Regressor]
 
 
-def _gaussian_process(inputs: int) -> Any:
+def _gaussian_process(inputs: int) -> Regressor:
     from sklearn.gaussian_process import GaussianProcessRegressor
     from sklearn.gaussian_process.kernels import RBF, ConstantKernel, WhiteKernel
 
     kernel = ConstantKernel(1.0) * RBF(np.ones(inputs)) + WhiteKernel(1e-2)
-    return GaussianProcessRegressor(kernel, n_restarts_optimizer=1, random_state=0)
+    learner: Regressor = GaussianProcessRegressor(kernel, n_restarts_optimizer=1, random_state=0)
+    return learner
 
 
-def _gradient_boosting(_inputs: int) -> Any:
+def _gradient_boosting(_inputs: int) -> Regressor:
     from sklearn.ensemble import HistGradientBoostingRegressor
 
-    return HistGradientBoostingRegressor(
+    learner: Regressor = HistGradientBoostingRegressor(
         max_iter=300, min_samples_leaf=5, early_stopping=False, random_state=0
     )
+    return learner
 
 
-def _neural_network(_inputs: int) -> Any:
+def _neural_network(_inputs: int) -> Regressor:
     from sklearn.neural_network import MLPRegressor
 
-    return MLPRegressor(
+    learner: Regressor = MLPRegressor(
         hidden_layer_sizes=(32, 32), solver="lbfgs", alpha=1e-3, max_iter=500, random_state=0
     )
+    return learner
 
 
 LEARNERS: Mapping[str, Learner] = MappingProxyType(

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mapmore_cli.domain.arrays import Array, BoolArray, Columns, row_count
-from mapmore_cli.domain.models import CurveRange
+from mapmore_cli.domain.recording import CurveRange
 
 OUTSIDE_TOLERANCE = 1e-9
 """Inputs within this fraction of a range beyond its end still count as inside: the end itself must
@@ -26,6 +26,13 @@ class InputRange(NamedTuple):
     levels: Array
     low: Array
     high: Array
+
+    def ends(self, columns: Columns) -> tuple[Array, Array]:
+        """Return the least and the greatest value of the input at every row, (n,) or (1,) each."""
+        if self.at is None:
+            return self.low[:1], self.high[:1]
+        place = columns[self.at]
+        return np.interp(place, self.levels, self.low), np.interp(place, self.levels, self.high)
 
 
 def limits(ranges: Sequence[CurveRange], level: str | None) -> Iterator[InputRange]:
@@ -53,13 +60,9 @@ def limits(ranges: Sequence[CurveRange], level: str | None) -> Iterator[InputRan
 def outside_limits(ranges: Sequence[CurveRange], level: str | None, columns: Columns) -> BoolArray:
     """Return True where an input lies beyond its training range, (n,)."""
     outside = np.zeros(row_count(columns), dtype=np.bool_)
-    for name, at, levels, *ends in limits(ranges, level):
-        if name in columns:
-            low, high = (
-                end[:1] if at is None else np.interp(columns[at], levels, end) for end in ends
-            )
-            margin = OUTSIDE_TOLERANCE * np.maximum(
-                high - low, np.maximum(np.abs(low), np.abs(high))
-            )
-            outside |= (columns[name] < low - margin) | (columns[name] > high + margin)
+    for one in limits(ranges, level):
+        if one.name in columns:
+            (low, high), x = one.ends(columns), columns[one.name]
+            margin = OUTSIDE_TOLERANCE * np.max([high - low, np.abs(low), np.abs(high)], axis=0)
+            outside |= (x < low - margin) | (x > high + margin)
     return outside

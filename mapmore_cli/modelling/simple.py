@@ -12,7 +12,7 @@ from math import comb
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import WIDE, Array, IntArray, by_blocks, in_blocks, stacked
+from mapmore_cli.domain.arrays import Array, IntArray, by_blocks, in_blocks, picked, stacked
 from mapmore_cli.domain.recording import Curve, Dataset
 from mapmore_cli.modelling.signals.sampling import even_share
 
@@ -101,14 +101,11 @@ def _training_samples(dataset: Dataset, names: Sequence[str]) -> list[Array]:
     takes, an even share.
     """
     every = _thinning(dataset)
-    parts = [
-        [column[np.flatnonzero(training)[::every]] for column in columns]
-        for curve in dataset.curves
-        for training, *columns in in_blocks(
-            curve.training, *map(curve.columns.get, names), rows=WIDE
-        )
+    rows = [np.flatnonzero(curve.training)[::every] for curve in dataset.curves]
+    parts = list(zip(dataset.curves, rows, strict=True))
+    return [
+        np.concatenate([picked(curve.columns[name], own) for curve, own in parts]) for name in names
     ]
-    return [np.concatenate(columns) for columns in zip(*parts, strict=True)]
 
 
 def _thinning(dataset: Dataset) -> int:
@@ -125,14 +122,12 @@ def _monomials(x: Sequence[Array] | Array, degree: int) -> Array:
     return np.array([*values.values()])
 
 
-def _past(values: Array, order: int, first: int) -> Array:
-    """Return the values `first` to `order` samples before each, (n, order - first + 1); the first
-    one stands for what was before it.
+def _past(values: Array, order: int) -> Array:
+    """Return the values 0 to `order` samples before each, (n, order + 1); the first one stands for
+    what was before it.
     """
     places = np.arange(len(values))
-    return np.column_stack(
-        [values[np.maximum(places - step, 0)] for step in range(first, order + 1)]
-    )
+    return np.column_stack([values[np.maximum(places - step, 0)] for step in range(order + 1)])
 
 
 def _one_step_fit(dataset: Dataset, names: Sequence[str], order: int) -> Array | None:
@@ -140,14 +135,14 @@ def _one_step_fit(dataset: Dataset, names: Sequence[str], order: int) -> Array |
     every, tables, outputs = _thinning(dataset), [], []
     for curve in dataset.curves:
         for rows in curve.stretches:
-            columns = [curve.columns[name][rows] for name in (dataset.target, *names)]
-            for training, y, *inputs in in_blocks(
-                curve.training[rows], *columns, overlap=order, rows=WIDE
-            ):
-                past = [_past(y, order, 1), *(_past(x, order, 0) for x in inputs)]
-                train = np.flatnonzero(training & (np.arange(len(y)) >= order))[::every]
-                tables.append(np.hstack([np.ones((len(y), 1)), *past])[train])
-                outputs.append(y[train])
+            own = np.flatnonzero(curve.training[rows])
+            own = own[own >= order][::every]
+            y, *inputs = (curve.columns[name][rows] for name in (dataset.target, *names))
+            delayed = [(y, step) for step in range(1, order + 1)]
+            delayed += [(x, step) for x in inputs for step in range(order + 1)]
+            past = [picked(x, own - step) for x, step in delayed]
+            tables.append(np.column_stack([np.ones(len(own)), *past]))
+            outputs.append(picked(y, own))
     P, y = np.concatenate(tables), np.concatenate(outputs)
     known = np.isfinite(P).all(axis=1) & np.isfinite(y)
     P, y = even_share(P[known], MOST_ROWS), even_share(y[known], MOST_ROWS)
@@ -172,7 +167,7 @@ def _run(curve: Curve, target: str, names: Sequence[str], order: int, theta: Arr
         past = np.array([a[step:].sum() * y[rows][0] for step in range(order)])
         first, lost = 0, False
         for block in in_blocks(y[rows], *(curve.columns[x][rows] for x in names), overlap=order):
-            inputs = [_past(x, order, 0)[first:] for x in block[1:]]
+            inputs = [_past(x, order)[first:] for x in block[1:]]
             drive = theta[0] + (
                 np.hstack(inputs) @ b if inputs else np.zeros(len(block[0]) - first)
             )

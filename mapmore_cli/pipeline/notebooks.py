@@ -20,7 +20,6 @@ from pydantic import TypeAdapter
 from mapmore_cli.domain import plugins
 from mapmore_cli.domain.arrays import Array, BoolArray
 from mapmore_cli.domain.errors import DataError, SpecError
-from mapmore_cli.domain.given import Door, labels_of
 from mapmore_cli.domain.models import Equation, Model
 from mapmore_cli.domain.recording import Curve, Quantity
 from mapmore_cli.modelling.inverse import LOWEST, Inverse, invert
@@ -29,6 +28,7 @@ from mapmore_cli.modelling.kinds import equations as model_equations
 from mapmore_cli.modelling.programs import slopes
 from mapmore_cli.modelling.signals.rates import with_signals
 from mapmore_cli.modelling.validation.intervals import INTERVAL, interval
+from mapmore_cli.pipeline.frames import Door, labels_of
 from mapmore_cli.pipeline.records import reading_of
 from mapmore_cli.storage.atomic import make_folder, refusals_told, replacing, write_bytes
 from mapmore_cli.storage.tables import IN_MEMORY, RawTable, known_names

@@ -15,7 +15,7 @@ import numpy as np
 from mapmore_cli.domain.arrays import Array, BoolArray, Columns, IntArray
 from mapmore_cli.domain.errors import DataError, UsageError
 from mapmore_cli.domain.models import Formula, Model
-from mapmore_cli.domain.results import Run
+from mapmore_cli.domain.results import SimulatedRun
 from mapmore_cli.modelling.inverse import LOWEST, invert, solve_for_input
 from mapmore_cli.modelling.kinds import alone, outside_range, running, runs_over_time, simulate
 from mapmore_cli.modelling.literature.family import adapted, family_of
@@ -67,7 +67,7 @@ class Predictor:
             names += [f"{output}_by_{quantity.name}" for quantity in by]
         return names
 
-    def runs(self, in_parts: bool) -> list[Callable[[Columns], Run]]:
+    def runs(self, in_parts: bool) -> list[Callable[[Columns], SimulatedRun]]:
         """Return what tells the rows of a recording, of every output."""
         return [
             (running(one) if in_parts else None) or partial(simulate, one)
@@ -75,7 +75,7 @@ class Predictor:
         ]
 
     def numbers(
-        self, columns: Columns, rows: IntArray, runs: Sequence[Callable[[Columns], Run]]
+        self, columns: Columns, rows: IntArray, runs: Sequence[Callable[[Columns], SimulatedRun]]
     ) -> tuple[Array, BoolArray, list[int]]:
         """Return all columns but the flags of complete rows, (n, m - 1), the flags, (n,), and the
         rows at which a free run diverges.
@@ -117,7 +117,7 @@ class Predictor:
         label: str,
         block: Sequence[Row],
         columns: dict[str, Array],
-        runs: Sequence[Callable[[Columns], Run]],
+        runs: Sequence[Callable[[Columns], SimulatedRun]],
     ) -> tuple[list[str], list[int]]:
         """Return the new fields of every row of a block, and the rows at which a free run
         diverges.

@@ -161,7 +161,7 @@ FITTING = Stage(name="fit", revision=13, outputs=(FIT,), reads=fit_choices, run=
 
 def fuse(part: ModelChoices, workspace: Workspace) -> None:
     """Join the fits into a model, and write it."""
-    from mapmore_cli.modelling.outputs.model import joined
+    from mapmore_cli.modelling.outputs.model import outputs_model
     from mapmore_cli.storage.artefacts import write_model
     from mapmore_cli.storage.run_record import tool_versions
 
@@ -176,7 +176,7 @@ def fuse(part: ModelChoices, workspace: Workspace) -> None:
     model = kinds.build(part, given, result)
     outputs = zip(model.each, dataset.each, strict=True)
     finished = [_finished(part, one, data) for one, data in outputs]
-    model = joined(model.name, finished) if dataset.also else finished[0]
+    model = outputs_model(model.name, finished) if dataset.also else finished[0]
     for note in model.notes:
         workspace.warn(note)
     if part.intervals:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from mapmore_cli.domain.plugins import points
+from mapmore_cli.domain.plugins import entry_points
 
 RUN_PAGE = "report/index.html"
 """The page of a run, in its folder."""
@@ -23,4 +23,4 @@ FIGURES = {
 """The figures in their order, with the section of the page that each stands in; those of plug-ins
 come last. A figure `NAME` is drawn by `reporting/figures/NAME.py`, or an entry point.
 """
-FIGURES |= {name: "nrmse" for name in sorted(points("figures")) if name not in FIGURES}
+FIGURES |= {name: "nrmse" for name in sorted(entry_points("figures")) if name not in FIGURES}

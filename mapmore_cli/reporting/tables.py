@@ -18,8 +18,8 @@ from mapmore_cli.domain.fits import (
     SegmentFit,
     Selection,
 )
-from mapmore_cli.domain.models import CurveRange, Equation, FoldError, Model, SegmentFunction
-from mapmore_cli.domain.recording import Dataset
+from mapmore_cli.domain.models import Equation, FoldError, Model, SegmentFunction
+from mapmore_cli.domain.recording import CurveRange, Dataset
 from mapmore_cli.domain.results import ErrorBand, FitResult, Outlier
 from mapmore_cli.modelling.frols.weighing import FEW
 from mapmore_cli.modelling.literature.linear import half_width

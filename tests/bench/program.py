@@ -10,11 +10,11 @@ import sys
 from pathlib import Path
 
 import numpy as np
+from common import weight_of
 from timing import in_turn, median_seconds
 
 from mapmore_cli.modelling.expressions import evaluate, parse
 from mapmore_cli.modelling.kinds import predict
-from mapmore_cli.modelling.pieces.definition import weight_of
 from mapmore_cli.storage.artefacts import read_model
 
 STUDY = Path(__file__).parents[2] / "configs" / "m2" / "dmsp-20-88-static.yaml"

@@ -12,7 +12,7 @@ from peer import PEERS, SHAPES, problem
 from scipy.linalg.blas import dsyrk
 from timing import in_turn
 
-from mapmore_cli.modelling.frols import Problem, frols, frols_together
+from mapmore_cli.modelling.frols import Regression, frols, frols_together
 from mapmore_cli.modelling.frols.moments import blocks_of_rows
 
 HERE = Path(__file__).parent
@@ -46,7 +46,7 @@ def own(shape):
         {
             "ours": lambda: frols(P, y, k),
             "dsyrk": lambda: dsyrk(1.0, P, trans=1),
-            "gram": lambda: frols_together([Problem(blocks_of_rows(P, y))], k)[0],
+            "gram": lambda: frols_together([Regression(blocks_of_rows(P, y))], k)[0],
             "textbook": lambda: textbook(P, y, k),
         },
         RUNS,

@@ -20,7 +20,7 @@ from timing import median_seconds
 
 from mapmore_cli.cli.progress import Reporter
 from mapmore_cli.modelling.expressions import dictionary_blocks, dictionary_matrix, parse
-from mapmore_cli.modelling.frols import Problem, frols, frols_together
+from mapmore_cli.modelling.frols import Regression, frols, frols_together
 
 INPUTS = ("a", "b", "c")
 TERMS = [
@@ -94,7 +94,7 @@ def main(samples, folder):
     write_record(path, samples)
     with Reporter() as reporter:
         start = perf_counter()
-        problem = Problem(blocks_of(path, samples, reporter.progress))
+        problem = Regression(blocks_of(path, samples, reporter.progress))
         (streamed,) = frols_together([problem], MAX_TERMS)
         elapsed = perf_counter() - start
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024

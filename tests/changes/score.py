@@ -10,12 +10,12 @@ FORMULA = """, Measure(
 REST = f"] = math.nan\n\n{END}"
 PATCH = {SCORES: [(END, BEGIN + FORMULA + REST)]}
 WORKS = """
-from mapmore_cli.domain.compared import Block, Compared, Normaliser
+from mapmore_cli.domain.compared import SampleBlock, Compared, Normaliser
 from mapmore_cli.domain.scores import METRICS, Score
 from mapmore_cli.reporting.score_tables import score_table
 from mapmore_cli.study.schema import reference
 y, p = np.array([1.0, 2.0]), np.array([1.1, 2.2])
-row = Score.of("m", "force", "validate", "all", Compared(lambda: [Block(y, *[y, p, p, p, p])],
+row = Score.of("m", "force", "validate", "all", Compared(lambda: [SampleBlock(y, *[y, p, p, p, p])],
     Normaliser("scale", 2.0)))
 assert abs(row.mape - 0.1) < 1e-12
 assert "MAPE [%]" in [column.heading for column in score_table([row], {"force": "N"}).columns]

@@ -184,7 +184,7 @@ def line(curve, level, slope, height, end):
         "max_terms",
     )
     limits = {"strain": (0.0, end), "pressure": (level, level)}
-    return CurveFunction(curve, level, (np.array([0.0, end]),), limits, (segment,))
+    return CurveFunction(curve, level, limits, (np.array([0.0, end]),), (segment,))
 
 
 def hand_model():

@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 
 from mapmore_cli.annexes.sums import Part, Sum
 from mapmore_cli.domain.fits import MemoryModel, StateSet
-from mapmore_cli.domain.models import CurveRange, Memory, Model
-from mapmore_cli.domain.recording import Quantity, Signal
+from mapmore_cli.domain.models import Memory, Model
+from mapmore_cli.domain.recording import CurveRange, Quantity, Signal
 from mapmore_cli.modelling.kinds import predict
 from mapmore_cli.pipeline.predict import predicted_lines
 from mapmore_cli.storage.artefacts import read_dataset, read_model, read_validation

@@ -10,7 +10,6 @@ from mapmore_cli.annexes.sums import Part, Sum
 from mapmore_cli.domain.fits import FormulaFit, MemoryModel, Scaling, StateSet
 from mapmore_cli.domain.models import (
     CurveFunction,
-    CurveRange,
     Formula,
     Fusion,
     Memory,
@@ -18,7 +17,7 @@ from mapmore_cli.domain.models import (
     Pieces,
     SegmentFunction,
 )
-from mapmore_cli.domain.recording import Quantity
+from mapmore_cli.domain.recording import CurveRange, Quantity
 from mapmore_cli.modelling import literature
 
 FORCE, PRESSURE, STRAIN = (
@@ -85,8 +84,8 @@ def curve(number, level, counts, terms):
     return CurveFunction(
         f"c{number}",
         level,
-        boundaries,
         limits,
+        boundaries,
         tuple(segments),
     )
 

@@ -16,8 +16,8 @@ from mapmore_cli.annexes.sums.joint import actuator
 from mapmore_cli.cli.app import app
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.fits import MemoryModel, StateSet
-from mapmore_cli.domain.models import CurveRange, Memory, Model
-from mapmore_cli.domain.recording import Quantity, Signal
+from mapmore_cli.domain.models import Memory, Model
+from mapmore_cli.domain.recording import CurveRange, Quantity, Signal
 from mapmore_cli.modelling.kinds import (
     outside_range,
     predict,

@@ -8,8 +8,8 @@ import pytest
 from surfaces import QUANTITIES
 
 from mapmore_cli.domain.errors import SpecError
-from mapmore_cli.domain.models import CurveRange, Formula, Model
-from mapmore_cli.domain.recording import Curve, Dataset, Quantity
+from mapmore_cli.domain.models import Formula, Model
+from mapmore_cli.domain.recording import Curve, CurveRange, Dataset, Quantity
 from mapmore_cli.domain.results import FitResult
 from mapmore_cli.fitting.competitors import Contest
 from mapmore_cli.modelling import literature

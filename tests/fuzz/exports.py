@@ -25,8 +25,8 @@ from mapmore_cli.annexes.motion.body import MotionSection
 from mapmore_cli.annexes.sums import Part, Sum
 from mapmore_cli.domain import foreign
 from mapmore_cli.domain.errors import MapmoreError
-from mapmore_cli.domain.models import CurveFunction, CurveRange, Formula, Model, SegmentFunction
-from mapmore_cli.domain.recording import Quantity, Signal
+from mapmore_cli.domain.models import CurveFunction, Formula, Model, SegmentFunction
+from mapmore_cli.domain.recording import CurveRange, Quantity, Signal
 from mapmore_cli.reporting.table import Column, Table, to_csv, to_html, to_latex, to_markdown
 from mapmore_cli.study.units import base_units
 

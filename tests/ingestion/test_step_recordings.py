@@ -10,8 +10,8 @@ from ingest_samples import COLUMNS, csv_text, spec_of
 from reading import refused
 
 from mapmore_cli.domain.errors import SpecError
-from mapmore_cli.domain.models import CurveRange, Formula, Model
-from mapmore_cli.domain.recording import Quantity
+from mapmore_cli.domain.models import Formula, Model
+from mapmore_cli.domain.recording import CurveRange, Quantity
 from mapmore_cli.ingestion.dataset import build_dataset
 from mapmore_cli.ingestion.files import slice_of
 from mapmore_cli.modelling import literature

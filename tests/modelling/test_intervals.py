@@ -12,8 +12,8 @@ from scipy import stats
 
 from mapmore_cli.domain.errors import DataError, FitError, UsageError
 from mapmore_cli.domain.fits import FormulaFit
-from mapmore_cli.domain.models import CurveRange, Formula, Model
-from mapmore_cli.domain.recording import Quantity
+from mapmore_cli.domain.models import Formula, Model
+from mapmore_cli.domain.recording import CurveRange, Quantity
 from mapmore_cli.modelling.validation.intervals import (
     between_levels,
     half_widths,

@@ -9,7 +9,7 @@ import pytest
 
 from mapmore_cli.domain.models import Body, Model
 from mapmore_cli.domain.recording import Quantity
-from mapmore_cli.domain.results import Run
+from mapmore_cli.domain.results import SimulatedRun
 from mapmore_cli.fitting.kinds import Fitted, maker_of
 from mapmore_cli.modelling import kinds
 from mapmore_cli.modelling.kinds import Kind, Verbs
@@ -24,7 +24,7 @@ class ZeroVerbs(Verbs):
     """What it does; all else it inherits."""
 
     def simulate(self, model, columns):
-        return Run(0.0 * columns["pressure"])
+        return SimulatedRun(0.0 * columns["pressure"])
 
     def equations(self, model, units):
         return ()

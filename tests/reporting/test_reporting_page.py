@@ -11,7 +11,7 @@ from common import python
 from report_builder import Page, all_named, of_pieces
 
 from mapmore_cli.domain.models import Formula
-from mapmore_cli.domain.plugins import points
+from mapmore_cli.domain.plugins import entry_points
 from mapmore_cli.modelling.kinds import equations
 from mapmore_cli.modelling.validation.residuals import residual_tests
 from mapmore_cli.reporting import figures as figures_folder
@@ -38,7 +38,7 @@ def page(folder):
 def test_every_figure_has_a_file_and_a_place():
     folder = Path(figures_folder.__file__).parent
     drawn = {path.stem for path in folder.glob("*.py") if "\ndef draw(" in path.read_text()}
-    assert drawn == {*FIGURES} - {*points("figures")}
+    assert drawn == {*FIGURES} - {*entry_points("figures")}
 
 
 def page_of(inputs, out, figures=tuple(FIGURES)):

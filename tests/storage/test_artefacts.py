@@ -180,7 +180,7 @@ def examples():
     pieces = Pieces(
         "pressure",
         ("strain",),
-        (CurveFunction("pressure=250", 250.0, boundaries, limits, (function,)),),
+        (CurveFunction("pressure=250", 250.0, limits, boundaries, (function,)),),
         fusion,
         formula,
     )
@@ -194,7 +194,7 @@ def examples():
             (Curve("pressure=250", 250.0, columns, held, ("cycle",)),),
         ),
         "segmentation": (
-            SegmentedCurve("pressure=250", 250.0, ("strain",), boundaries, limits, (segment,)),
+            SegmentedCurve("pressure=250", 250.0, limits, ("strain",), boundaries, (segment,)),
         ),
         "fit": FitResult(
             PiecesFit(

@@ -10,7 +10,7 @@ from hashlib import sha256
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from mapmore_cli.domain.errors import SpecError, UsageError, told
+from mapmore_cli.domain.errors import SpecError, UsageError, error_text
 from mapmore_cli.reporting.order import RUN_PAGE
 from mapmore_cli.reporting.table import Table, environment, to_csv
 from mapmore_cli.storage.atomic import make_folder, refusals_told, write_text
@@ -45,7 +45,7 @@ def write_page(
     scores = scores_of(results, campaign)
     tables = campaign_tables(scores)
     figures = [render_figure(drawing) for drawing in campaign_figures(scores)]
-    failed = {n: told(one) for n, one in results.items() if isinstance(one, BaseException)}
+    failed = {n: error_text(one) for n, one in results.items() if isinstance(one, BaseException)}
     pages = {
         name: f"../{one.name}/{RUN_PAGE}"
         for name, one in results.items()

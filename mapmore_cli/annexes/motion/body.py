@@ -9,7 +9,8 @@ from typing import Annotated
 from mapmore_cli.domain.arrays import ASCENDING, Array, Number, Numbers, Span
 from mapmore_cli.domain.declared import Count, Label, QuantityName, TermName, one_of
 from mapmore_cli.domain.fits import Fit, Step
-from mapmore_cli.domain.models import Body, CurveRange
+from mapmore_cli.domain.models import Body
+from mapmore_cli.domain.recording import CurveRange
 
 HARD, CARRIED, BUMPLESS = "hard", "carried", "bumpless"
 """How a model changes from section to section."""

@@ -6,7 +6,7 @@ from mapmore_cli.annexes.motion import model as motion
 from mapmore_cli.annexes.motion.body import MotionFit
 from mapmore_cli.annexes.motion.fitting import fit_motion
 from mapmore_cli.annexes.motion.problem import MotionRecipe
-from mapmore_cli.domain.declared import taken
+from mapmore_cli.domain.declared import from_fields
 from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.results import FitResult
 from mapmore_cli.fitting.kinds import Given, Maker
@@ -26,7 +26,7 @@ class MotionMaker(Maker):
         """
         curves = given.dataset.curves
         step = time_step(curves)
-        recipe = taken(MotionRecipe, part.model, output=given.dataset.target, step=step)
+        recipe = from_fields(MotionRecipe, part.model, output=given.dataset.target, step=step)
         return FitResult(
             fit_motion(
                 records_of(curves, step),

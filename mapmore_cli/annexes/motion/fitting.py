@@ -41,7 +41,7 @@ from mapmore_cli.annexes.motion.simulation import (
 )
 from mapmore_cli.annexes.motion.solvers import NEAREST, SOLVERS
 from mapmore_cli.domain.arrays import Array, extremes
-from mapmore_cli.domain.declared import taken
+from mapmore_cli.domain.declared import from_fields
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.modelling.memory.records import Record
 
@@ -124,7 +124,7 @@ def _outline(records: Sequence[Record], recipe: MotionRecipe) -> Motion:
         for place in range(1, len(boundaries) + 2)
         for way in ((RISE, FALL) if recipe.direction else (ALL,))
     )
-    return taken(
+    return from_fields(
         Motion,
         recipe,
         boundaries=boundaries,

@@ -12,10 +12,9 @@ import numpy as np
 from mapmore_cli.annexes.motion.body import BUMPLESS, HARD, REST, Motion, MotionSection, StateSpace
 from mapmore_cli.annexes.motion.simulation import simulate as simulated
 from mapmore_cli.domain.arrays import Columns
-from mapmore_cli.domain.fits import SegmentedCurve
-from mapmore_cli.domain.models import CurveRange, Equation, Model
-from mapmore_cli.domain.recording import Quantity
-from mapmore_cli.domain.results import Run
+from mapmore_cli.domain.models import Equation, Model
+from mapmore_cli.domain.recording import CurveRange, Quantity
+from mapmore_cli.domain.results import SimulatedRun
 from mapmore_cli.modelling.expressions import Expression, Name, Number, add, parse, substitute
 from mapmore_cli.modelling.expressions.syntax import ZERO, Condition, names_in
 from mapmore_cli.modelling.kinds import Verbs
@@ -29,15 +28,13 @@ OfSection = Callable[[str, Sequence[Side]], Expression]
 def build(
     name: str,
     motion: Motion,
-    training: Sequence[SegmentedCurve],
+    training: Sequence[CurveRange],
     quantities: Mapping[str, Quantity],
     notes: tuple[str, ...],
 ) -> Model:
     """Return a model of motion; the `training` curves say the range of the inputs."""
     inputs = motion_inputs(motion)
-    ranges = tuple(
-        CurveRange(c.curve, c.level, {name: c.limits[name] for name in inputs}) for c in training
-    )
+    ranges = tuple(curve.of(inputs) for curve in training)
     return Model(
         name,
         quantities[motion.output],
@@ -135,7 +132,7 @@ def _driven(section: MotionSection, drives: list[Expression]) -> Expression:
 class MotionVerbs(Verbs):
     """What a model of motion does."""
 
-    def simulate(self, model: Model, columns: Columns) -> Run:
+    def simulate(self, model: Model, columns: Columns) -> SimulatedRun:
         """Return the model along one recording, (n,), from rest; NaN where an input is NaN, with a
         new beginning after it.
         """
@@ -151,7 +148,7 @@ class MotionVerbs(Verbs):
                 values[rows] = simulated(
                     _motion(model), {name: column[rows] for name, column in given.items()}
                 )
-        return Run(values)
+        return SimulatedRun(values)
 
     def equations(self, model: Model, units: Mapping[str, float]) -> tuple[Equation, ...]:
         """`y[k] = P2 y[k-1] + P1 y[k-2] + sum_m w_m d_m[k-2]` of every section; `units` as for

@@ -17,8 +17,8 @@ from mapmore_cli.annexes.sums.joint import (
 from mapmore_cli.domain.arrays import Array, extremes
 from mapmore_cli.domain.errors import FitError, SpecError
 from mapmore_cli.domain.fits import FormulaFit
-from mapmore_cli.domain.models import CurveRange, Formula, Model
-from mapmore_cli.domain.recording import Dataset, Quantity
+from mapmore_cli.domain.models import Formula, Model
+from mapmore_cli.domain.recording import CurveRange, Dataset, Quantity
 from mapmore_cli.domain.results import FitResult
 from mapmore_cli.fitting.kinds import Given, Maker
 from mapmore_cli.fitting.kinds.choices import ModelChoices

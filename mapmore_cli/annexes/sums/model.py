@@ -14,7 +14,7 @@ from mapmore_cli.annexes.sums import Part, Sum
 from mapmore_cli.domain.arrays import Array, BoolArray, Columns, row_count
 from mapmore_cli.domain.foreign import tex_text
 from mapmore_cli.domain.models import Equation, Model
-from mapmore_cli.domain.results import Run
+from mapmore_cli.domain.results import SimulatedRun
 from mapmore_cli.modelling import kinds
 from mapmore_cli.modelling.expressions import (
     Expression,
@@ -120,14 +120,14 @@ def _own(part: Part, names: Iterable[str]) -> frozenset[str]:
 class SumVerbs(Verbs):
     """What a sum of models does."""
 
-    def simulate(self, model: Model, columns: Columns) -> Run:
+    def simulate(self, model: Model, columns: Columns) -> SimulatedRun:
         """Return the sum at every row, (n,), and the rows at which any part diverges."""
         runs = [
             (part.sign, kinds.simulate(part.model, inputs))
             for part, inputs in _parts(_body(model).parts, columns)
         ]
         values = sum((sign * run.values for sign, run in runs), start=np.zeros(row_count(columns)))
-        return Run(values, tuple(sorted({row for _, run in runs for row in run.diverged})))
+        return SimulatedRun(values, tuple(sorted({row for _, run in runs for row in run.diverged})))
 
     def one_step(self, model: Model, columns: Columns) -> Array:
         """Return the sum from the measured past, (n,)."""

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Protocol, runtime_checkable
 from mapmore_cli.domain.errors import SpecError
 from mapmore_cli.domain.results import FitResult, OutputsFit
 from mapmore_cli.modelling import kinds
-from mapmore_cli.modelling.outputs.model import joined
+from mapmore_cli.modelling.outputs.model import outputs_model
 
 if TYPE_CHECKING:
     from mapmore_cli.domain.arrays import Array
@@ -123,7 +123,7 @@ def build(part: ModelChoices, given: Given, result: FitResult) -> Model:
     if not given.dataset.also:
         return maker_of(part.kind).build(part, given, result)
     outputs = zip(given.dataset.each, result.each, strict=True)
-    return joined(
+    return outputs_model(
         part.name,
         [
             build(replace(part, name=f"{part.name}_{one.target}"), replace(given, dataset=one), own)

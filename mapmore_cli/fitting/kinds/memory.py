@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from mapmore_cli.domain.declared import taken
+from mapmore_cli.domain.declared import from_fields
 from mapmore_cli.domain.fits import FormulaFit
 from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.recording import Curve, Dataset
@@ -64,7 +64,7 @@ def _asked(
         ],
         step,
     )
-    asked = taken(
+    asked = from_fields(
         MemoryRecipe,
         part.fit,
         target=dataset.target,

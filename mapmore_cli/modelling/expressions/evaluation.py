@@ -194,7 +194,7 @@ def part_of(expression: Expression, known: Known) -> Part:
                 part_of(first, known), [(operator.add, part_of(term, known)) for term in terms]
             )
         case Product((first, *factors)):
-            return _in_turn(part_of(first, known), [_factor(one, known) for one in factors])
+            return _in_turn(part_of(first, known), [_factor_part(one, known) for one in factors])
         case Power() | Call():
             return _computed_once(expression, known)
     raise TypeError(f"not an expression: {expression!r}")
@@ -214,7 +214,7 @@ def _in_turn(first: Part, others: Sequence[tuple[Callable[[Any, Any], Any], Part
     return total
 
 
-def _factor(factor: Expression, known: Known) -> tuple[Callable[[Any, Any], Any], Part]:
+def _factor_part(factor: Expression, known: Known) -> tuple[Callable[[Any, Any], Any], Part]:
     if isinstance(factor, Power) and factor.exponent < 0:
         return operator.truediv, _power(factor.base, -factor.exponent, known)
     return operator.mul, part_of(factor, known)

@@ -31,7 +31,7 @@ NAME = re.compile(r"[\w.]+")
 HELPER = "{}_of"
 
 
-class Function(NamedTuple):
+class ScalarFunction(NamedTuple):
     """A function of one argument.
 
     - `compute`: its values along columns, and of one number; any callable that keeps NaN.
@@ -50,17 +50,17 @@ class Function(NamedTuple):
 
 def function(
     name: str, compute: Callable[[Any], Any], slope: str, **texts: str
-) -> tuple[str, Function]:
+) -> tuple[str, ScalarFunction]:
     """Return a row of `FUNCTIONS`; `texts` are those of the languages whose library has the
     function under another name, or not at all.
     """
     if unknown := texts.keys() - LIBRARY.keys():
         raise ValueError(f"{name}: there is no language {', '.join(unknown)}; see LIBRARY")
     usual = {language: text.format(name) for language, text in LIBRARY.items()}
-    return name, Function(compute, slope, usual | texts)
+    return name, ScalarFunction(compute, slope, usual | texts)
 
 
-FUNCTIONS: Mapping[str, Function] = dict(
+FUNCTIONS: Mapping[str, ScalarFunction] = dict(
     (
         function("exp", np.exp, "exp(x)"),
         function(

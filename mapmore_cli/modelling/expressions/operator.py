@@ -59,6 +59,10 @@ class Setting:
         return self.numbers[0] * (high - low)
 
 
+Amount = Any
+"""What a rule computes with: a float, a column, (n,), or an expression of a program."""
+
+
 class Arithmetic:
     """What a recursion computes with beside `+ - * / **` and comparisons: here whole columns,
     elsewhere floats or statements of a program.
@@ -67,17 +71,17 @@ class Arithmetic:
     both are computed.
     """
 
-    def where(self, condition: Any, then: Any, otherwise: Any) -> Any:
+    def where(self, condition: Amount, then: Amount, otherwise: Amount) -> Amount:
         """Return `then` where the condition holds, else `otherwise`."""
         return np.where(
             condition, *(side() if callable(side) else side for side in (then, otherwise))
         )
 
-    def clip(self, x: Any, low: Any, high: Any) -> Any:
+    def clip(self, x: Amount, low: Amount, high: Amount) -> Amount:
         """Return x, held at low and high."""
         return np.clip(x, low, high)
 
-    def call(self, function: str, x: Any) -> Any:
+    def call(self, function: str, x: Amount) -> Amount:
         """Return one of `FUNCTIONS` of x."""
         return FUNCTIONS[function].compute(x)
 
@@ -85,14 +89,14 @@ class Arithmetic:
 class _Floats(Arithmetic):
     """One number at a time; of a branch only the side that counts is computed."""
 
-    def where(self, condition: Any, then: Any, otherwise: Any) -> Any:
+    def where(self, condition: Amount, then: Amount, otherwise: Amount) -> Amount:
         chosen = then if condition else otherwise
         return chosen() if callable(chosen) else chosen
 
-    def clip(self, x: Any, low: Any, high: Any) -> Any:
+    def clip(self, x: Amount, low: Amount, high: Amount) -> Amount:
         return low if low is not None and x < low else high if high is not None and x > high else x
 
-    def call(self, function: str, x: Any) -> Any:
+    def call(self, function: str, x: Amount) -> Amount:
         return float(FUNCTIONS[function].compute(x))
 
 
@@ -116,8 +120,8 @@ class Recursion:
 
     own: int
     source: int
-    next: Callable[..., Any]
-    rest: Callable[[Any], Any]
+    next: Callable[..., Amount]
+    rest: Callable[[Amount], Amount]
     weights: tuple[float, ...] | None = None
 
 
@@ -197,7 +201,7 @@ def along(
     beginning, at rest then. Where the piece goes on, its own last values and those of the source
     came `before`.
     """
-    own, source = map(_known, before)
+    own, source = map(_from_first_number, before)
     if len(own):
         rule = operator.recursion(setting)
         return run_recursion(rule, x, _latest(own, rule.own), _latest(source, rule.source))
@@ -213,7 +217,7 @@ def along(
     return values
 
 
-def _known(values: Array) -> Array:
+def _from_first_number(values: Array) -> Array:
     """Return the values from the first that is a number."""
     known = ~np.isnan(values)
     return values[int(np.argmax(known)) if known.any() else len(values) :]

@@ -8,7 +8,7 @@ their digits: one greedy choice (`select`), and two forms of what is left of the
 """
 
 from mapmore_cli.modelling.frols.engine import (
-    Problem,
+    Regression,
     frols,
     frols_together,
     reads_once,
@@ -20,7 +20,7 @@ from mapmore_cli.modelling.frols.weighing import Weighing
 __all__ = [
     "TIE_TOLERANCE",
     "Blocks",
-    "Problem",
+    "Regression",
     "Weighing",
     "frols",
     "frols_together",

@@ -57,8 +57,7 @@ def correlated_errors(
     noise = matched(_Records(basis, residual, lengths))
     inner = noise.white * np.eye(k)
     if noise.drift:
-        before = _with_the_past(basis, lengths, noise.kept)
-        inner += noise.drift * (before + before.T - basis.T @ basis)
+        inner += noise.drift * basis.T @ _together(basis, lengths, noise.kept)
     normal = factor.T @ factor + np.diag(np.zeros(k) if ridge is None else ridge)
     spread = np.linalg.pinv(normal, hermitian=True) @ factor.T
     squares = np.einsum("ij,jk,ik->i", spread, inner, spread)
@@ -165,22 +164,6 @@ def _together(columns: Array, lengths: Sequence[int], kept: float) -> Array:
         back = lfilter([1.0], [1.0, -kept], own[::-1], axis=0)[::-1]
         turned[rows] = lfilter([1.0], [1.0, -kept], own, axis=0) + back - own
     return turned
-
-
-def _with_the_past(columns: Array, lengths: Sequence[int], kept: float) -> Array:
-    """Return `columns' L columns`, (k, k), with `L_ij = kept^(i-j)` for `j <= i` within a
-    recording and 0 elsewhere: `L + L' - I` is the correlation.
-    """
-    from scipy.signal import lfilter
-
-    products = np.zeros((columns.shape[1], columns.shape[1]))
-    for rows in _rows(lengths):
-        state = np.zeros((1, columns.shape[1]))
-        for start in range(rows.start, rows.stop, PART):
-            own = columns[start : min(start + PART, rows.stop)]
-            turned, state = lfilter([1.0], [1.0, -kept], own, axis=0, zi=state)
-            products += own.T @ turned
-    return products
 
 
 def _shifted(columns: Array, lengths: Sequence[int], lag: int) -> Array:

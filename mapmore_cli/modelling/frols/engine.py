@@ -283,7 +283,7 @@ def frols(
 
 
 @dataclass(frozen=True)
-class Problem:
+class Regression:
     """One output to explain: the `blocks` of candidates and output, how samples weigh, and the
     blocks of some candidates (`only`), where those come sooner than by all.
     """
@@ -300,7 +300,7 @@ class Problem:
 
 
 def frols_together(
-    problems: Sequence[Problem],
+    problems: Sequence[Regression],
     max_terms: int | None = None,
     tolerance: float = 0.0,
     *,
@@ -329,7 +329,7 @@ def frols_together(
     def select(sigmas: Sequence[Array | None]) -> Sequence[Selection]:
         if len(problems) == 1:
             return [_by_gram(problems[0].blocks, stopping, *sigmas)]
-        chosen, why, M = _shared(problems, sigmas, stopping)
+        chosen, why, M = _shared_terms(problems, sigmas, stopping)
         alone = Stopping(max(1, len(chosen)), 0.0, "tolerance")
         found = [
             _by_gram(one.of(chosen), alone, sigma)
@@ -341,8 +341,8 @@ def frols_together(
     return reweighted(weighings, select, [one.of for one in problems])
 
 
-def _shared(
-    problems: Sequence[Problem], sigmas: Sequence[Array | None], stopping: Stopping
+def _shared_terms(
+    problems: Sequence[Regression], sigmas: Sequence[Array | None], stopping: Stopping
 ) -> tuple[IntArray, str, int]:
     """Return the candidates that all outputs share, why they are so many, and of how many."""
     parts, wholes, blocks = list[Remainders](), list[float](), list[Blocks]()

@@ -21,7 +21,6 @@ from mapmore_cli.domain.fits import Selection
 from mapmore_cli.modelling.frols.engine import frols
 from mapmore_cli.modelling.frols.moments import Blocks, Moments
 from mapmore_cli.modelling.frols.select import FULL_LEVERAGE, widened
-from mapmore_cli.modelling.selection import LEAST_RIDGE
 
 
 @dataclass(frozen=True)
@@ -33,10 +32,6 @@ class Regularised:
     covariance: Array
     samples: int
     ridge: float
-
-    def __post_init__(self) -> None:
-        if not (self.ridge >= LEAST_RIDGE and np.isfinite(self.ridge)):
-            raise ValueError(f"the ridge is {self.ridge}; it must be at least {LEAST_RIDGE}")
 
     @cached_property
     def gram(self) -> Array:

@@ -51,6 +51,28 @@ class Stopping:
         """Return the most terms that n samples and M candidates allow."""
         return min(n, M) if self.max_terms is None else min(self.max_terms, n, M)
 
+    def preferred(
+        self,
+        steps: list[Iteration],
+        stop: str,
+        errors: Callable[[], Array],
+        unexplained: Array,
+        shape: tuple[int, int],
+    ) -> tuple[list[Iteration], str]:
+        """Return the steps up to the number of terms that the criterion prefers, and why they end
+        there; `stop` is why they ended before.
+
+        `errors` are the PRESS of 1, 2, ... terms, and `unexplained` is as in `fewest_terms`, of a
+        dictionary of the `shape` (n, M).
+        """
+        if self.criterion == "tolerance" or not steps:
+            return steps, stop
+        if self.criterion == "press":
+            best = int(np.argmin(errors())) + 1
+        else:
+            best = fewest_terms(self.criterion, unexplained, *shape)
+        return steps[:best], self.criterion if best < len(steps) else stop
+
 
 class DigitsLost(Exception):
     """The remainders have lost the digits that the choice depends on."""
@@ -232,16 +254,14 @@ def selected(
     """
     whole = cache(lambda: to_explain(divided(blocks, scale), samples, remainders.yy, uncertainty))
     steps, stop = greedy(remainders, stopping, limit, whole)
-    best = k = len(steps)
-    if k and stopping.criterion == "press":
-        errors = press(divided(blocks, scale), *factor_of(steps, len(scale)))
-        best = int(np.argmin(errors)) + 1
-    elif k and stopping.criterion != "tolerance":
-        unexplained = np.array([step.sse for step in steps]) / remainders.yy
-        best = fewest_terms(stopping.criterion, unexplained, samples, len(scale) - 1)
-    return _selection_of_steps(
-        steps[:best], stopping.criterion if best < k else stop, remainders.yy, scale, samples
+    steps, stop = stopping.preferred(
+        steps,
+        stop,
+        lambda: press(divided(blocks, scale), *factor_of(steps, len(scale))),
+        np.array([step.sse for step in steps]) / (remainders.yy or 1.0),
+        (samples, len(scale) - 1),
     )
+    return _selection_of_steps(steps, stop, remainders.yy, scale, samples)
 
 
 def factor_of(steps: Sequence[Iteration], width: int) -> tuple[IntArray, Array, Array]:

@@ -12,7 +12,6 @@ from mapmore_cli.modelling.frols.select import (
     Remainders,
     Stopping,
     factor_of,
-    fewest_terms,
     greedy,
     press,
 )
@@ -48,14 +47,16 @@ def chosen_together(
     many; `blocks` are the rows of candidates and output, for each.
     """
     steps, stop = greedy(joint, stopping, limit, lambda: 1.0)
-    best = k = len(steps)
-    if k and stopping.criterion == "press":
-        left = np.zeros(k)
+    width = len(joint.parts[0].pp) + 1
+
+    def errors() -> Array:
+        """Return the sum over outputs of PRESS, as a share of each, after 1, 2, ... terms, (k,)."""
+        left = np.zeros(len(steps))
         for j, (own, part) in enumerate(zip(blocks, joint.parts, strict=True)):
             rows = [step._replace(row=step.row[j]) for step in steps]
-            left += press(own, *factor_of(rows, len(part.pp) + 1)) / (part.yy or 1.0)
-        best = int(np.argmin(left)) + 1
-    elif k and stopping.criterion != "tolerance":
-        best = fewest_terms(stopping.criterion, np.transpose(joint.unexplained), samples)
-    chosen = np.array([step.pick for step in steps[:best]], dtype=np.int64)
-    return chosen, stopping.criterion if best < k else stop
+            left += press(own, *factor_of(rows, width)) / (part.yy or 1.0)
+        return left
+
+    unexplained = np.transpose(joint.unexplained)
+    kept, stop = stopping.preferred(steps, stop, errors, unexplained, (samples, width - 1))
+    return np.array([step.pick for step in kept], dtype=np.int64), stop

@@ -92,7 +92,7 @@ class Weighing:
             root = np.sqrt(weights)
             residual = y - P @ np.linalg.lstsq(P * root[:, None], y * root, rcond=None)[0]
             scale = float(self.scale or scale_of(residual, y))
-            before, weights = weights, weights_of(loss, residual / scale)
+            before, weights = weights, loss_weights(loss, residual / scale)
             if np.abs(weights - before).max() < SETTLED:
                 break
         sigma = self.by(weights)
@@ -115,7 +115,7 @@ class Weighing:
                 return found
             errors, worth = self._along(blocks, found.theta, self.recorded)
             return replace(found, theta_error=errors, worth=worth)
-        errors = standard_errors(blocks, found.theta, curves, self.loss, weights)
+        errors = sandwich_errors(blocks, found.theta, curves, self.loss, weights)
         count = 0 if curves is None else int(curves.max()) + 1
         return replace(found, theta_error=errors, curves=count)
 
@@ -165,7 +165,7 @@ def scale_of(residual: Array, y: Array) -> float:
     return max(MAD * float(np.median(np.abs(residual))), exact) or 1.0
 
 
-def weights_of(loss: str, residual: Array) -> Array:
+def loss_weights(loss: str, residual: Array) -> Array:
     """Return the weights of residuals in scales, (n,).
 
     `huber`: `min(1, 1.345/|r|)`. `bisquare`: `(1 - (r/4.685)^2)^2`, nothing beyond 4.685.
@@ -186,7 +186,7 @@ def numbered_curves(labels: IntArray | None, terms: int) -> IntArray | None:
     return np.cumsum(present)[labels] - 1 if present.sum() >= max(FEW, terms + 1) else None
 
 
-def standard_errors(
+def sandwich_errors(
     blocks: Blocks, theta: Array, curves: IntArray | None, loss: str, weights: Array | None
 ) -> Array:
     """Return standard errors of `theta`, (k,), where residuals of a curve go together, or a robust

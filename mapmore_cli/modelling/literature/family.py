@@ -16,7 +16,6 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
-from typing import Any
 
 import numpy as np
 from scipy.optimize import least_squares, minimize_scalar
@@ -152,8 +151,9 @@ class Family(Formula):
             squares = float(np.sum((own - own.mean()) ** 2))
             return squares / SCATTER**2 + ((log_b - centre) / SPREAD) ** 2
 
-        ends: Any = {"bounds": (centre - 2, centre + 2), "options": {"xatol": 1e-10}}
-        best = float(minimize_scalar(cost, method="bounded", **ends).x)
+        within = (centre - 2, centre + 2)
+        found = minimize_scalar(cost, bounds=within, method="bounded", options={"xatol": 1e-10})
+        best = float(found.x)
         return math.exp(float(np.mean(rest(best)))), math.exp(best)
 
     def equation(self, fit: FormulaFit) -> Expression:

@@ -126,7 +126,7 @@ def fit_hinge(columns: Columns, y: Array) -> FormulaFit:
     inputs = columns["pressure"], columns["strain"], y
     scales = [float(np.abs(column).max()) or 1.0 for column in inputs]
     problem = _normalised(columns, y, *scales)
-    starts, bounds = [_start_at(problem, a3) for a3 in STARTS], _bounds()
+    starts, bounds = [_start_at(problem, a3) for a3 in STARTS], _search_bounds()
     ends = descend(problem.system, starts, bounds, evaluations=FIRST)
     if not ends:
         raise FitError(
@@ -202,7 +202,7 @@ def _normalised(
     )
 
 
-def _bounds() -> tuple[Array, Array]:
+def _search_bounds() -> tuple[Array, Array]:
     """Return least and largest q, (10,): of the curvature, of the foot's slope with pressure, and
     of the width.
     """

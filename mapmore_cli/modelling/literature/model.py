@@ -10,10 +10,10 @@ import numpy as np
 
 from mapmore_cli.domain.arrays import Array, Columns, row_count
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.domain.fits import FormulaFit, SegmentedCurve
-from mapmore_cli.domain.models import CurveRange, Equation, Formula, Model
-from mapmore_cli.domain.recording import Quantity
-from mapmore_cli.domain.results import Run
+from mapmore_cli.domain.fits import FormulaFit
+from mapmore_cli.domain.models import Equation, Formula, Model
+from mapmore_cli.domain.recording import CurveRange, Quantity
+from mapmore_cli.domain.results import SimulatedRun
 from mapmore_cli.modelling import literature
 from mapmore_cli.modelling.equations import written
 from mapmore_cli.modelling.expressions import (
@@ -37,7 +37,7 @@ def build(
     output: Quantity,
     fit: FormulaFit,
     level: str | None,
-    training: Sequence[SegmentedCurve],
+    training: Sequence[CurveRange],
     quantities: Mapping[str, Quantity],
 ) -> Model:
     """Return a fitted formula as a model; the `training` curves, in the order of their levels, say
@@ -45,10 +45,7 @@ def build(
     """
     inputs = sorted({*literature.of(fit).inputs, *([level] if level is not None else [])})
     ordered = sorted(training, key=lambda curve: (curve.level is not None, curve.level))
-    ranges = tuple(
-        CurveRange(curve.curve, curve.level, {i: curve.limits[i] for i in inputs})
-        for curve in ordered
-    )
+    ranges = tuple(curve.of(inputs) for curve in ordered)
     return Model(name, output, tuple(quantities[i] for i in inputs), Formula(fit, level, ranges))
 
 
@@ -114,28 +111,23 @@ def formula_value(
 class FormulaVerbs(Verbs):
     """What a formula does as a model."""
 
-    def simulate(self, model: Model, columns: Columns) -> Run:
+    def simulate(self, model: Model, columns: Columns) -> SimulatedRun:
         """Return the formula at every row, (n,); NaN where an input is."""
-        body = model.body
-        assert isinstance(body, Formula)
-        return Run(
-            where_finite(
-                model.inputs, columns, lambda inputs, n: backbone_values(body.fit, inputs, n)
-            )
+        fit = model.body_of(Formula).fit
+        return SimulatedRun(
+            where_finite(model.inputs, columns, lambda inputs, n: backbone_values(fit, inputs, n))
         )
 
     def parameters(self, model: Model) -> int:
         """Return the parameters of the formula."""
-        assert isinstance(model.body, Formula)
-        return len(model.body.fit.parameters)
+        return len(model.body_of(Formula).fit.parameters)
 
     def equations(self, model: Model, units: Mapping[str, float]) -> tuple[Equation, ...]:
         """Return the formula with its parameters put in."""
-        assert isinstance(model.body, Formula)
-        return formula_equations(model.body.fit, units)
+        return formula_equations(model.body_of(Formula).fit, units)
 
     def write(self, m: Writer, model: Model, inputs: Inputs) -> Expression:
         """Write a formula alone."""
-        assert isinstance(model.body, Formula)
-        limit(m, model.body.ranges, model.body.level, inputs)
-        return formula_value(m, model.body.fit, inputs)
+        body = model.body_of(Formula)
+        limit(m, body.ranges, body.level, inputs)
+        return formula_value(m, body.fit, inputs)

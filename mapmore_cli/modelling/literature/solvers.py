@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import lru_cache, partial
-from typing import Any, Literal, NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -72,13 +72,13 @@ def descend(
     starts: Sequence[Array],
     bounds: Bounds = (-np.inf, np.inf),
     method: Literal["trf", "lm"] = "trf",
-    evaluations: int | None = None,
+    evaluations: int = EVALUATIONS,
 ) -> list[End]:
     """Return the nearest minimum of `|r(x)|^2` from every start in which it is finite, in their
     order, by SciPy's least squares.
 
     `bounds` are the lowest and the highest coordinates, each `(k,)`; `lm` takes none. Each start
-    has so many `evaluations`, by default `EVALUATIONS`.
+    has so many `evaluations`.
     """
     from scipy.optimize import least_squares
 
@@ -100,15 +100,24 @@ def descend(
         assert both is not None
         return both[1]
 
-    limits: Any = dict.fromkeys(("xtol", "ftol", "gtol"), TOLERANCE)
-    limits["max_nfev"] = evaluations or EVALUATIONS
     ends = []
     for start in starts:
         x = np.clip(start, *bounds)
         first = at(x.tobytes())
         if first is not None:
             refused = np.full(len(first[0]), REFUSED)
-            end = least_squares(residual, x, slopes, bounds, method, x_scale="jac", **limits)
+            end = least_squares(
+                residual,
+                x,
+                slopes,
+                bounds,
+                method,
+                ftol=TOLERANCE,
+                xtol=TOLERANCE,
+                gtol=TOLERANCE,
+                x_scale="jac",
+                max_nfev=evaluations,
+            )
             ends.append(End(end.x, float(end.cost), end.status > 0))
     return ends
 
@@ -323,12 +332,16 @@ def simplex(problem: LeastSquares) -> Solution:
             return float(np.nan_to_num(few.sse(at[:m], at[m:]), nan=REFUSED, posinf=REFUSED))
 
         start = np.append(rng.uniform(-1.0, 1.0, m), place)
-        options: Any = {
-            "xatol": FMINSEARCH,
-            "fatol": FMINSEARCH * cost(0.0 * start),
-            "maxfev": PER_PARAMETER * len(start),
-        }
-        end = minimize(cost, start, method="Nelder-Mead", options=options)
+        end = minimize(
+            cost,
+            start,
+            method="Nelder-Mead",
+            options={
+                "xatol": FMINSEARCH,
+                "fatol": FMINSEARCH * cost(0.0 * start),
+                "maxfev": PER_PARAMETER * len(start),
+            },
+        )
         ends.append(End(end.x * units, float(end.fun), bool(end.success)))
     return _best_solution(problem, ends, STARTS, SIMPLEX)
 

@@ -23,6 +23,7 @@ from mapmore_cli.modelling.expressions import (
     substitute,
     to_text,
 )
+from mapmore_cli.modelling.expressions.operator import Amount, Arithmetic
 from mapmore_cli.modelling.expressions.operators import OPERATORS
 from mapmore_cli.modelling.expressions.states import Lagged, Measured, Operated, State, state
 from mapmore_cli.modelling.expressions.syntax import ONE, ZERO, Product
@@ -62,7 +63,7 @@ class StateWriter:
         if not high > low:
             return ZERO
 
-        def clipped(m: Any, x: Any) -> Any:
+        def clipped(m: Arithmetic, x: Amount) -> Amount:
             return m.clip((x - low) / (high - low), -states.margin, 1 + states.margin)
 
         return self._next("scaled", clipped, [value])

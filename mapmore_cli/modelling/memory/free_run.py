@@ -10,13 +10,13 @@ import numpy as np
 
 from mapmore_cli.domain.arrays import Array, Columns, IntArray, joined, row_count
 from mapmore_cli.domain.fits import MemoryModel
-from mapmore_cli.domain.results import Run
+from mapmore_cli.domain.results import SimulatedRun
 from mapmore_cli.modelling.expressions import dictionary_matrix, parse
 from mapmore_cli.modelling.memory.feedback import Feedback
 from mapmore_cli.modelling.memory.records import AtSample, complete, numbered, uninterrupted
 from mapmore_cli.modelling.memory.simulation import (
     ReadyPiece,
-    bounds_of,
+    divergence_bounds,
     refuse_unknown_beginning,
 )
 from mapmore_cli.modelling.memory.states import Past, evaluate_states, memory_inputs
@@ -49,7 +49,7 @@ class Along:
         self.waiting: Columns = {}
         self.lost = False
 
-    def __call__(self, columns: Columns) -> Run:
+    def __call__(self, columns: Columns) -> SimulatedRun:
         """Return the next rows, (n,); `columns` as for `kinds.simulate`.
 
         Raises DataError where an input is missing; as `AtSample` where a first output is, or
@@ -69,7 +69,7 @@ class Along:
                 diverged += rows[len(simulated) :][:1].tolist()
                 self.lost = len(simulated) < len(rows)
         self.rows += len(values)
-        return Run(values, tuple(diverged))
+        return SimulatedRun(values, tuple(diverged))
 
     def _one_step(self, piece: Columns, n: int) -> Array:
         states = evaluate_states(self.model.states, piece, self.past)
@@ -92,7 +92,7 @@ class Along:
         if self.recalled is None:
             refuse_unknown_beginning(ready)
             self.recalled = ready.recalled_at(0)
-        bounds = bounds_of(self.model.limits)
+        bounds = divergence_bounds(self.model.limits)
         run = ready.run(self.model.theta, self.model.constant, bounds, before=self.recalled)
         whole = np.concatenate([self.recalled, run.values], axis=1)
         self.recalled, self.waiting = whole[:, whole.shape[1] - self.feedback.depth :], {}

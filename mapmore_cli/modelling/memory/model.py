@@ -11,10 +11,10 @@ import numpy as np
 
 from mapmore_cli.domain.arrays import Array, Columns, row_by_row, row_count
 from mapmore_cli.domain.errors import FitError
-from mapmore_cli.domain.fits import PIECE, FormulaFit, MemoryModel, SegmentedCurve
-from mapmore_cli.domain.models import CurveRange, Equation, Memory, Model
-from mapmore_cli.domain.recording import Quantity, united
-from mapmore_cli.domain.results import Run
+from mapmore_cli.domain.fits import PIECE, FormulaFit, MemoryModel
+from mapmore_cli.domain.models import Equation, Memory, Model
+from mapmore_cli.domain.recording import CurveRange, Quantity, united
+from mapmore_cli.domain.results import SimulatedRun
 from mapmore_cli.modelling import literature
 from mapmore_cli.modelling.equations import equation
 from mapmore_cli.modelling.expressions import (
@@ -38,7 +38,7 @@ from mapmore_cli.modelling.literature.model import (
 from mapmore_cli.modelling.memory.feedback import StateWriter, fed_back_states, parts_of_terms
 from mapmore_cli.modelling.memory.free_run import Along
 from mapmore_cli.modelling.memory.records import numbered
-from mapmore_cli.modelling.memory.simulation import bounds_of
+from mapmore_cli.modelling.memory.simulation import divergence_bounds
 from mapmore_cli.modelling.memory.states import evaluate_states, memory_inputs
 from mapmore_cli.modelling.program.statements import NOTHING, Queue
 from mapmore_cli.modelling.program.writing import Inputs, Writer, limit, product_as_written, total
@@ -48,7 +48,7 @@ def build(
     name: str,
     memory: MemoryModel,
     backbone: FormulaFit | None,
-    training: Sequence[SegmentedCurve],
+    training: Sequence[CurveRange],
     quantities: Mapping[str, Quantity],
     notes: tuple[str, ...] = (),
 ) -> Model:
@@ -57,9 +57,7 @@ def build(
     """
     formula = () if backbone is None else literature.of(backbone).inputs
     inputs = sorted({*memory_inputs(memory), *formula})
-    ranges = tuple(
-        CurveRange(c.curve, c.level, {name: c.limits[name] for name in inputs}) for c in training
-    )
+    ranges = tuple(curve.of(inputs) for curve in training)
     return Model(
         name,
         quantities[memory.output],
@@ -70,17 +68,12 @@ def build(
 
 
 def _base(model: Model, columns: Columns) -> Array:
-    body = _memory_of(model)
+    body = model.body_of(Memory)
     if body.backbone is None and not model.inputs:
         return np.zeros(row_count(columns))
     return where_finite(
         model.inputs, columns, lambda inputs, n: backbone_values(body.backbone, inputs, n)
     )
-
-
-def _memory_of(model: Model) -> Memory:
-    assert isinstance(model.body, Memory)
-    return model.body
 
 
 def _written(m: Writer, model: MemoryModel, inputs: Inputs) -> Expression:
@@ -97,7 +90,7 @@ def _written(m: Writer, model: MemoryModel, inputs: Inputs) -> Expression:
         """Write the output while it stays within bounds; nothing from where it leaves them, up to
         a reset.
         """
-        value, (low, high) = _sum_of_terms(m, model, names), bounds_of(model.limits)
+        value, (low, high) = _sum_of_terms(m, model, names), divergence_bounds(model.limits)
         lost_now = [(lost > 0, NOTHING), (value < low, NOTHING), (value > high, NOTHING)]
         return m.choose("within", lost_now, value)
 
@@ -134,19 +127,19 @@ def _sum_of_terms(m: Writer, model: MemoryModel, names: Mapping[str, Expression]
 class MemoryVerbs(Verbs):
     """What a model with memory does."""
 
-    def running(self, model: Model, ahead: bool = False) -> Callable[[Columns], Run]:
+    def running(self, model: Model, ahead: bool = False) -> Callable[[Columns], SimulatedRun]:
         """Return what tells the next rows of a recording each time that it is called: in free run,
         or one step `ahead`; on the backbone where there is one.
         """
-        along = Along(_memory_of(model).model, ahead)
+        along = Along(model.body_of(Memory).model, ahead)
 
-        def next_rows(columns: Columns) -> Run:
+        def next_rows(columns: Columns) -> SimulatedRun:
             run = along(columns)
-            return Run(_base(model, columns) + run.values, run.diverged)
+            return SimulatedRun(_base(model, columns) + run.values, run.diverged)
 
         return next_rows
 
-    def simulate(self, model: Model, columns: Columns, ahead: bool = False) -> Run:
+    def simulate(self, model: Model, columns: Columns, ahead: bool = False) -> SimulatedRun:
         """Return the model in free run along one recording, (n,), or one step `ahead`."""
         next_rows, diverged, rows = self.running(model, ahead), list[int](), 0
 
@@ -159,7 +152,7 @@ class MemoryVerbs(Verbs):
             rows += len(numbers)
             return run.values
 
-        return Run(row_by_row(values, columns), tuple(diverged))
+        return SimulatedRun(row_by_row(values, columns), tuple(diverged))
 
     def one_step(self, model: Model, columns: Columns) -> Array:
         """Prediction of every row from the measured past, (n,); NaN before there is history."""
@@ -174,7 +167,7 @@ class MemoryVerbs(Verbs):
         """
         from scipy.optimize import fixed_point
 
-        memory, base = _memory_of(model).model, _base(model, columns)
+        memory, base = model.body_of(Memory).model, _base(model, columns)
         terms, start = list(map(parse, memory.terms)), np.full(len(base), memory.limits[1])
 
         def following(y: Array) -> Array:
@@ -185,7 +178,7 @@ class MemoryVerbs(Verbs):
 
         with suppress(NotFinite, RuntimeError), np.errstate(all="ignore"):
             rest = fixed_point(following, start) if self.fed_back(model) else following(start)
-            if (np.clip(rest, *bounds_of(memory.limits)) == rest).all():
+            if (np.clip(rest, *divergence_bounds(memory.limits)) == rest).all():
                 return np.asarray(base + rest)
         raise FitError(
             "fit.shape: with inputs that stand still, the fitted model comes to no rest",
@@ -194,7 +187,7 @@ class MemoryVerbs(Verbs):
 
     def equations(self, model: Model, units: Mapping[str, float]) -> tuple[Equation, ...]:
         """Return the backbone first, then the equation of the next output."""
-        body = _memory_of(model)
+        body = model.body_of(Memory)
         own, limits = (
             body.model,
             united([*(one.limits for one in body.ranges), {body.model.output: body.model.limits}]),
@@ -205,7 +198,7 @@ class MemoryVerbs(Verbs):
 
     def rules(self, model: Model) -> Iterator[str]:
         """Yield how the model is run."""
-        body = _memory_of(model)
+        body = model.body_of(Memory)
         memory = body.model
         if body.backbone is not None:
             yield f"{model.output.name} is {body.backbone.name} plus what has memory."
@@ -218,18 +211,18 @@ class MemoryVerbs(Verbs):
         """Return the coefficients of the terms, with the model's own constant where it has one, and
         the parameters of the backbone.
         """
-        body = _memory_of(model)
+        body = model.body_of(Memory)
         own = len(body.model.theta) + (body.model.constant != 0.0)
         return own + (0 if body.backbone is None else len(body.backbone.parameters))
 
     def fed_back(self, model: Model) -> tuple[str, ...]:
         """Return the output, where the model goes on from it."""
-        memory = _memory_of(model).model
+        memory = model.body_of(Memory).model
         return (memory.output,) if fed_back_states(memory.states, memory.output) else ()
 
     def write(self, m: Writer, model: Model, inputs: Inputs) -> Expression:
         """Write a model with memory, on its backbone where it has one."""
-        body = _memory_of(model)
+        body = model.body_of(Memory)
         limit(m, body.ranges, None, inputs)
         m.kept.steps.append(body.model.states.step)
         return m.let(
@@ -238,7 +231,7 @@ class MemoryVerbs(Verbs):
 
     def faults(self, model: Model) -> Iterator[str]:
         """Say what of a stored model no prediction would notice."""
-        memory = _memory_of(model).model
+        memory = model.body_of(Memory).model
         if memory.output != model.output.name or not all(
             parse(text).names <= {*memory.states.names} for text in memory.terms
         ):

@@ -55,11 +55,11 @@ def sensitivities(piece: ReadyPiece, run: Trajectory, theta: Array) -> Array:
         phi[:, :-1][:, groups == group] *= slopes[0, len(feedback.recalls) + group][:, None]
     right = np.zeros((n * q, phi.shape[1]), order="F")
     right[::q] = phi
-    solution, _ = dtbtrs(_band(piece, run, slopes), right, uplo="L", diag="U", overwrite_b=1)
+    solution, _ = dtbtrs(_banded(piece, run, slopes), right, uplo="L", diag="U", overwrite_b=1)
     return np.asarray(solution[::q])
 
 
-def _band(piece: ReadyPiece, run: Trajectory, slopes: Array) -> Array:
+def _banded(piece: ReadyPiece, run: Trajectory, slopes: Array) -> Array:
     """`I - d(values)/d(past values)` by its diagonals; what lies before the beginning of a stretch
     is measured, and does not move.
     """
@@ -229,7 +229,7 @@ def _of_unit_diagonal(curvature: Array) -> tuple[Array, Array]:
     return curvature / size / size[:, None], size
 
 
-def standard_errors(problem: FreeRunProblem, vector: Array) -> tuple[Array, float]:
+def free_run_errors(problem: FreeRunProblem, vector: Array) -> tuple[Array, float]:
     """Return standard errors of a point, (k + 1 + m,), from the slopes of its runs and what goes
     together along their residuals; and how many independent samples these are worth.
 

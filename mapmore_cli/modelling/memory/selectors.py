@@ -17,7 +17,7 @@ from mapmore_cli.domain.fits import Selection, StateSet
 from mapmore_cli.domain.recording import uncertainty_of
 from mapmore_cli.modelling.expressions import Expression, dictionary_blocks, dictionary_matrix
 from mapmore_cli.modelling.expressions.families import fits_whole, refuse_beyond_memory
-from mapmore_cli.modelling.frols import Problem, Weighing, frols, frols_together
+from mapmore_cli.modelling.frols import Regression, Weighing, frols, frols_together
 from mapmore_cli.modelling.frols.moments import moments, standard, standardised
 from mapmore_cli.modelling.frols.ridge import Regularised, choose_ridge, prune, ridge_press, select
 from mapmore_cli.modelling.frols.select import fewest_terms, in_units, widened
@@ -100,10 +100,10 @@ class TermChoice:
     forward: IntArray
 
 
-def problem_of(data: Regressors, recipe: MemoryRecipe, among: IntArray | None = None) -> Problem:
+def problem_of(data: Regressors, recipe: MemoryRecipe, among: IntArray | None = None) -> Regression:
     """Return candidates and output as FROLS reads them, of some candidates where that is said."""
     every = np.arange(len(data.terms)) if among is None else among
-    return Problem(
+    return Regression(
         partial(data.blocks, every),
         Weighing(data.uncertainty, recipe.loss, recipe.known_scale),
         lambda chosen: partial(data.blocks, every[chosen]),

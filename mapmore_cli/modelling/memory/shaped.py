@@ -46,11 +46,10 @@ def with_signed_gain(
     `records` are those that the fit was made of. Raises FitError where no coefficients of the
     chosen terms have the signs, or where they are not found under them and have others.
     """
-    memory, body = fit.model, model.body
+    memory, body = fit.model, model.body_of(Memory)
     region = region_of(model, curves, recipe)
     if region is None or fed_back(model) or fit.identified or recipe.ridge:
         return verified(model, curves, recipe, "static gain", REMEDY)
-    assert isinstance(body, Memory)
     terms = [parse(text) for text in memory.terms]
     data = regressors(records, memory.states, terms, memory.output)
     blocks: Blocks = data.blocks

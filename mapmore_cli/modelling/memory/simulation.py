@@ -171,7 +171,7 @@ def refuse_unknown_beginning(piece: ReadyPiece) -> None:
         )
 
 
-def bounds_of(limits: tuple[float, float]) -> tuple[float, float]:
+def divergence_bounds(limits: tuple[float, float]) -> tuple[float, float]:
     """Least and greatest output that a run may have, from the training range."""
     low, high = limits
     reach = DIVERGED * (high - low if high > low else max(abs(high), 1.0))

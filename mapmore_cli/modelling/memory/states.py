@@ -157,7 +157,7 @@ def resolve_states(
             continue
         source, needs = part.source.name, OPERATORS[part.operator].needs
         if needs == "range" and source not in ranges:
-            ranges[source] = _range(_pooled(along_records(part.source), training), source)
+            ranges[source] = _range(_training_values(along_records(part.source), training), source)
         if needs == "oscillator" and not part.numbers and source not in found_already:
             output = [record.columns[recipe.target] for record in records]
             found_already[source] = find_resonance(
@@ -166,7 +166,7 @@ def resolve_states(
     if recipe.scaling != "range":
         return states
     limits = np.array(
-        [_range(_pooled(along_records(state(name)), training), name) for name in names]
+        [_range(_training_values(along_records(state(name)), training), name) for name in names]
     ).reshape(-1, 2)
     return replace(states, low=limits[:, 0], high=limits[:, 1])
 
@@ -195,7 +195,7 @@ def _range(values: Array, name: str) -> tuple[float, float]:
     return extremes(values)
 
 
-def _pooled(values: Sequence[Array], training: Sequence[BoolArray]) -> Array:
+def _training_values(values: Sequence[Array], training: Sequence[BoolArray]) -> Array:
     return np.concatenate([one[rows] for one, rows in zip(values, training, strict=True)])
 
 
@@ -227,13 +227,15 @@ def find_resonance(
 
     def pooled(operator: str, *numbers: float) -> Array:
         setting = Setting(numbers, step)
-        return _pooled([along(OPERATORS[operator], one, setting) for one in driving], training)
+        return _training_values(
+            [along(OPERATORS[operator], one, setting) for one in driving], training
+        )
 
-    x = _pooled(driving, training)
+    x = _training_values(driving, training)
     others = np.column_stack([np.ones(len(x)), x, x**2, pooled("slow", 0.3)])
     known = np.isfinite(others).all(axis=1)
     basis = np.linalg.qr(others[known])[0]
-    y = _pooled(output, training)[known]
+    y = _training_values(output, training)[known]
     left = y - basis @ (basis.T @ y)
     best, most = (frequencies[0], DAMPINGS[0]), -np.inf
     for numbers in product(frequencies, DAMPINGS):

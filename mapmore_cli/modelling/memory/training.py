@@ -27,11 +27,11 @@ from mapmore_cli.modelling.expressions.states import Measured, Operated, State, 
 from mapmore_cli.modelling.frols.correlated import MOST, correlated_errors
 from mapmore_cli.modelling.memory.feedback import Feedback, fed_back_states, parted
 from mapmore_cli.modelling.memory.records import Record
-from mapmore_cli.modelling.memory.refinement import FreeRunProblem, standard_errors
+from mapmore_cli.modelling.memory.refinement import FreeRunProblem, free_run_errors
 from mapmore_cli.modelling.memory.selectors import TermChoice, regressors, selector
 from mapmore_cli.modelling.memory.simulation import (
     ReadyPiece,
-    bounds_of,
+    divergence_bounds,
     refuse_unknown_beginning,
 )
 from mapmore_cli.modelling.memory.states import resolve_states
@@ -219,7 +219,7 @@ class TrainingData:
             selection = self._with_errors(selection, choice)
         else:
             problem, numbers = self.problem(chosen, search=True), self.open_in(chosen)
-            found, worth = standard_errors(problem, vector)
+            found, worth = free_run_errors(problem, vector)
             errors, _, of_numbers = problem.split(found)
             theta, constant, at = problem.split(vector)
             selection = replace(selection, theta=theta, theta_error=errors, worth=worth)
@@ -311,7 +311,7 @@ class TrainingData:
         return FreeRunProblem(
             lambda at: [made_ready(*at.tolist())[place] for place in places],
             [rows[place] for place in places],
-            bounds_of(self.limits),
+            divergence_bounds(self.limits),
             self.selector.penalty(chosen),
             self.recipe.ridge != 0.0,
             np.hstack([free, numbers.bounds]),

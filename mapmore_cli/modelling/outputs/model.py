@@ -9,14 +9,14 @@ import numpy as np
 
 from mapmore_cli.domain.arrays import BoolArray, Columns
 from mapmore_cli.domain.models import Equation, Model, Outputs
-from mapmore_cli.domain.results import Run
+from mapmore_cli.domain.results import SimulatedRun
 from mapmore_cli.modelling import kinds
 from mapmore_cli.modelling.expressions import Expression
 from mapmore_cli.modelling.kinds import Verbs
 from mapmore_cli.modelling.program.writing import Inputs, Writer
 
 
-def joined(name: str, models: Sequence[Model]) -> Model:
+def outputs_model(name: str, models: Sequence[Model]) -> Model:
     """Return the models of all outputs as one."""
     first = models[0]
     return Model(
@@ -29,7 +29,7 @@ def joined(name: str, models: Sequence[Model]) -> Model:
     )
 
 
-def _shared(model: Model) -> tuple[object, ...]:
+def _structure(model: Model) -> tuple[object, ...]:
     pieces = model.pieces
     cells = () if pieces is None else tuple((one.id, one.cell) for one in pieces.segments)
     return type(model.body), model.level, cells
@@ -38,7 +38,7 @@ def _shared(model: Model) -> tuple[object, ...]:
 class OutputsVerbs(Verbs):
     """What a model of several outputs does; it refuses to stand for one number."""
 
-    def simulate(self, model: Model, columns: Columns) -> Run:
+    def simulate(self, model: Model, columns: Columns) -> SimulatedRun:
         """Predict the one output; UsageError where there are several."""
         return kinds.simulate(kinds.alone(model), columns)
 
@@ -79,5 +79,5 @@ class OutputsVerbs(Verbs):
             yield "one of its outputs is several outputs"
         if {*model.inputs} != {one for part in each for one in part.inputs}:
             yield "its inputs are not those of its outputs"
-        if len({_shared(one) for one in each}) > 1:
+        if len({_structure(one) for one in each}) > 1:
             yield "its outputs do not share their segments"

@@ -25,7 +25,7 @@ from mapmore_cli.domain.arrays import (
     row_blocks,
     row_numbers,
 )
-from mapmore_cli.domain.declared import taken
+from mapmore_cli.domain.declared import from_fields
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.fits import (
     FormulaFit,
@@ -52,13 +52,13 @@ from mapmore_cli.modelling.expressions.ranged import placed
 from mapmore_cli.modelling.frols import (
     TIE_TOLERANCE,
     Blocks,
-    Problem,
+    Regression,
     Weighing,
     frols,
     frols_together,
     reads_once,
 )
-from mapmore_cli.modelling.frols.weighing import weights_of
+from mapmore_cli.modelling.frols.weighing import loss_weights
 from mapmore_cli.modelling.literature.backbone import residual_of
 from mapmore_cli.modelling.pieces.placement import placements, span
 from mapmore_cli.modelling.pieces.recipe import Recipe
@@ -329,7 +329,7 @@ def _robust(
             chosen = [free[i] for i in selection.chosen]
             blocks = one.weighing.rows(partial(one.blocks, chosen, scaling))()
             left = np.concatenate([y - P @ selection.theta for P, y in blocks])
-            weights = weights_of(recipe.fit.loss, left / selection.scale)
+            weights = loss_weights(recipe.fit.loss, left / selection.scale)
             anchored.append(one.placements(recipe, scaling.variables, weights)[place])
             starting.append(replace(one, weighing=replace(one.weighing, start=weights)))
         ways += [
@@ -355,7 +355,7 @@ def _selected_terms(
     ]
     if len(outputs) > 1 or reads_once(n, len(terms), recipe.fit.max_terms):
         problems = [
-            Problem(
+            Regression(
                 partial(one.blocks, terms, scaling),
                 weighing,
                 lambda chosen, one=one, scaling=scaling: partial(  # type: ignore[misc]
@@ -401,17 +401,11 @@ def fuse(
             for f in fits.get(s.curve, ())
         )
         functions.append(
-            CurveFunction(
-                curve=s.curve,
-                level=s.level,
-                boundaries=s.boundaries,
-                limits={name: s.limits[name] for name in inputs},
-                segments=segments,
-            )
+            from_fields(CurveFunction, s.of(inputs), boundaries=s.boundaries, segments=segments)
         )
     several = any(len(one.terms) > 1 for one in result.segments)
     sides = _extrapolation(recipe, inputs, "saturate" if several else "continue")
-    fusion = taken(Fusion, recipe.fuse, extrapolation=sides)
+    fusion = from_fields(Fusion, recipe.fuse, extrapolation=sides)
     model = Model(
         name=name,
         output=quantities[recipe.target],
@@ -438,7 +432,7 @@ def build(
 
 def _segment_function(fit: SegmentFit, samples: Columns) -> SegmentFunction:
     limits = {name: extremes(values) for name, values in samples.items()}
-    return taken(
+    return from_fields(
         SegmentFunction,
         fit.selection,
         id=fit.id,

@@ -230,8 +230,7 @@ def with_trusted_residual(
       `share`. Where there are no blocks, as along
       two values of an input, it is left as it is.
     """
-    body, unit = model.body, model.output.unit
-    assert isinstance(body, Pieces)
+    body, unit = model.body_of(Pieces), model.output.unit
     assert body.backbone is not None
     name = body.backbone.name
     folds = inner_folds(curves, recipe)

@@ -10,15 +10,14 @@ takes is not computed.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence, Set
-from dataclasses import replace
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from itertools import pairwise
 from math import inf
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import Array, Columns
+from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.joining import TRANSITIONS, Fusion, Side
 from mapmore_cli.domain.models import CurveFunction, Pieces, SegmentFunction
 from mapmore_cli.modelling.expressions import Expression, Name, Number, add, call, derivative, parse
@@ -161,9 +160,11 @@ def _inner_slope(m: Writer) -> str:
         )
         return (w_before + w_after) * (before / (w_after * before + w_before * after)) * after
 
-    value = lambda: m.where(sign(before) * sign(after) > 0.0, mean, 0.0)  # noqa: E731 - short
     return m.function(
-        "slope_inside", names, value, "slope at an inner level, which keeps the shape"
+        "slope_inside",
+        names,
+        lambda: m.where(sign(before) * sign(after) > 0.0, mean, 0.0),
+        "slope at an inner level, which keeps the shape",
     )
 
 
@@ -205,7 +206,7 @@ def segment_value(
         if name in z:
             scale = float(scaling.slope[scaling.variables.index(name)])
             slope = scale * add(
-                *weighted(segment, renamed_all([derivative(term, name) for term in terms], z))
+                *weighted_terms(segment, renamed_all([derivative(term, name) for term in terms], z))
             )
             value = m.choose(
                 "straight", [(beyond_it, value + slope * way) for beyond_it, way in cases], value
@@ -215,10 +216,10 @@ def segment_value(
 
 def combination(segment: SegmentFunction, regressors: Sequence[Expression]) -> Expression:
     """Return `y_slope sum_k theta_k D_k + y_intercept` of some regressors D_k."""
-    return add(Number(float(segment.scaling.y_intercept)), *weighted(segment, regressors))
+    return add(Number(float(segment.scaling.y_intercept)), *weighted_terms(segment, regressors))
 
 
-def weighted(segment: SegmentFunction, regressors: Sequence[Expression]) -> list[Expression]:
+def weighted_terms(segment: SegmentFunction, regressors: Sequence[Expression]) -> list[Expression]:
     """Return `y_slope theta_k D_k` for each regressor."""
     return [
         float(segment.scaling.y_slope * theta) * D
@@ -437,24 +438,6 @@ def rule_of_weights(body: Pieces) -> str:
     )
 
 
-def weight_of(body: Pieces, segments: Set[str], columns: Columns) -> Array:
-    """Return the weight of some segment functions together, (n,): what the model is with these
-    functions one and all others zero.
-
-    With `levels: pchip` weights between levels depend on the values of the curves; these are those
-    of such functions. `segments` are ids.
-    """
-
-    def constant(segment: SegmentFunction) -> SegmentFunction:
-        scaling = replace(segment.scaling, y_slope=1.0, y_intercept=float(segment.id in segments))
-        return replace(segment, terms=(), theta=np.empty(0), scaling=scaling)
-
-    curves = tuple(
-        replace(curve, segments=tuple(map(constant, curve.segments))) for curve in body.curves
-    )
-    return evaluator(pieces_program(replace(body, curves=curves), list(columns)))(columns)[0]
-
-
 def cell_weights(x: Array, boundaries: Array, fusion: Fusion) -> Array:
     """Return the weight of every segment along one variable at x, (n, count); each row sums to one
     (M2 eq 10 and 11).
@@ -462,15 +445,12 @@ def cell_weights(x: Array, boundaries: Array, fusion: Fusion) -> Array:
 
     def weight(place: int) -> Array:
         m = Writer()
-        of_cell: Callable[[tuple[int, ...]], Expression] = lambda cell: (  # noqa: E731
-            ONE if cell == (place,) else ZERO
-        )
         value = fused_value(
             m,
             [Name(f"{INPUT}x")],
             [boundaries],
             fusion,
-            of_cell,
+            lambda cell: ONE if cell == (place,) else ZERO,
         )
         return evaluator(m.program(["x"], value))({"x": x})[0]
 

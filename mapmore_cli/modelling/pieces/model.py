@@ -9,7 +9,7 @@ import numpy as np
 
 from mapmore_cli.domain.arrays import Array, Columns
 from mapmore_cli.domain.models import CurveFunction, Equation, Model, Pieces, SegmentFunction
-from mapmore_cli.domain.results import Run
+from mapmore_cli.domain.results import SimulatedRun
 from mapmore_cli.modelling.equations import equation
 from mapmore_cli.modelling.expressions import Expression, parse
 from mapmore_cli.modelling.kinds import Verbs
@@ -74,19 +74,14 @@ def _weight(
     return "; ".join(words)
 
 
-def _pieces_body(model: Model) -> Pieces:
-    assert isinstance(model.body, Pieces)
-    return model.body
-
-
 class PiecesVerbs(Verbs):
     """What MAPMORE does as a model."""
 
-    def simulate(self, model: Model, columns: Columns) -> Run:
+    def simulate(self, model: Model, columns: Columns) -> SimulatedRun:
         """Return `backbone(inputs) + sum_i f_i(E(x)) prod_j w_ij(x_j)` at every row, (n,) (M1 eq 5,
         M2 eq 9); NaN where an input is.
         """
-        body = _pieces_body(model)
+        body = model.body_of(Pieces)
         names = tuple(quantity.name for quantity in model.inputs)
         pieces = _ready(body, names) if any(curve.segments for curve in body.curves) else None
 
@@ -94,13 +89,13 @@ class PiecesVerbs(Verbs):
             base = backbone_values(body.backbone, inputs, n)
             return base if pieces is None else base + pieces(inputs)[0]
 
-        return Run(where_finite(model.inputs, columns, value))
+        return SimulatedRun(where_finite(model.inputs, columns, value))
 
     def equations(self, model: Model, units: Mapping[str, float]) -> tuple[Equation, ...]:
         """Return the backbone first, then every segment function, in the model's units or in
         others.
         """
-        body = _pieces_body(model)
+        body = model.body_of(Pieces)
         pieces = (
             equation(
                 *(one.id, one.terms, one.theta, one.scaling, {**curve.limits, **one.limits}, units),
@@ -113,7 +108,7 @@ class PiecesVerbs(Verbs):
 
     def rules(self, model: Model) -> Iterator[str]:
         """Yield how the pieces are put together, and what holds beyond the limits (M2 eq 9-12)."""
-        body = _pieces_body(model)
+        body = model.body_of(Pieces)
         level = body.level
         if not body.segments:
             return
@@ -141,14 +136,14 @@ class PiecesVerbs(Verbs):
 
     def parameters(self, model: Model) -> int:
         """Return the number of coefficients of all segments and of parameters of the backbone."""
-        body = _pieces_body(model)
+        body = model.body_of(Pieces)
         return sum(len(one.theta) for one in body.segments) + (
             0 if body.backbone is None else len(body.backbone.parameters)
         )
 
     def write(self, m: Writer, model: Model, inputs: Inputs) -> Expression:
         """Write pieces, on their backbone where they have one."""
-        body = _pieces_body(model)
+        body = model.body_of(Pieces)
         limit(m, body.ranges, body.level, inputs)
         base = formula_value(m, body.backbone, inputs)
         if not body.segments:
@@ -163,12 +158,12 @@ class PiecesVerbs(Verbs):
 
     def faults(self, model: Model) -> Iterator[str]:
         """Say what of a stored model no prediction would notice."""
-        levels = np.array([curve.level for curve in _pieces_body(model).curves], dtype=np.float64)
+        levels = np.array([curve.level for curve in model.body_of(Pieces).curves], dtype=np.float64)
         if model.level is not None and not (
             np.isfinite(levels).all() and (np.diff(levels) > 0).all()
         ):
             yield "the levels of its curves do not ascend"
-        for segment in _pieces_body(model).segments:
+        for segment in model.body_of(Pieces).segments:
             if not frozenset().union(*(parse(text).names for text in segment.terms)) <= {
                 *segment.scaling.variables
             }:

@@ -10,6 +10,7 @@ from mapmore_cli.domain.arrays import extremes
 from mapmore_cli.domain.models import Model, Pieces
 from mapmore_cli.domain.recording import Curve
 from mapmore_cli.modelling.kinds import predict
+from mapmore_cli.modelling.literature.backbone import pooled_training
 from mapmore_cli.modelling.pieces.recipe import Recipe
 
 REACH, ASTRAY = 0.1, 1.5
@@ -25,8 +26,7 @@ def beyond_remarks(model: Model, curves: Sequence[Curve], recipe: Recipe) -> tup
     """Return a warning of curves that explode beyond their data, or where nothing was said of that,
     how curves of segments with several terms are held.
     """
-    body = model.body
-    assert isinstance(body, Pieces)
+    body = model.body_of(Pieces)
     if not any(len(one.terms) > 1 for one in body.segments):
         return ()
     if exploding := exploding_curves(model, curves, recipe.target):
@@ -61,17 +61,13 @@ def exploding_curves(model: Model, curves: Sequence[Curve], target: str) -> list
     sides = body.fusion.extrapolation
     if not any("continue" in side for name, side in sides.items() if name != body.level):
         return []
-    names = (*(quantity.name for quantity in model.inputs), target)
-    known = {
-        name: np.concatenate([curve.columns[name][curve.training] for curve in curves])
-        for name in names
-    }
-    low, high = extremes(known[target])
-    rows = np.unique(np.linspace(0, len(known[target]) - 1, LOOKED_AT).astype(int))
+    samples = pooled_training(curves)
+    low, high = extremes(samples[target])
+    rows = np.unique(np.linspace(0, len(samples[target]) - 1, LOOKED_AT).astype(int))
     places = {}
-    for name in names[:-1]:
-        middle = sum(extremes(known[name])) / 2
-        places[name] = middle + (1 + 2 * REACH) * (known[name][rows] - middle)
+    for name in (quantity.name for quantity in model.inputs):
+        middle = sum(extremes(samples[name])) / 2
+        places[name] = middle + (1 + 2 * REACH) * (samples[name][rows] - middle)
     found = []
     for one in body.curves:
         if all(len(segment.terms) < 2 for segment in one.segments):

@@ -298,7 +298,7 @@ def segment_curve(
         raise DataError(f"segment {empty[0]}: no training sample lies in it", remedy)
     limits = {name: curve.limits(name) for name in curve.columns}
     return SegmentedCurve(
-        curve.id, curve.level, tuple(cuts), tuple(boundaries.values()), limits, tuple(segments)
+        curve.id, curve.level, limits, tuple(cuts), tuple(boundaries.values()), tuple(segments)
     )
 
 

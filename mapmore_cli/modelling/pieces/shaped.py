@@ -42,8 +42,7 @@ def shaped(
 
     Raises FitError where no coefficients of the chosen terms do.
     """
-    body, asked = model.body, asked_of(recipe.fit)
-    assert isinstance(body, Pieces)
+    body, asked = model.body_of(Pieces), asked_of(recipe.fit)
     if not body.segments:  # the backbone stands alone
         return verified(model, curves, recipe.fit)
     region = region_of(model, curves, recipe.fit) if asked else None
@@ -57,8 +56,8 @@ def shaped(
         model,
         _fused_output(model, body, len(start)),
         start,
-        _factor(body, curves, segmentation, recipe),
-        _bounds(body, recipe.bounds),
+        _triangular_factor(body, curves, segmentation, recipe),
+        _coefficient_bounds(body, recipe.bounds),
         STEPS[body.fusion.levels],
     )
     if region is not None:
@@ -67,7 +66,7 @@ def shaped(
     return with_shape(model, kept, curves, region, recipe.fit, exchange.where())
 
 
-def _factor(
+def _triangular_factor(
     body: Pieces, curves: Sequence[Curve], segmentation: Sequence[SegmentedCurve], recipe: Recipe
 ) -> Array:
     """Return the triangular factor of the regressors of all segments, in the target's unit, (k, k):
@@ -146,7 +145,9 @@ def _fused_output(model: Model, body: Pieces, count: int) -> Values:
     return value
 
 
-def _bounds(body: Pieces, bounds: Mapping[str, tuple[float, float]]) -> tuple[Array, Array]:
+def _coefficient_bounds(
+    body: Pieces, bounds: Mapping[str, tuple[float, float]]
+) -> tuple[Array, Array]:
     """Return the inequalities of bounds of coefficients in the target's unit, by term."""
     terms = [(term, one.scaling.y_slope) for one in body.segments for term in one.terms]
     low, high = np.array([bounds.get(term, (-np.inf, np.inf)) for term, _ in terms]).T

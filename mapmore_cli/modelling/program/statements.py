@@ -96,7 +96,7 @@ class Function:
 
 
 @dataclass(frozen=True)
-class Limit:
+class InputLimit:
     """Training range of one input of a model or of a part of it.
 
     `inputs` are beyond it where `value` is, the input as the part knows it. Where the range depends
@@ -113,7 +113,7 @@ class Limit:
 
 
 @dataclass
-class Kept:
+class KeptState:
     """Memory of a model from sample to sample.
 
     - `numbers`: single numbers by name, and what they are after a reset.
@@ -145,8 +145,8 @@ class Program:
     inputs: tuple[str, ...]
     functions: tuple[Function, ...]
     body: Block
-    limits: tuple[Limit, ...]
-    kept: Kept = field(default_factory=Kept)
+    limits: tuple[InputLimit, ...]
+    kept: KeptState = field(default_factory=KeptState)
     knots: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
 
     @property

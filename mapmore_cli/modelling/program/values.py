@@ -16,7 +16,7 @@ import numpy as np
 from mapmore_cli.domain.arrays import Array, BoolArray, Columns, IntArray, Value
 from mapmore_cli.modelling.expressions.evaluation import Known, Part, Shared, part_of
 from mapmore_cli.modelling.expressions.operator import FLOATS
-from mapmore_cli.modelling.expressions.syntax import Condition, Name, Number
+from mapmore_cli.modelling.expressions.syntax import Condition, Number
 from mapmore_cli.modelling.program.statements import (
     Block,
     Choose,
@@ -126,12 +126,6 @@ class _Compiler:
         if (places := _places_along(choice, known)) is not None:
             return self._branches(choice.names, places, choice.blocks)
         conditions = [_ready_condition(condition, known) for condition, _ in choice.cases]
-        if all(
-            not one.statements and all(isinstance(result, Name | Number) for result in one.results)
-            for one in choice.blocks
-        ):
-            sides = [[part_of(result, known) for result in one.results] for one in choice.blocks]
-            return _values_where(choice.names, conditions, sides)
         return self._branches(choice.names, _places_by(conditions), choice.blocks)
 
     def _use(self, names: Sequence[str], function: str, arguments: Sequence[Part]) -> Step:
@@ -286,19 +280,3 @@ def _first_that_holds(
         return found
 
     return beyond
-
-
-def _values_where(
-    names: Sequence[str], conditions: Sequence[Test], sides: Sequence[Sequence[Part]]
-) -> Step:
-    """Return a choice between values that are there already: no rows are sorted."""
-
-    def step(values: Values, shared: Shared, _n: int) -> None:
-        held = [condition(values, shared) for condition in conditions]
-        for place, name in enumerate(names):
-            value = sides[-1][place](values, shared)
-            for condition, side in zip(reversed(held), reversed(sides[:-1]), strict=True):
-                value = np.where(condition, side[place](values, shared), value)
-            values[name] = value
-
-    return step

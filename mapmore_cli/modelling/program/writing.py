@@ -8,7 +8,7 @@ from itertools import count
 
 import numpy as np
 
-from mapmore_cli.domain.models import CurveRange
+from mapmore_cli.domain.recording import CurveRange
 from mapmore_cli.modelling.expressions import Expression, Name, Number, call, substitute
 from mapmore_cli.modelling.expressions.syntax import (
     ONE,
@@ -24,10 +24,10 @@ from mapmore_cli.modelling.program.statements import (
     Block,
     Choose,
     Function,
+    InputLimit,
     Keep,
-    Kept,
+    KeptState,
     Let,
-    Limit,
     Program,
     Queue,
     Recall,
@@ -56,9 +56,9 @@ class Writer:
 
     def __init__(self) -> None:
         self.statements: list[Statement] = []
-        self.kept = Kept()
+        self.kept = KeptState()
         self.functions: dict[str, Function] = {}
-        self.limits: list[Limit] = []
+        self.limits: list[InputLimit] = []
         self.knots: dict[str, set[float]] = {}
         self._numbers = count(1)
 
@@ -187,7 +187,9 @@ def limit(m: Writer, ranges: Sequence[CurveRange], level: str | None, inputs: In
         if one.name in inputs:
             at = None if one.at is None else inputs[one.at]
             m.limits.append(
-                Limit(frozenset({one.name}), inputs[one.name], at, one.levels, one.low, one.high)
+                InputLimit(
+                    frozenset({one.name}), inputs[one.name], at, one.levels, one.low, one.high
+                )
             )
             m.knot(
                 one.name,

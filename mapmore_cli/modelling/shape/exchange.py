@@ -19,7 +19,7 @@ from mapmore_cli.domain.recording import united
 from mapmore_cli.modelling.programs import program_of
 from mapmore_cli.modelling.shape.least_squares import least_squares_under
 from mapmore_cli.modelling.shape.region import Region
-from mapmore_cli.modelling.shape.stencils import Asked, Stencils, nodes_of, stencils_on
+from mapmore_cli.modelling.shape.stencils import ShapeWord, Stencils, nodes_of, stencils_on
 
 # nodes of the grid on which nothing may be violated; of each input about an inequality that binds,
 # and how often that grid becomes finer
@@ -94,9 +94,9 @@ class Exchange:
             for row in np.flatnonzero(self.force[first : first + len(stencils.nodes)])
         ]
 
-    def where(self) -> dict[Asked, Ranges]:
+    def where(self) -> dict[ShapeWord, Ranges]:
         """Return the range of the inputs in which each word binds."""
-        found: dict[Asked, Ranges] = {}
+        found: dict[ShapeWord, Ranges] = {}
         for one in self.binding():
             own = {name: extremes(x) for name, x in one.columns.items()}
             found[one.asked] = united([found.get(one.asked, {}), own])
@@ -118,7 +118,7 @@ class Exchange:
             parts.append(self.value(moved, tiled).reshape(-1, len(start)) - start)
         return np.asarray(np.vstack(parts).T / self.steps)
 
-    def until_kept(self, asked: Sequence[Asked], region: Region) -> None:
+    def until_kept(self, asked: Sequence[ShapeWord], region: Region) -> None:
         """Add inequalities until the shape is kept on a fine grid, and close to the places where it
         binds.
         """
@@ -131,7 +131,7 @@ class Exchange:
         for closer in range(CLOSER):
             reach = (2 / (CLOSE - 1)) ** closer / cells
             steps = {name: reach * (high - low) for name, (low, high) in region.ends.items()}
-            self._on([_about(one, steps, region) for one in self.binding()], region)
+            self._on([_grid_about(one, steps, region) for one in self.binding()], region)
 
     def _on(self, every: Sequence[Stencils], region: Region) -> None:
         """Add inequalities until none of the stencils is violated."""
@@ -190,7 +190,7 @@ def _widened(axes: Mapping[str, Array], inside: BoolArray) -> BoolArray:
     return np.asarray(binary_dilation(inside.reshape(shape), beside).ravel())
 
 
-def _about(stencil: Stencils, steps: Mapping[str, float], region: Region) -> Stencils:
+def _grid_about(stencil: Stencils, steps: Mapping[str, float], region: Region) -> Stencils:
     """Return the stencils of a grid about one, a step to each side of its middle."""
     middles = {name: float(x[stencil.nodes[0]].mean()) for name, x in stencil.columns.items()}
     reach = np.linspace(-1, 1, CLOSE)

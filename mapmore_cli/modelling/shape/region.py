@@ -14,7 +14,7 @@ from mapmore_cli.domain.recording import Curve
 from mapmore_cli.modelling.literature.backbone import pooled_training
 from mapmore_cli.modelling.ranges import OUTSIDE_TOLERANCE, InputRange, limits
 from mapmore_cli.modelling.selection import Fit
-from mapmore_cli.modelling.shape.stencils import Asked
+from mapmore_cli.modelling.shape.stencils import ShapeWord
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
@@ -104,13 +104,13 @@ class Region:
     def holds(self, columns: Columns) -> BoolArray:
         """Return True at places in it, (n,)."""
         inside = np.asarray(self.output(columns) > self.values.min() + self.fit.slack * self.span)
-        for name, at, levels, *ends in self.ranges:
-            low, high = (x if at is None else np.interp(columns[at], levels, x) for x in ends)
+        for one in self.ranges:
+            (low, high), x = one.ends(columns), columns[one.name]
             margin = (self.fit.beyond + OUTSIDE_TOLERANCE) * (high - low)
-            inside &= (columns[name] >= low - margin) & (columns[name] <= high + margin)
+            inside &= (x >= low - margin) & (x <= high + margin)
         return inside
 
-    def asks(self, asked: Sequence[Asked]) -> list[Asked]:
+    def asks(self, asked: Sequence[ShapeWord]) -> list[ShapeWord]:
         """Return the words about the output, and about inputs that vary."""
         return [one for one in asked if one.word == "positive" or one.quantity in self.names]
 

@@ -22,7 +22,7 @@ POINTS: Mapping[Word, int] = {
 """Of how many neighbouring values a word is."""
 
 
-def weights_of(word: Word, places: Array) -> Array:
+def stencil_weights(word: Word, places: Array) -> Array:
     """Return the weights of values at ascending `places`, (..., points), whose sum must not be
     negative: how far the output, or its mean over half of the places, rises or falls, or by how
     much its chord lies above or below.
@@ -39,17 +39,17 @@ def weights_of(word: Word, places: Array) -> Array:
 
 
 @dataclass(frozen=True)
-class Asked:
+class ShapeWord:
     """One word about the output along one quantity; of `positive`, that is the output itself."""
 
     quantity: str
     word: Word
 
 
-def asked_of(fit: Fit) -> list[Asked]:
+def asked_of(fit: Fit) -> list[ShapeWord]:
     """Return every word about every quantity, one by one."""
     return [
-        Asked(name, word)
+        ShapeWord(name, word)
         for name, words in (fit.shape or {}).items()
         for word in ([words] if isinstance(words, str) else words)
     ]
@@ -62,7 +62,7 @@ class Stencils:
     from each other.
     """
 
-    asked: Asked
+    asked: ShapeWord
     columns: Columns
     nodes: IntArray
     weights: Array
@@ -96,7 +96,7 @@ def nodes_of(axes: Mapping[str, Array]) -> dict[str, Array]:
 
 
 def stencils_on(
-    axes: Mapping[str, Array], asked: Asked, inside: BoolArray, reach: int = 1
+    axes: Mapping[str, Array], asked: ShapeWord, inside: BoolArray, reach: int = 1
 ) -> Stencils:
     """Return the stencils of a word whose nodes are all `inside`, (n,), on the grid of ascending
     places along each input; those of a sign compare means of `reach` neighbours.
@@ -108,4 +108,4 @@ def stencils_on(
     nodes = nodes[inside[nodes].all(axis=1)]
     lines = np.broadcast_to(numbers.take([0], axis=along), numbers.shape).ravel()[nodes[:, 0]]
     places = columns[list(axes)[along]][nodes]
-    return Stencils(asked, columns, nodes, weights_of(asked.word, places), lines)
+    return Stencils(asked, columns, nodes, stencil_weights(asked.word, places), lines)

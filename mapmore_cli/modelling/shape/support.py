@@ -15,12 +15,11 @@ import numpy as np
 
 from mapmore_cli.domain.arrays import Array, BoolArray
 from mapmore_cli.domain.errors import FitError
-from mapmore_cli.domain.models import CurveRange
-from mapmore_cli.domain.recording import Curve, united
+from mapmore_cli.domain.recording import Curve, CurveRange, united
 from mapmore_cli.modelling.ranges import limits
 from mapmore_cli.modelling.selection import Fit
 from mapmore_cli.modelling.shape.region import Region, region_within
-from mapmore_cli.modelling.shape.stencils import Asked, asked_of, nodes_of, stencils_on
+from mapmore_cli.modelling.shape.stencils import ShapeWord, asked_of, nodes_of, stencils_on
 
 # places of the grid on which training data are compared; along an input, where it has more values,
 # at least and at most
@@ -134,7 +133,7 @@ class _Against(NamedTuple):
 
 
 def _contradiction(
-    region: Region, axes: Mapping[str, Array], asked: Asked, inside: BoolArray
+    region: Region, axes: Mapping[str, Array], asked: ShapeWord, inside: BoolArray
 ) -> _Against | None:
     """Return the largest contradiction of a sign; None where noise alone makes one as large in more
     than `LEVEL` of all cases.

@@ -18,7 +18,7 @@ from mapmore_cli.modelling.kinds import predict, runs_over_time, settled
 from mapmore_cli.modelling.programs import program_of
 from mapmore_cli.modelling.selection import Fit
 from mapmore_cli.modelling.shape.region import Region, region_of
-from mapmore_cli.modelling.shape.stencils import POINTS, Asked, asked_of, nodes_of, stencils_on
+from mapmore_cli.modelling.shape.stencils import POINTS, ShapeWord, asked_of, nodes_of, stencils_on
 
 KINDS = ("mckibben", "peano")
 IMPLIED: Mapping[str, Mapping[str, Word]] = MappingProxyType(
@@ -44,14 +44,14 @@ class Violation:
     output; it is worst at the `place`.
     """
 
-    asked: Asked
+    asked: ShapeWord
     amount: float
     share: float
     place: str
 
 
 def violations(
-    model: Model, asked: Sequence[Asked], region: Region, nodes: int = NODES
+    model: Model, asked: Sequence[ShapeWord], region: Region, nodes: int = NODES
 ) -> list[Violation]:
     """Return what the model does against each word, on a grid over the region."""
     axes, found = region.axes(program_of(model).knots, nodes), []
@@ -78,10 +78,10 @@ def known_shape(kind: str | None, model: Model, curves: Sequence[Curve]) -> list
     words = (
         IMPLIED.get(model.output.name, {}) if kind in KINDS and not runs_over_time(model) else {}
     )
-    asked = [Asked(one.name, words[one.name]) for one in model.inputs if one.name in words]
+    asked = [ShapeWord(one.name, words[one.name]) for one in model.inputs if one.name in words]
     fit = Fit()
     if model.shape is not None:
-        asked = [Asked(one.quantity, one.word) for one in model.shape.kept] or asked
+        asked = [ShapeWord(one.quantity, one.word) for one in model.shape.kept] or asked
         fit = Fit(shape={}, slack=model.shape.slack, beyond=model.shape.beyond)
     region = region_of(model, curves, fit) if asked else None
     return [] if region is None else violations(model, asked, region)
@@ -93,7 +93,7 @@ def with_shape(
     curves: Sequence[Curve],
     region: Region | None,
     fit: Fit,
-    binds: Mapping[Asked, Ranges] = MappingProxyType({}),
+    binds: Mapping[ShapeWord, Ranges] = MappingProxyType({}),
 ) -> Model:
     """Return the model with what it keeps, where that decides about its coefficients, and what it
     costs beside the `plain` model.
@@ -103,7 +103,8 @@ def with_shape(
         for one in (violations(plain, asked_of(fit), region) if region else ())
     )
     with_it, without = (
-        [_error(each, curves, training) for training in (True, False)] for each in (model, plain)
+        [_rms_error(each, curves, training) for training in (True, False)]
+        for each in (model, plain)
     )
     notes, unit = model.notes, model.output.unit
     if with_it[0] > CLEARLY * without[0]:
@@ -115,7 +116,7 @@ def with_shape(
     return replace(model, shape=shape, notes=notes)
 
 
-def _error(model: Model, curves: Sequence[Curve], training: bool) -> float:
+def _rms_error(model: Model, curves: Sequence[Curve], training: bool) -> float:
     """Return the root mean square error on training or held-out samples; NaN without any."""
 
     def of_log(curve: Curve, rows: slice | IntArray) -> Array:

@@ -259,11 +259,11 @@ def envelope(y: Array, limit: int, less: Array | None = None) -> IntArray:
     edges = np.linspace(0, len(y), limit // 2 + 1).astype(int)
     for number, (start, end) in enumerate(pairwise(edges.tolist())):
         run = y[start:end] if less is None else y[start:end] - less[start:end]
-        ends: Any = [run.argmin(), run.argmax()]
-        if np.isnan(run[ends[0]]):  # a gap stays one
-            known = np.flatnonzero(~np.isnan(run))
-            ends = known[[run[known].argmin(), run[known].argmax()]] if len(known) else [0]
-        rows += [start + int(end) for end in ends]
+        known = np.flatnonzero(~np.isnan(run))
+        if len(known):
+            rows += [start + int(known[place(run[known])]) for place in (np.argmin, np.argmax)]
+        else:  # a gap stays one
+            rows.append(start)
         if number % 100 == 0:
             for column in (y, less):
                 give_back(column)

@@ -12,7 +12,7 @@ from mapmore_cli.domain.arrays import Array, BoolArray, Columns
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.foreign import tex_text
 from mapmore_cli.domain.models import Equation, Model
-from mapmore_cli.domain.results import Run
+from mapmore_cli.domain.results import SimulatedRun
 from mapmore_cli.modelling import kinds
 from mapmore_cli.modelling.expressions import Expression
 from mapmore_cli.modelling.kinds import Verbs
@@ -54,34 +54,29 @@ def solve(
 
 
 def _force(model: Model, columns: Columns) -> Array:
-    body = _body(model)
+    body = model.body_of(Tendon)
     if "time" not in columns and "velocity" in columns:
         raise DataError(f"{model.name}: a tendon needs the time", "give the column `time`, in s")
     rows = {name: columns[name] for name in ("time", *(one.name for one in model.inputs))}
     return solve(lambda own: kinds.predict(body.muscle, own), rows, body.stiffness, body.force)
 
 
-def _body(model: Model) -> Tendon:
-    assert isinstance(model.body, Tendon)
-    return model.body
-
-
 class TendonVerbs(Verbs):
     """What a muscle behind a tendon does."""
 
-    def simulate(self, model: Model, columns: Columns) -> Run:
+    def simulate(self, model: Model, columns: Columns) -> SimulatedRun:
         """Return the force at every row of a recording, (n,). Raises DataError without its time."""
-        return Run(_force(model, columns), ())
+        return SimulatedRun(_force(model, columns), ())
 
     def outside_range(self, model: Model, columns: Columns) -> BoolArray:
         """Return True where the muscle itself is beyond its training range, (n,)."""
-        body = _body(model)
+        body = model.body_of(Tendon)
         own = muscle_columns(columns, _force(model, columns), body.stiffness, body.force)
         return kinds.outside_range(body.muscle, own)
 
     def equations(self, model: Model, units: Mapping[str, float]) -> tuple[Equation, ...]:
         """Return what the tendon makes of the length; then the equations of the muscle."""
-        body, force = _body(model), model.output.name
+        body, force = model.body_of(Tendon), model.output.name
         stretched = f"length = length - ({force} - {body.force:g})/{body.stiffness:g}"
         latex = rf"\text{{{tex_text(stretched)}}}"
         own = kinds.equations(body.muscle, units)
@@ -89,12 +84,12 @@ class TendonVerbs(Verbs):
 
     def parameters(self, model: Model) -> int:
         """Return those of the muscle: the tendon is given."""
-        return kinds.parameters(_body(model).muscle)
+        return kinds.parameters(model.body_of(Tendon).muscle)
 
     def write(self, m: Writer, model: Model, inputs: Inputs) -> Expression:  # noqa: ARG002
         """Refuse: the force is the root of an equation at every sample, which no program solves."""
         raise DataError(
             f"{model.name}: a force behind a tendon is the root of an equation at every sample, "
             "which no exported program solves",
-            f"export the muscle alone, {_body(model).muscle.name}",
+            f"export the muscle alone, {model.body_of(Tendon).muscle.name}",
         )

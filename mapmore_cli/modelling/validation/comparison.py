@@ -16,7 +16,8 @@ from typing import NamedTuple
 import numpy as np
 
 from mapmore_cli.domain.arrays import Array, Ranges
-from mapmore_cli.domain.models import CurveRange, Model, Pieces, SegmentFunction
+from mapmore_cli.domain.models import Model, Pieces, SegmentFunction
+from mapmore_cli.domain.recording import CurveRange
 from mapmore_cli.modelling.kinds import predict
 from mapmore_cli.modelling.ranges import limits
 from mapmore_cli.modelling.validation.intervals import half_widths
@@ -42,7 +43,7 @@ SAME_LEVEL = 0.05  # share of the distance to the next level within which two le
 FEWEST_CURVES, MOST_POINTS = 2, 6
 
 
-class Place(NamedTuple):
+class CurvePlace(NamedTuple):
     """Where a curve of one model is held against the other: its name, its level, and whether a
     model is interpolated to get there.
     """
@@ -217,14 +218,14 @@ def _of_interpolation(
         for model in (before, after) if curve.interpolated else ():
             if model.left_out is None or model.level is None:
                 continue
-            points = grid(before, after, Place(curve.curve, curve.level))
+            points = grid(before, after, CurvePlace(curve.curve, curve.level))
             half = float(half_widths(model.left_out, points[model.level][:1], CONFIDENCE)[0])
             size = float(np.sqrt(np.mean(predict(before, points) ** 2)))
             squares += (share * half / size) ** 2 if math.isfinite(half) and size > 0 else math.inf
     return math.sqrt(squares)
 
 
-def common_curves(before: Model, after: Model) -> list[Place]:
+def common_curves(before: Model, after: Model) -> list[CurvePlace]:
     """Return the curves of both models at the same level, or of the same name where there are no
     levels.
 
@@ -238,13 +239,13 @@ def common_curves(before: Model, after: Model) -> list[Place]:
         )
     if before.level is None:
         names = {one.curve for one in second}
-        places = [Place(one.curve, None) for one in first if one.curve in names]
+        places = [CurvePlace(one.curve, None) for one in first if one.curve in names]
     else:
         own, others = _levels_of(first), _levels_of(second)
         near = SAME_LEVEL * float(min(np.concatenate([np.diff(own), np.diff(others), [math.inf]])))
         pairs = product(zip(first, own, strict=True), others)
         places = [
-            Place(one.curve, (level + other) / 2)
+            CurvePlace(one.curve, (level + other) / 2)
             for (one, level), other in pairs
             if abs(level - other) <= near
         ]
@@ -262,10 +263,12 @@ def _levels_of(ranges: Sequence[CurveRange]) -> list[float]:
     return [one.level for one in ranges if one.level is not None]
 
 
-def _places_inside(ranges: Sequence[CurveRange], levels: Sequence[float]) -> list[Place]:
+def _places_inside(ranges: Sequence[CurveRange], levels: Sequence[float]) -> list[CurvePlace]:
     own = zip(ranges, _levels_of(ranges), strict=True)
     return [
-        Place(one.curve, level, True) for one, level in own if min(levels) <= level <= max(levels)
+        CurvePlace(one.curve, level, True)
+        for one, level in own
+        if min(levels) <= level <= max(levels)
     ]
 
 
@@ -278,7 +281,7 @@ def _ranges(model: Model) -> tuple[CurveRange, ...]:
     return ranges
 
 
-def grid(before: Model, after: Model, place: Place) -> dict[str, Array]:
+def grid(before: Model, after: Model, place: CurvePlace) -> dict[str, Array]:
     """Points inside of the ranges of both models by input: evenly spread along every one that
     varies, in every combination, (m,) each.
 
@@ -308,22 +311,20 @@ def grid(before: Model, after: Model, place: Place) -> dict[str, Array]:
     return {name: points[:, number] for number, name in enumerate(axes)}
 
 
-def _limits_at(model: Model, place: Place) -> Ranges:
+def _limits_at(model: Model, place: CurvePlace) -> Ranges:
     """Training range of every input at a place, interpolated between the curves."""
     ranges = _ranges(model)
     if place.level is None:
         return next(one.limits for one in ranges if one.curve == place.curve)
     return {
-        one.name: (
-            float(np.interp(place.level, one.levels, one.low)),
-            float(np.interp(place.level, one.levels, one.high)),
-        )
+        one.name: (float(low[0]), float(high[0]))
         for one in limits(ranges, model.level)
         if one.at is not None
+        for low, high in [one.ends({one.at: np.array([place.level])})]
     }
 
 
-def _change(before: Model, after: Model, place: Place) -> CurveChange:
+def _change(before: Model, after: Model, place: CurvePlace) -> CurveChange:
     points = grid(before, after, place)
     a, b = predict(before, points), predict(after, points)
     d = b - a

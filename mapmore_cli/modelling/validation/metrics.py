@@ -14,12 +14,14 @@ from mapmore_cli.domain.arrays import (
     WIDE,
     Array,
     BoolArray,
+    blocks_where,
+    by_blocks,
     extremes,
     give_back,
     in_blocks,
     row_blocks,
 )
-from mapmore_cli.domain.compared import Block, Compared, Normaliser, ratio
+from mapmore_cli.domain.compared import Compared, Normaliser, SampleBlock, ratio
 from mapmore_cli.domain.recording import DIRECTION, Curve, Dataset, uncertainty_of
 from mapmore_cli.domain.results import ErrorBand, Forecast
 from mapmore_cli.domain.scores import Score
@@ -88,13 +90,11 @@ def bands(dataset: Dataset, predictions: Mapping[str, tuple[Array, ...]]) -> tup
         said = {model: every[place] for model, every in predictions.items()}
         for of, wanted, *values in in_blocks(y, mask, *said.values()):
             inside = np.digitize(np.abs(of), edges[1:-1], right=True)
-            samples += (every := np.bincount(inside[wanted], minlength=count))
+            samples += np.bincount(inside[wanted], minlength=count)
             for model, own in zip(said, values, strict=True):
                 error = own - of
-                rows: Any = wanted & np.isfinite(error)
-                whole = rows.all()
-                rows = slice(None) if whole else rows  # a copy costs more than the sums
-                known[model] += every if whole else np.bincount(inside[rows], minlength=count)
+                rows = wanted & np.isfinite(error)
+                known[model] += np.bincount(inside[rows], minlength=count)
                 squares[model] += np.bincount(inside[rows], error[rows] ** 2, count)
     with np.errstate(invalid="ignore"):
         rmse = {model: np.sqrt(total / known[model]) for model, total in squares.items()}
@@ -169,12 +169,14 @@ def score_rows(
     `divisor` of the study, `free` are the numbers that were fitted to all training samples.
     """
     for split, held in SPLITS:
-        rows: dict[tuple[int, Any], tuple[str, list[Part]]] = {}
-        for number, (curve, said) in enumerate(zip(dataset.curves, forecasts, strict=True)):
-            for place, name, own in _parts_of(
-                Part(curve, dataset.target, said, held, partial), number, group
+        rows: dict[tuple[int, Any], tuple[str, list[ScoredSamples]]] = {}
+        for number, (curve, forecast) in enumerate(zip(dataset.curves, forecasts, strict=True)):
+            wanted = curve.held_out == held
+            for place, name, own in _rows_of(
+                curve, wanted & forecast.ready if partial else wanted, number, group
             ):
-                rows.setdefault(place, (name, []))[1].append(own)
+                part = ScoredSamples(curve, dataset.target, forecast, own)
+                rows.setdefault(place, (name, []))[1].append(part)
         whole = [part for (kind, _), (_, parts) in rows.items() if kind == 0 for part in parts]
         for name, parts in [("all", whole), *(rows[place] for place in sorted(rows))]:
             row = compared(parts, scale, free if split == "train" and parts is whole else 0)
@@ -183,39 +185,25 @@ def score_rows(
 
 
 @dataclass(frozen=True)
-class Part:
-    """Samples of one curve with a forecast: those of a split, or those of it in which the quantity
-    `of` has one `value`; where it is `partial`, those alone that are predicted.
-    """
+class ScoredSamples:
+    """Samples of one curve with a forecast: those that are `wanted`, (n,)."""
 
     curve: Curve
     target: str
     forecast: Forecast
-    held: bool
-    partial: bool
-    of: str | None = None
-    value: float = math.nan
+    wanted: BoolArray
 
-    def wanted(self, rows: slice) -> BoolArray:
-        """Return which of some rows are its samples."""
-        wanted: BoolArray = self.curve.held_out[rows] == self.held
-        if self.partial:
-            wanted &= self.forecast.ready[rows]
-        if self.of is not None:
-            wanted &= self.curve.columns[self.of][rows] == self.value
-        return wanted
-
-    def blocks(self) -> Iterator[Block]:
+    def blocks(self) -> Iterator[SampleBlock]:
         """Yield its samples."""
         y, said = self.curve.columns[self.target], self.forecast
         sigma = self.curve.columns.get(uncertainty_of(self.target))
         columns = (y, said.values, said.one_step, said.half, sigma)
         for rows in row_blocks(self.curve.size):
-            wanted = self.wanted(rows)
+            wanted = self.wanted[rows]
             if wanted.any():
                 ready = wanted & said.ready[rows]
                 none = np.full(np.count_nonzero(ready), np.nan)
-                yield Block(
+                yield SampleBlock(
                     y[rows][wanted],
                     *(none if column is None else column[rows][ready] for column in columns),
                 )
@@ -224,32 +212,37 @@ class Part:
                 give_back(said.values)
 
 
-def _parts_of(
-    part: Part, number: int, group: str | None
-) -> Iterator[tuple[tuple[int, Any], str, Part]]:
-    """Yield the rows of the score table that the samples of a curve count in: their place, their
-    name, and which samples.
+def _rows_of(
+    curve: Curve, wanted: BoolArray, number: int, group: str | None
+) -> Iterator[tuple[tuple[int, Any], str, BoolArray]]:
+    """Yield the rows of the score table in which the `wanted` samples of a curve count, (n,): the
+    place of the row in the table, its name, and which samples they are.
     """
-    curve = part.curve
-    yield (0, number), curve.id, part
+    yield (0, number), curve.id, wanted
     if DIRECTION in curve.columns:
         for place, (word, sign) in enumerate((("rise", RISE), ("fall", FALL))):
-            row = f"{curve.id};direction={word}"
-            yield (1, (number, place)), row, replace(part, of=DIRECTION, value=sign)
+            moving = by_blocks(
+                np.equal, curve.columns[DIRECTION], np.broadcast_to(sign, curve.size)
+            )
+            yield (1, (number, place)), f"{curve.id};direction={word}", wanted & moving
     if group is not None:
-        of = curve.columns[group]
-        found = (np.unique(of[rows][part.wanted(rows)]) for rows in row_blocks(curve.size))
-        for value in {value for some in found for value in some.tolist()}:
-            yield (2, value), f"{group}={value:g}", replace(part, of=group, value=value)
+        values = curve.columns[group]
+        for value in {one for part in blocks_where(values, wanted) for one in part.tolist()}:
+            same = _where_equal(values, value)
+            yield (2, value), f"{group}={value:g}", wanted & same
 
 
-def compared(parts: Sequence[Part], scale: Normaliser, free: int = 0) -> Compared:
+def _where_equal(column: Array, value: float) -> BoolArray:
+    return np.asarray(by_blocks(lambda part: part == value, column))
+
+
+def compared(parts: Sequence[ScoredSamples], scale: Normaliser, free: int = 0) -> Compared:
     """Return the samples of some parts as one row of the score table."""
 
-    def blocks() -> Iterator[Block]:
+    def blocks() -> Iterator[SampleBlock]:
         return chain.from_iterable(part.blocks() for part in parts)
 
     if sum(part.curve.size for part in parts) > HELD:
         return Compared(blocks, scale, free)
     arrays = [np.concatenate(own) for own in zip(*blocks(), strict=True)]
-    return Compared(lambda: [Block(*arrays)] if arrays else [], scale, free)
+    return Compared(lambda: [SampleBlock(*arrays)] if arrays else [], scale, free)

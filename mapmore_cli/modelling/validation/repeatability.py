@@ -51,7 +51,7 @@ def repeats(
         if any(
             np.ptp(curve.columns[name][rows]) > 0
             for curve in curves
-            for _, rows in _recordings(curve)
+            for _, rows in _rows_by_recording(curve)
         )
     ]
     if len(along) != 1:
@@ -77,7 +77,7 @@ def rising_samples(values: Array) -> BoolArray:
     return np.asarray(np.diff(values[turns])[run] > 0)
 
 
-def _recordings(curve: Curve) -> Iterator[tuple[str, IntArray]]:
+def _rows_by_recording(curve: Curve) -> Iterator[tuple[str, IntArray]]:
     """Yield the id of each recording with its rows, in order of time."""
     if curve.origin is not None:
         for number, name in enumerate(curve.recordings):
@@ -90,7 +90,7 @@ def _branches(
     """Yield every recording of a curve in each of its directions."""
     x, y = curve.columns[along], curve.columns[target]
     edges = np.linspace(x.min(), x.max(), BINS + 1)
-    for name, rows in _recordings(curve):
+    for name, rows in _rows_by_recording(curve):
         up = rising_samples(x[rows])
         at = tuple(float(curve.columns[quantity][rows[0]]) for quantity in held)
         for direction in (True, False):

@@ -18,10 +18,8 @@ from mapmore_cli.domain.arrays import (
     IntArray,
     by_blocks,
     extremes,
-    give_back,
     in_blocks,
     picked,
-    row_blocks,
     row_by_row,
 )
 from mapmore_cli.domain.models import Model, Pieces
@@ -138,17 +136,15 @@ def cross_correlation(
     most = min(LAGS, max(map(len, residuals)) // 4)
     lags, sums, squares = np.arange(-most, most + 1), np.zeros(2 * most + 1), np.zeros(2)
     for pair in pairs:
-        n = len(pair[0])
-        for rows in row_blocks(n):
-            first, last = max(rows.start - most, 0), min(rows.stop + most, n)
-            wide = [x[first:last] - mean for x, mean in zip(pair, means, strict=True)]
-            e, u = np.where(np.isfinite(wide).all(axis=0), wide, 0.0)
-            own = slice(rows.start - first, rows.stop - first)
-            beyond = (most - own.start, most - (last - rows.stop))
-            sums += np.correlate(np.pad(e, beyond), u[own], "valid")
-            squares += [x[own] @ x[own] for x in (e, u)]
-            give_back(pair[0])
-            give_back(pair[1])
+        before = 0  # samples of the block that are of the one before
+        for block in in_blocks(*pair, overlap=most):
+            centred = np.array(block) - means[:, None]
+            known = np.where(np.isfinite(centred).all(axis=0), centred, 0.0)
+            e, u = np.pad(known, ((0, 0), (most - before, 0)))
+            own_e, own_u, before = e[most:], u[most:], most
+            later = np.correlate(u, own_e, "valid")[::-1]  # the input came first
+            sums += np.append(np.correlate(e, own_u, "valid")[:-1], later)
+            squares += [own_e @ own_e, own_u @ own_u]
     bound = NORMAL / np.sqrt(count)
     values = sums / np.sqrt(squares.prod())
     return ResidualTest(name, lags.astype(np.float64), values, np.full(len(lags), bound))

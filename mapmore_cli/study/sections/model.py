@@ -172,7 +172,7 @@ _OWN_TYPES = ("mapmore", "literature", "auto")
 if TYPE_CHECKING:
     ModelType = str
 else:  # our words, and those of the kinds that add themselves
-    ModelType = Literal[(*_OWN_TYPES, *sorted(plugins.points("kinds")))]
+    ModelType = Literal[(*_OWN_TYPES, *sorted(plugins.entry_points("kinds")))]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -246,7 +246,7 @@ class ModelSettings(Settings):
     @property
     def over_time(self) -> bool:
         """Whether the type has models that run along recordings, whatever the dictionary."""
-        return self.type in plugins.points("kinds") and kinds.named(self.type).over_time
+        return self.type in plugins.entry_points("kinds") and kinds.named(self.type).over_time
 
 
 _TYPE_OF = {

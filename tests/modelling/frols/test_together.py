@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from textbook import frols_streamed
 
-from mapmore_cli.modelling.frols import Problem, Weighing, frols_together
+from mapmore_cli.modelling.frols import Regression, Weighing, frols_together
 from mapmore_cli.modelling.frols.moments import blocks_of_rows
 
 
@@ -29,7 +29,8 @@ def on_paper(P, Y, terms):
 def together(P, Y, *how, weighings=None, **more):
     weighings = weighings or [Weighing()] * Y.shape[1]
     problems = [
-        Problem(blocks_of_rows(P, y), weighing) for y, weighing in zip(Y.T, weighings, strict=True)
+        Regression(blocks_of_rows(P, y), weighing)
+        for y, weighing in zip(Y.T, weighings, strict=True)
     ]
     return frols_together(problems, *how, **more)
 

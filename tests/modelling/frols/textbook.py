@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from mapmore_cli.modelling.frols import Problem, Weighing, frols_together
+from mapmore_cli.modelling.frols import Regression, Weighing, frols_together
 from mapmore_cli.modelling.frols.select import RANK_TOLERANCE
 
 
@@ -47,5 +47,5 @@ def textbook(P, y, max_terms):
 
 def frols_streamed(blocks, *how, weighing=None, only=None, **more):
     """The selection of one output whose dictionary comes in blocks."""
-    (found,) = frols_together([Problem(blocks, weighing or Weighing(), only)], *how, **more)
+    (found,) = frols_together([Regression(blocks, weighing or Weighing(), only)], *how, **more)
     return found

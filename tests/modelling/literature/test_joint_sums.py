@@ -17,8 +17,8 @@ from mapmore_cli.annexes.sums.joint import (
 )
 from mapmore_cli.domain.errors import SpecError
 from mapmore_cli.domain.fits import FormulaFit
-from mapmore_cli.domain.models import CurveRange, Formula, Model
-from mapmore_cli.domain.recording import Quantity
+from mapmore_cli.domain.models import Formula, Model
+from mapmore_cli.domain.recording import CurveRange, Quantity
 from mapmore_cli.modelling.kinds import equations, outside_range, predict
 from mapmore_cli.modelling.literature import get
 from mapmore_cli.study.sections.model import Summand

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from common import curve_of
+from common import curve_of, weight_of
 from dense_model import segment_at
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -13,7 +13,6 @@ from surfaces import at, built, changed, curves, force, joined
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.modelling.kinds import outside_range, predict
 from mapmore_cli.modelling.literature.backbone import fit_formula
-from mapmore_cli.modelling.pieces.definition import weight_of
 from mapmore_cli.modelling.pieces.recipe import Cuts
 
 seeds = st.integers(0, 2**32 - 1)

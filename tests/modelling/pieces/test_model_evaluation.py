@@ -40,8 +40,8 @@ def imagined(rng, names, level, count, cuts):
             CurveFunction(
                 f"curve {number}",
                 at,
-                tuple(boundaries.values()),
                 limits,
+                tuple(boundaries.values()),
                 tuple(segments),
             )
         )

@@ -16,8 +16,8 @@ from numpy.polynomial.chebyshev import chebder, chebval, chebvander
 from surfaces import built, changed, curves, recipe
 
 from mapmore_cli.domain.errors import FitError
-from mapmore_cli.domain.models import CurveRange, Formula
-from mapmore_cli.domain.recording import Curve, uncertainty_of
+from mapmore_cli.domain.models import Formula
+from mapmore_cli.domain.recording import Curve, CurveRange, uncertainty_of
 from mapmore_cli.modelling.inverse import UNIQUE, invert
 from mapmore_cli.modelling.kinds import outside_range, predict
 from mapmore_cli.modelling.literature.backbone import fit_formula

@@ -5,11 +5,11 @@ output among them.
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 
 from mapmore_cli.modelling.expressions.operator import (
+    Amount,
     Arithmetic,
     Operator,
     Parameter,
@@ -47,7 +47,7 @@ def creep(setting: Setting) -> Recursion:
     width = setting.numbers[1] * (high - low) or 1.0
     keeps = math.exp(-setting.step / tau)
 
-    def following(m: Arithmetic, s: Any, x: Any) -> Any:
+    def following(m: Arithmetic, s: Amount, x: Amount) -> Amount:
         # sixty half-widths from rest, creep is as quick as it gets
         left = keeps * m.call("tanh", m.clip((x - s) / (2 * width), -60.0, 60.0))
         return x - width * (m.call("log1p", left) - m.call("log1p", -left))
@@ -65,7 +65,7 @@ def last_direction(_setting: Setting) -> Recursion:
     with a dead band of r.
     """
 
-    def following(m: Arithmetic, s: Any, x: Any, before: Any) -> Any:
+    def following(m: Arithmetic, s: Amount, x: Amount, before: Amount) -> Amount:
         return m.where(x > before, 1.0, lambda: m.where(x < before, -1.0, s))
 
     return Recursion(1, 1, following, lambda x: 0.0 * x)

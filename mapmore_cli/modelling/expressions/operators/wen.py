@@ -4,9 +4,8 @@ Dahl's friction.
 
 from __future__ import annotations
 
-from typing import Any
-
 from mapmore_cli.modelling.expressions.operator import (
+    Amount,
     Arithmetic,
     Operator,
     Parameter,
@@ -32,14 +31,14 @@ def recursion(setting: Setting) -> Recursion:
     low, high = setting.limits
     per = 1 / (high - low) if high > low else 0.0
 
-    def following(m: Arithmetic, z: Any, x: Any, before: Any) -> Any:
+    def following(m: Arithmetic, z: Amount, x: Amount, before: Amount) -> Amount:
         d = (x - before) * per
         falls = d < 0
         a, w = m.where(falls, -d, d), m.where(falls, -z, z)
         back = m.clip(w, None, 0.0)
         zero = -back if q == 0 else m.call("log1p", -q * back) / q
 
-        def turning() -> Any:
+        def turning() -> Amount:
             return m.where(
                 a <= zero, lambda: _relaxed(m, back, q, a), lambda: _relaxed(m, 0.0, p, a - zero)
             )
@@ -50,7 +49,7 @@ def recursion(setting: Setting) -> Recursion:
     return Recursion(1, 1, following, lambda x: 0.0 * x)
 
 
-def _relaxed(m: Arithmetic, w: Any, rate: float, a: Any) -> Any:
+def _relaxed(m: Arithmetic, w: Amount, rate: float, a: Amount) -> Amount:
     """Return `w exp(-rate a) + (1 - exp(-rate a))/rate`."""
     if rate == 0:
         return w + a

@@ -19,13 +19,13 @@ from numpy.typing import ArrayLike
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.fits import Selection
-from mapmore_cli.domain.given import Door, labels_of
 from mapmore_cli.modelling.expressions import Expression, parse, substitute
 from mapmore_cli.modelling.expressions.evaluation import dictionary_matrix
 from mapmore_cli.modelling.expressions.families import products, refuse_beyond_memory
 from mapmore_cli.modelling.expressions.printing import to_text
 from mapmore_cli.modelling.expressions.states import IDENTIFIER
 from mapmore_cli.modelling.frols.engine import frols
+from mapmore_cli.pipeline.frames import Door, labels_of
 
 TOLERANCE = 1e-4  # of `stop: tolerance` where none is given
 FEWEST = 3  # terms that few samples may have
