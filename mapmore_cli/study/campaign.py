@@ -4,9 +4,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path, PurePosixPath
+from types import MappingProxyType
 from typing import Annotated, Literal
 
 from pydantic import Field
@@ -122,9 +123,13 @@ def expanded(
     return campaigns, entries
 
 
-def run_names(entries: Sequence[Entry], campaigns: Sequence[Expanded]) -> list[str]:
+def run_names(
+    entries: Sequence[Entry],
+    campaigns: Sequence[Expanded],
+    known: Mapping[int, str] = MappingProxyType({}),
+) -> list[str]:
     """Return the name of every run; where its spec is wrong, which its own run will say, what it is
-    called in messages.
+    called in messages. The `known` names of runs, by their numbers, need no spec to be read.
 
     Raises UsageError where two of the runs, their variations and the campaigns have one name, which
     would be the same folder.
@@ -132,7 +137,11 @@ def run_names(entries: Sequence[Entry], campaigns: Sequence[Expanded]) -> list[s
     names: list[str] = []
     named = (one.campaign.campaign for one in campaigns)
     claims = [(name, f"the campaign '{name}'") for name in named]
-    for entry in entries:
+    for number, entry in enumerate(entries):
+        if number in known:
+            names.append(known[number])
+            claims.append((known[number], str(entry.config)))
+            continue
         try:
             spec = load(entry.config, entry.overrides).spec
         except SpecError:

@@ -143,7 +143,7 @@ def test_variables_of_the_client_are_set_for_a_job_alone(tmp_path, monkeypatch):
         return [os.environ.get(name) for name in ("MAPMORE_HERE", "MAPMORE_DATA")]
 
     monkeypatch.setattr("distributed.get_worker", Worker)
-    monkeypatch.setattr("mapmore_cli.annexes.campaigns.cluster.run_one", variables)
+    monkeypatch.setattr("mapmore_cli.annexes.campaigns.cluster.run_and_seal", variables)
     monkeypatch.setenv("MAPMORE_HERE", "the worker's")
     monkeypatch.delenv("MAPMORE_DATA", raising=False)
     (tmp_path / "token").touch()
