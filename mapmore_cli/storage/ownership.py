@@ -19,6 +19,7 @@ from pathlib import Path, PurePosixPath
 from mapmore_cli.domain.errors import WriteError
 from mapmore_cli.storage.atomic import UNFINISHED, make_folder, refusals_told, remove
 from mapmore_cli.storage.run_record import RUN_RECORD, Stamp, recorded_name, written_files
+from mapmore_cli.storage.seals import SEAL, read_seal
 from mapmore_cli.storage.stamps import take_stamp
 
 LOCK = ".lock"
@@ -66,6 +67,8 @@ def contents_of(run_dir: Path, rehash: bool = False) -> Contents:
             return named.exists() and named.samefile(run_dir)
         if path == LOCK:
             return place.stat().st_size == 0
+        if path == SEAL:
+            return read_seal(run_dir) is not None
         return is_as_written(place, known.get(path.removeprefix(ASIDE)), rehash)
 
     def look(folder: Path) -> None:

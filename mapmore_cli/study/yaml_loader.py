@@ -11,7 +11,9 @@ import gc
 import json
 import os
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from contextvars import ContextVar
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
@@ -187,6 +189,16 @@ def expand(text: str) -> str:
     return _REFERENCE.sub(_variable_value, text)
 
 
+def readable_variables() -> dict[str, str]:
+    """Return the environment variables that specs may read."""
+    more = os.environ.get(MORE, "").split(",")
+    return {
+        name: value
+        for name, value in os.environ.items()
+        if name.startswith(READABLE) or name in more
+    }
+
+
 def variable_in(text: str) -> str | None:
     """Return the first variable in a text, as it is written."""
     return next((match[0] for match in _REFERENCE.finditer(text) if match[0] != "$${"), None)
@@ -265,12 +277,28 @@ _PLAINER = (  # what PyYAML says, what is meant, what to do
 )
 
 
+@contextmanager
+def files_read() -> Iterator[list[Path]]:
+    """Collect the files of which specs are read meanwhile."""
+    paths = list[Path]()
+    token = _READ.set(paths)
+    try:
+        yield paths
+    finally:
+        _READ.reset(token)
+
+
+_READ: ContextVar[list[Path] | None] = ContextVar("_READ", default=None)
+
+
 def read_source(path: Path) -> SourceText:
     """Return a file's text.
 
     Raises SpecError for a file that is missing, unreadable, larger than a spec can be, or not
     UTF-8.
     """
+    if (paths := _READ.get()) is not None:
+        paths.append(path)
     try:
         with path.open("rb") as file:
             data = file.read(LARGEST + 1)

@@ -12,6 +12,9 @@ import numpy as np
 from ingest import peers_reading, usage_of
 from program import STUDY
 
+from mapmore_cli.storage.run_record import RUN_RECORD
+from mapmore_cli.storage.seals import SEAL, read_seal, states_of, write_seal
+
 ROWS = 60
 LEVELS = (100, 200, 300, 400, 500)
 SPEC = """
@@ -80,23 +83,45 @@ def many_levels(folder, counts=(200, 500, 1000, 2000)):
     return took
 
 
-def resumed(folder, count=20_000):
-    """A campaign of so many small runs: brought up to date, and once more when nothing is to be
-    done.
+def resumed(folder, count=20_000, made=20):
+    """A campaign of so many small runs, of which nothing is to be done: some are `made`, the others
+    are copies of these under names of their own.
     """
     place = Path(folder) / "resumed"
     write_files(place / "many", 5)
     text = SPEC.replace("LEVELS", ", ".join(map(str, LEVELS)))
     (place / "many.yaml").write_text(text, encoding="utf-8")
-    runs = [
-        f"  - {{base: many.yaml, name: r{i}, set: {{fuse.z_s: {i / (3 * count)}}}}}"
+    campaign, runs = place / "campaign.yaml", place / "runs"
+    command = ("batch", campaign, "--runs", runs, "--jobs", 1, "--no-pages")
+    head = ["schema_version: 1", "campaign: batch", "title: runs", "runs:"]
+    lines = [
+        f"  - {{base: many.yaml, name: r{i}, set: {{fuse.z_s: {(i % made + 1) / (3 * made)}}}}}"
         for i in range(count)
     ]
-    campaign = place / "campaign.yaml"
-    head = ["schema_version: 1", "campaign: batch", "title: runs", "runs:"]
-    campaign.write_text("\n".join([*head, *runs, ""]), encoding="utf-8")
-    command = ("batch", campaign, "--runs", place / "runs", "--jobs", 1, "--no-pages")
-    return {"runs": count, "first": mapmore(*command), "again": mapmore(*command)}
+    campaign.write_text("\n".join([*head, *lines[:made], ""]), encoding="utf-8")
+    first = mapmore(*command)
+    for i in range(made, count):
+        copy_run(runs / f"r{i % made}", runs / f"r{i}")
+    campaign.write_text("\n".join([*head, *lines, ""]), encoding="utf-8")
+    return {"runs": count, "each": first / made, "again": mapmore(*command)}
+
+
+def copy_run(run_dir, copy):
+    """Copy a run that is up to date under another name: its results are links, its record and its
+    seal are its own.
+    """
+    copy.mkdir()
+    for path in run_dir.iterdir():
+        if path.name not in (RUN_RECORD, SEAL):
+            (copy / path.name).hardlink_to(path)
+    record = (run_dir / RUN_RECORD).read_text(encoding="utf-8")
+    record = record.replace(f'"{run_dir.name}', f'"{copy.name}')
+    (copy / RUN_RECORD).write_text(record.replace(f'"{run_dir.name}\\', f'"{copy.name}\\'))
+    sealed = read_seal(run_dir)
+    settings = sealed["question"][4]
+    settings[:] = [one.replace(run_dir.name, copy.name) for one in settings]
+    sealed["files"] |= states_of(copy, [RUN_RECORD])
+    write_seal(copy, sealed)
 
 
 def many_runs(folder, count):

@@ -270,7 +270,7 @@ def write_forged(path, model):
     """
     ascii_only = SimpleNamespace(dumps=lambda document, **_: json.dumps(document))
     with (
-        patch.object(schema, "_checked_line", lambda value: value),
+        patch.object(schema, "_scalar", lambda value: value),
         patch.object(artefacts, "json", ascii_only),
     ):
         artefacts.write_model(path, model)

@@ -36,8 +36,9 @@ from cli_samples import write_study
 from mapmore_cli.__main__ import main as mapmore
 from mapmore_cli.cli.app import app
 from mapmore_cli.storage.ownership import LOCK
+from mapmore_cli.storage.seals import SEAL
 
-RUN_RECORD = "run.json"  # tells seconds, so its bytes differ from run to run
+RUN_RECORD = "run.json"  # tells seconds and times, so its bytes differ from run to run
 NEW = ("--set", "fit.max_terms=2", "--set", "segment.strain.count=3")
 COMMANDS = {
     **{
@@ -104,7 +105,7 @@ def contents(folder):
     paths = sorted(
         path
         for path in folder.rglob("*")
-        if path.is_file() and path.name not in (LOCK, RUN_RECORD, ".batch.lock")
+        if path.is_file() and path.name not in (LOCK, RUN_RECORD, SEAL, ".batch.lock")
     )
     return {path.relative_to(folder).as_posix(): path.read_bytes() for path in paths}
 

@@ -19,8 +19,9 @@ from typing import TYPE_CHECKING, Any
 
 from mapmore_cli.annexes.campaigns.workers import ended, worker_died
 from mapmore_cli.domain.errors import MapmoreError, UsageError, WriteError
-from mapmore_cli.pipeline.jobs import Finished, Job, run_one
+from mapmore_cli.pipeline.jobs import Finished, Job
 from mapmore_cli.pipeline.processors import variables_set
+from mapmore_cli.pipeline.sealed import run_and_seal
 from mapmore_cli.storage.atomic import TEMPORARY, refusals_told, write_text
 from mapmore_cli.storage.run_record import tool_versions
 
@@ -171,4 +172,4 @@ def _work(job: Job, shared: Shared, number: int) -> Finished:
     # the next job may come from another client
     with _one_at_a_time, variables_set(shared.environment):
         shared.check()
-        return run_one(job)
+        return run_and_seal(job)

@@ -87,8 +87,9 @@ def batch(
     from mapmore_cli.annexes.campaigns.page import run_names, scores_of, write_page
     from mapmore_cli.annexes.campaigns.tables import campaign_tables
     from mapmore_cli.cli.views import page_lines
-    from mapmore_cli.pipeline.jobs import Job, run_one
+    from mapmore_cli.pipeline.jobs import Job
     from mapmore_cli.pipeline.runner import Options
+    from mapmore_cli.pipeline.sealed import known_by_seal, run_and_seal
     from mapmore_cli.storage.run_folder import refuse_foreign
     from mapmore_cli.storage.run_record import CAMPAIGN_RECORD
     from mapmore_cli.study.campaign import expanded
@@ -96,9 +97,6 @@ def batch(
     if cluster is not None and cluster_file is not None:
         raise UsageError("--cluster and --cluster-file exclude each other", "leave one of them out")
     campaigns, entries = expanded(configs, overrides)
-    names = run_names(entries, campaigns)
-    for one in campaigns:  # better before its runs are done
-        refuse_foreign(runs / one.campaign.campaign, CAMPAIGN_RECORD)
     options = Options(force, rehash, not no_check)
     until = "validate" if no_pages else "report"
     todo = {
@@ -107,7 +105,15 @@ def batch(
         )
         for number, entry in enumerate(entries)
     }
-    results: dict[int, Result] = {}
+    results: dict[int, Result] = {
+        number: known
+        for number, entry in enumerate(entries)
+        if (known := known_by_seal(todo[number], entry.called)) is not None
+    }
+    names = run_names(entries, campaigns, {number: entries[number].called for number in results})
+    for one in campaigns:  # better before its runs are done
+        refuse_foreign(runs / one.campaign.campaign, CAMPAIGN_RECORD)
+    waiting = {number: job for number, job in todo.items() if number not in results}
     scheduler = cluster or cluster_file
     with Reporter(quiet) as reporter, workers.stoppable():
 
@@ -115,11 +121,13 @@ def batch(
             reporter.warn(RunWarning.of(names[number], message))
 
         outcomes = (
-            workers.in_processes(run_one, todo, jobs, tell)
-            if scheduler is None
-            else run_on_cluster(todo, scheduler, runs, tell, reporter.say)
+            workers.in_processes(run_and_seal, waiting, jobs, tell)
+            if scheduler is None or not waiting
+            else run_on_cluster(waiting, scheduler, runs, tell, reporter.say)
         )
         with closing(outcomes):
+            for count, (number, result) in enumerate(results.items(), 1):
+                _tell(reporter, names[number], result, f"{count} of {len(todo)}")
             for number, result in outcomes:
                 results[number] = (
                     result

@@ -8,6 +8,7 @@ from contextlib import suppress
 from dataclasses import replace
 from hashlib import sha256
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 from mapmore_cli.domain.errors import SpecError, UsageError, error_text
@@ -144,17 +145,26 @@ def render_campaign(
     return template.render(title=title, tables=tables, figures=figures, pages=pages, failed=failed)
 
 
-def run_names(entries: Sequence[Entry], campaigns: Sequence[Expanded]) -> list[str]:
-    """Return the name of every run; where its spec is wrong, which its own run will say, what it is
-    called in messages.
+def run_names(
+    entries: Sequence[Entry],
+    campaigns: Sequence[Expanded],
+    known: Mapping[int, str] = MappingProxyType({}),
+) -> list[str]:
+    """Return the name of every run. A run whose spec has an error gets the name that messages use
+    for it; the run itself reports the error. The `known` names, by the numbers of their entries,
+    are taken without reading a spec.
 
-    Raises UsageError where two of the runs, their variations and the campaigns have one name, which
-    would be the same folder.
+    Raises UsageError if two of the runs, their variations and the campaigns have the same name,
+    because they would be written into the same folder.
     """
     names: list[str] = []
     named = (one.campaign.campaign for one in campaigns)
     claims = [(name, f"the campaign '{name}'") for name in named]
-    for entry in entries:
+    for number, entry in enumerate(entries):
+        if number in known:
+            names.append(known[number])
+            claims.append((known[number], str(entry.config)))
+            continue
         try:
             spec = load(entry.config, entry.overrides).spec
         except SpecError:

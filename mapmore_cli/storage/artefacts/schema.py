@@ -201,8 +201,8 @@ def encoded(
 
     `outer` are description and unit of the field that it is a part of.
     """
-    if value is None or type(value) in (bool, int, str):
-        return _checked_line(value)
+    if value is None or isinstance(value, bool | int | float | str):
+        return _scalar(value)
     own = taken_apart(hint)
     label = (own.description, own.unit) if own.description else outer
     if own.kind is Union:
@@ -216,15 +216,16 @@ def encoded(
         for word in (word for word, one in bodies(own.kind).items() if one is type(value)):
             document["kind"] = word
         for name, (inner, default) in stored_fields(type(value)).items():  # type: ignore[arg-type]
-            if not _same(one := getattr(value, name), default):
-                document[name] = encoded(one, inner, put, units, f"{path}/{name}")
+            member = getattr(value, name)
+            if not _same(member, default):
+                document[name] = encoded(member, inner, put, units, f"{path}/{name}")
         return document
     if isinstance(value, range):
         return [value.start, value.stop]
     if isinstance(value, Mapping | tuple):
         parts = value if isinstance(value, Mapping) else dict(enumerate(value))
         document = {
-            _checked_line(key): encoded(
+            _scalar(key): encoded(
                 one,
                 part,
                 put,
@@ -237,11 +238,7 @@ def encoded(
             )
         }
         return document if parts is value else list(document.values())
-    return (
-        str(value)
-        if isinstance(value, float) and not math.isfinite(value)
-        else _checked_line(value)
-    )
+    raise TypeError(f"{path}: {type(value).__name__} cannot be stored")
 
 
 def _same(value: Any, default: Any) -> bool:
@@ -251,7 +248,9 @@ def _same(value: Any, default: Any) -> bool:
     )
 
 
-def _checked_line(value: Any) -> Any:
+def _scalar(value: Any) -> Any:
+    if isinstance(value, float) and not math.isfinite(value):
+        return str(value)
     if isinstance(value, str) and not is_one_line(value):
         what = f"the name {value!r} cannot be stored: it is not one line of valid text"
         raise DataError(what, "rename the file or column that it is of")

@@ -21,7 +21,7 @@ from itertools import islice, product
 from pathlib import Path
 from typing import Any
 
-from mapmore_cli.storage.workbooks import binary, markup
+from mapmore_cli.storage.workbooks import binary, markup, xlsb
 from mapmore_cli.storage.workbooks.facts import NEVER_COMPUTED, Fact, letters
 
 MOST_CELLS, CELLS_OF_BYTE = 100_000, 50
@@ -64,7 +64,8 @@ def _facts(path: Path, title: str) -> list[Fact]:
     if not zipfile.is_zipfile(path):
         return binary.facts_of(path.read_bytes(), title)
     with zipfile.ZipFile(path) as archive:
-        return list(markup.facts_of(archive, title))
+        said_by = xlsb if xlsb.BOOK in archive.namelist() else markup
+        return list(said_by.facts_of(archive, title))
 
 
 def _mark(cells: list[list[Any]], facts: Iterable[Fact]) -> None:

@@ -10,28 +10,15 @@ from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from struct import error, unpack_from
 
-from mapmore_cli.storage.workbooks.facts import NEVER_COMPUTED, Fact
+from mapmore_cli.storage.workbooks.facts import ERRORS, Fact, never_computed
 
 BEGINS = b"\xd0\xcf\x11\xe0"
-ERRORS = {
-    0x00: "#NULL!",
-    0x07: "#DIV/0!",
-    0x0F: "#VALUE!",
-    0x17: "#REF!",
-    0x1D: "#NAME?",
-    0x24: "#NUM!",
-    0x2A: "#N/A",
-}
 BEGIN, END, SHEET, BOOL_OR_ERROR, FORMULA = 0x809, 0x0A, 0x85, 0x205, (0x06, 0x206, 0x406)
 IN_STREAM = 0xFFFFFFF0  # numbers of sectors from here on mean something else
 
 
 def facts_of(content: bytes, title: str) -> list[Fact]:
-    """Return what is said of the cells of a sheet; nothing where it cannot be made out.
-
-    A formula that was never computed has an empty text for its value, as one has that gives an
-    empty text: it is taken for the former where every formula of the sheet has one.
-    """
+    """Return what is said of the cells of a sheet; nothing where it cannot be made out."""
     with suppress(error, IndexError, ValueError):
         if content.startswith(BEGINS):
             return list(_facts_of_records(_stream(content), title))
@@ -96,7 +83,7 @@ def _facts_of_records(stream: bytes, title: str) -> Iterator[Fact]:
         for kind, content in _records(stream, 0)
         if kind == SHEET and _title(content) == title
     ]
-    empty, computed = list[Fact](), False
+    empty, computed = list[tuple[int, int]](), False
     for kind, content in _records(stream, starts[0]):
         if kind == BOOL_OR_ERROR and content[7]:
             row, column = unpack_from("<2H", content)
@@ -107,10 +94,10 @@ def _facts_of_records(stream: bytes, title: str) -> Iterator[Fact]:
             if value.endswith(b"\xff\xff") and value[0] == 2:
                 yield row, column, row, column, ERRORS.get(value[2], "#VALUE!")
             elif value.endswith(b"\xff\xff") and value[0] == 3:
-                empty.append((row, column, row, column, NEVER_COMPUTED))
+                empty.append((row, column))
             else:
                 computed = True
-    yield from () if computed else empty
+    yield from never_computed(empty, computed)
 
 
 def _title(content: bytes) -> str:

@@ -2,12 +2,36 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
+
 Fact = tuple[int, int, int, int, str]
 """Cells from the first row and column to the last ones, from 0, and what is said of them: the text
 of an error, `NEVER_COMPUTED`, or nothing where they are merged.
 """
 
 NEVER_COMPUTED = "="
+
+ERRORS = {
+    0x00: "#NULL!",
+    0x07: "#DIV/0!",
+    0x0F: "#VALUE!",
+    0x17: "#REF!",
+    0x1D: "#NAME?",
+    0x24: "#NUM!",
+    0x2A: "#N/A",
+}
+"""The texts of errors by their numbers in binary workbooks."""
+
+
+def never_computed(empty: Iterable[tuple[int, int]], computed: bool) -> Iterator[Fact]:
+    """Yield the formulas that were never computed, of those at the rows and columns where the value
+    is an `empty` text.
+
+    A formula may also give an empty text: it is taken for such a one if any other of the sheet has
+    been `computed`.
+    """
+    if not computed:
+        yield from ((row, column, row, column, NEVER_COMPUTED) for row, column in empty)
 
 
 def letters(column: int) -> str:

@@ -11,6 +11,7 @@ from xml.etree import ElementTree
 
 from mapmore_cli.storage.workbooks.facts import NEVER_COMPUTED, Fact, number_of_letters
 
+BOOK = "xl/workbook.xml"
 OF_XLSX = re.compile(rb"<(\w+:)?f\b|\bt=[\"']e")
 OF_ODS = re.compile(rb"formula=|value-type=\"error|spanned=|>Err:|>#")
 """What stands in a sheet that has something to say; the others, which are most, are not parsed."""
@@ -21,22 +22,29 @@ ERROR = re.compile(r"#\w[\w/]*[!?]?|Err:\d+")
 def facts_of(archive: zipfile.ZipFile, title: str) -> Iterator[Fact]:
     """Yield what is said of the cells of a sheet."""
     names = archive.namelist()
-    if "xl/workbook.xml" in names:
-        content = archive.read(_part_of(archive, title))
+    if BOOK in names:
+        content = archive.read(
+            part_of_sheet(archive, BOOK, _key_of_sheet(archive.read(BOOK), title))
+        )
         yield from _facts_of_xlsx(content) if OF_XLSX.search(content) else ()
     elif "content.xml" in names:
         content = archive.read("content.xml")
         yield from _facts_of_ods(content, title) if OF_ODS.search(content) else ()
 
 
-def _part_of(archive: zipfile.ZipFile, title: str) -> str:
-    """Return the member of an .xlsx file that holds a sheet."""
-    book = ElementTree.fromstring(archive.read("xl/workbook.xml"))
-    links = ElementTree.fromstring(archive.read("xl/_rels/workbook.xml.rels"))
-    entry = next(one for one in book.iterfind(".//{*}sheet") if one.get("name") == title)
-    key = next(value for name, value in entry.items() if name.endswith("}id"))
+def part_of_sheet(archive: zipfile.ZipFile, book: str, key: str) -> str:
+    """Return the member of an archive that a workbook links under a key."""
+    folder, name = posixpath.split(book)
+    links = ElementTree.fromstring(archive.read(f"{folder}/_rels/{name}.rels"))
     part = next(str(link.get("Target")) for link in links if link.get("Id") == key)
-    return posixpath.join("xl", part).lstrip("/")
+    return posixpath.join(folder, part).lstrip("/")
+
+
+def _key_of_sheet(book: bytes, title: str) -> str:
+    """Return the key under which a workbook links the sheet of a title."""
+    sheets = ElementTree.fromstring(book).iterfind(".//{*}sheet")
+    entry = next(sheet for sheet in sheets if sheet.get("name") == title)
+    return next(value for name, value in entry.items() if name.endswith("}id"))
 
 
 def _facts_of_xlsx(content: bytes) -> Iterator[Fact]:

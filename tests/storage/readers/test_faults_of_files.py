@@ -4,6 +4,7 @@ cannot occur in its files.
 
 import io
 import json
+import struct
 import sys
 import zipfile
 from pathlib import Path
@@ -28,7 +29,7 @@ PLUGIN = Path(__file__).resolve().parents[3] / "docs/examples/plugin"
 N = 14
 T, F = [f"{i / 10:.1f}" for i in range(N)], [f"{1.25 * i:.3f}" for i in range(N)]
 BACK = [*T[:-1], "-0.5"]
-TEXTS, BOOKS = ("csv", "lvm", "json_lines"), ("xlsx", "xls", "ods")
+TEXTS, BOOKS = ("csv", "lvm", "json_lines"), ("xlsx", "xlsb", "xls", "ods")
 
 TWICE, BACKWARDS = "stands 2 times", "time runs backwards"
 OPEN, HALF = "the last line has no end", "is no JSON"
@@ -43,6 +44,7 @@ TABLE = {
     "lvm": (TWICE, BACKWARDS, OPEN, NO_FORMULAS, FAILED, NO_CELLS),
     "json_lines": (TWICE, BACKWARDS, HALF, NO_FORMULAS, FAILED, NO_CELLS),
     "xlsx": (TWICE, BACKWARDS, DAMAGED, NEVER, FAILED, MERGED),
+    "xlsb": (TWICE, BACKWARDS, DAMAGED, NEVER, FAILED, MERGED),
     "xls": (TWICE, BACKWARDS, DAMAGED, NEVER, FAILED, MERGED),
     "ods": (TWICE, BACKWARDS, DAMAGED, NEVER, FAILED, MERGED),
     "mat": (TWICE, BACKWARDS, DAMAGED, NO_FORMULAS, NUMBERS, NO_CELLS),
@@ -150,6 +152,8 @@ def book_with(kind, path, columns, fault):
         if fault == "merged":
             book["a"].merge_cells(f"B{N - 3}:B{N - 1}")
             book.save(path)
+    elif kind == "xlsb":
+        write_xlsb(path, rows, fault)
     elif kind == "xls":
         book = pytest.importorskip("xlwt").Workbook()
         sheet = book.add_sheet("a", cell_overwrite_ok=True)
@@ -183,6 +187,51 @@ def book_with(kind, path, columns, fault):
         if fault == "merged":
             text = text.replace(above, f'{above} table:number-rows-spanned="2"')
         rewrite_ods(path, text)
+
+
+def write_xlsb(path, rows, fault):
+    """A workbook of the sheet `a` in records, as Excel saves it."""
+    cells = b"".join(
+        record(0, struct.pack("<I13x", number)) + b"".join(map(xlsb_cell, range(len(row)), row))
+        for number, row in enumerate(rows)
+    )
+    right = xlsb_cell(1, rows[N - 2][1])
+    value = {
+        "error": record(3, struct.pack("<IIB", 1, 0, 0x07)),
+        "never": record(8, struct.pack("<IIIHII", 1, 0, 0, 0, 0, 0)),
+        "merged": record(1, struct.pack("<II", 1, 0)),
+    }.get(fault, right)
+    assert cells.count(right) == 1
+    merged = record(176, struct.pack("<4I", N - 3, N - 2, 1, 1)) if fault == "merged" else b""
+    extent = record(148, struct.pack("<4I", 0, len(rows) - 1, 0, len(rows[0]) - 1))
+    sheet = record(129) + extent + record(145) + cells.replace(right, value) + record(146) + merged
+    name = record(156, struct.pack("<II", 0, 1) + xlsb_text("rId1") + xlsb_text("a"))
+    with zipfile.ZipFile(path, "w") as archive:
+        book = record(131) + record(143) + name + record(144) + record(132)
+        archive.writestr("xl/workbook.bin", book)
+        archive.writestr("xl/worksheets/sheet1.bin", sheet + record(130))
+        archive.writestr(
+            "xl/_rels/workbook.bin.rels",
+            '<Relationships xmlns="http://schemas.openxmlformats.org/package/2006/relationships">'
+            '<Relationship Id="rId1" Type="http://schemas.openxmlformats.org/officeDocument/2006/'
+            'relationships/worksheet" Target="worksheets/sheet1.bin"/></Relationships>',
+        )
+
+
+def record(kind, content=b""):
+    head = bytes([kind]) if kind < 128 else bytes([(kind & 127) | 128, kind >> 7])
+    return head + bytes([len(content)]) + content
+
+
+def xlsb_text(text):
+    return struct.pack("<I", len(text)) + text.encode("utf-16-le")
+
+
+def xlsb_cell(column, cell):
+    place = struct.pack("<II", column, 0)
+    if isinstance(cell, str):
+        return record(6, place + xlsb_text(cell))
+    return record(5, place + struct.pack("<d", cell))
 
 
 def rewrite_ods(path, text):

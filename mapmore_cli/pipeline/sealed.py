@@ -1,0 +1,166 @@
+"""Runs of a campaign that are known to be up to date by their seals, without being planned.
+
+A seal is no proof against changes that keep size and time of a file, as a plan is none; `--rehash`
+asks for both again. Runs whose structure is searched, and those that need other runs, have none.
+"""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Mapping
+from contextlib import suppress
+from dataclasses import asdict
+from functools import cache
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from pydantic import TypeAdapter
+
+from mapmore_cli.checking import findings
+from mapmore_cli.domain.errors import DataError
+from mapmore_cli.domain.scores import Limit, Published
+from mapmore_cli.ingestion.files import expand, relative_name
+from mapmore_cli.modelling.selection import AUTO
+from mapmore_cli.pipeline.jobs import Finished, Job, run_one
+from mapmore_cli.pipeline.staleness import known_records, needed_runs, pipeline
+from mapmore_cli.storage.run_folder import RunFiles, is_tidy
+from mapmore_cli.storage.run_record import RUN_RECORD, tool_versions, written_files
+from mapmore_cli.storage.seals import (
+    Sealed,
+    hashes_of,
+    read_seal,
+    states_of,
+    still_holds,
+    write_seal,
+)
+from mapmore_cli.study.loader import load
+from mapmore_cli.study.yaml_loader import files_read, readable_variables
+
+if TYPE_CHECKING:
+    from mapmore_cli.study.loader import LoadedSpec
+
+_LIMITS = TypeAdapter(tuple[Limit, ...])
+_PUBLISHED = TypeAdapter(Published | None)
+
+
+def known_by_seal(job: Job, name: str) -> Finished | None:
+    """Return what is known of a run of this name if its seal answers the job; None otherwise."""
+    started, run_dir = time.perf_counter(), job.runs / name
+    sealed = None if job.options.force or job.options.rehash else read_seal(run_dir)
+    if sealed is None or sealed["question"] != _question(job, run_dir):
+        return None
+    answer = sealed["answer"]
+    with suppress(OSError, DataError):  # a source is gone, or a pattern finds nothing
+        if (
+            not still_holds(run_dir, sealed)
+            or not is_tidy(run_dir)
+            or _named_by(answer["patterns"], job.config.parent) != answer["recordings"]
+        ):
+            return None
+        table = RunFiles(run_dir).scores()
+        return Finished(
+            name,
+            run_dir,
+            dict.fromkeys(answer["stages"], "up-to-date"),
+            table,
+            _PUBLISHED.validate_python(answer["published"]),
+            _LIMITS.validate_python(answer["limits"]),
+            (*table.warnings, *answer["warnings"]),
+            time.perf_counter() - started,
+        )
+    return None
+
+
+def run_and_seal(job: Job) -> Finished:
+    """Bring one run up to date as `run_one`, and seal it if nothing changed meanwhile."""
+    with files_read() as paths:
+        loaded = load(job.config, job.overrides)
+    run_dir = job.runs / loaded.spec.name
+    specs = sorted({os.path.relpath(path, run_dir) for path in paths})
+    texts = _hashes_now(run_dir, specs)
+    finished = run_one(job)
+    if _can_be_sealed(loaded) and texts and _hashes_now(run_dir, specs) == texts:
+        with suppress(OSError, DataError):  # the next campaign plans it
+            sealed = _sealed(job, loaded, finished, texts)
+            if sealed is not None:
+                write_seal(run_dir, sealed)
+    return finished
+
+
+def _hashes_now(run_dir: Path, specs: list[str]) -> dict[str, str]:
+    """Return the hashes of the specs; none if one of them went away."""
+    with suppress(OSError):
+        return hashes_of(run_dir, specs)
+    return {}
+
+
+def _can_be_sealed(loaded: LoadedSpec) -> bool:
+    """Return whether what is asked of a run depends on its own spec and sources alone."""
+    return loaded.spec.model.type != AUTO and not any(
+        needed_runs(stage, loaded) for stage in pipeline()
+    )
+
+
+def _sealed(
+    job: Job, loaded: LoadedSpec, finished: Finished, texts: dict[str, str]
+) -> Sealed | None:
+    """Return the seal of a run that is up to date; None if a file is not as its record lists it."""
+    run_dir, spec = finished.run_dir, loaded.spec
+    folder = os.path.relpath(loaded.folder, run_dir)
+    records = known_records(run_dir).values()
+    recorded = {
+        **{f"{folder}/{path}": stamp for one in records for path, stamp in one.inputs.items()},
+        **written_files(run_dir),
+    }
+    files = {path: [stamp.size, stamp.mtime_ns] for path, stamp in recorded.items()}
+    files |= states_of(run_dir, [RUN_RECORD])
+    entries = [*spec.data.files, *(one for join in spec.data.join for one in join.files)]
+    patterns = [entry if isinstance(entry, str) else entry.path for entry in entries]
+    recordings = _named_by(patterns, loaded.folder)
+    read = {path for one in records for path in one.inputs}
+    if not read.issuperset(recordings):
+        return None
+    sealed: Sealed = {
+        "question": _question(job, run_dir),
+        "texts": texts,
+        "files": files,
+        "answer": {
+            "patterns": patterns,
+            "recordings": recordings,
+            "stages": [*finished.stages],
+            "published": None if finished.published is None else asdict(finished.published),
+            "limits": [asdict(limit) for limit in finished.limits],
+            "warnings": list(findings.sentences(run_dir)),
+        },
+    }
+    return sealed if still_holds(run_dir, sealed) else None
+
+
+def _named_by(patterns: list[str], folder: Path) -> list[str]:
+    """Return the recordings that patterns name now, by path from the folder of the spec."""
+    return [relative_name(path, folder) for pattern in patterns for path in expand(pattern, folder)]
+
+
+def _question(job: Job, run_dir: Path) -> object:
+    """Return what a job asks for, and by which program, as JSON values."""
+    campaign = job.options.campaign
+    return [
+        job.until,
+        job.options.check,
+        os.path.relpath(job.config, run_dir),
+        "" if campaign is None else os.path.relpath(campaign, run_dir),
+        list(job.overrides),
+        readable_variables(),
+        _program(),
+    ]
+
+
+@cache
+def _program() -> Mapping[str, object]:
+    """Return what decides about numbers besides specs and sources."""
+    return {
+        **tool_versions(),
+        "stages": {stage.name: stage.revision for stage in pipeline()},
+        "rules": findings.REVISION,
+    }
