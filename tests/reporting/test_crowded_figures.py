@@ -10,13 +10,10 @@ import pytest
 from matplotlib.backend_bases import RendererBase
 from report_builder import build, of_pieces, surface
 
-from mapmore_cli.modelling.kinds import predict
-from mapmore_cli.modelling.signals.sampling import MANY
 from mapmore_cli.reporting.figures.drawing import POINTS, compose, drawings
 from mapmore_cli.reporting.figures.segments import level_figures
 from mapmore_cli.reporting.figures.style import figure_style
 from mapmore_cli.reporting.order import FIGURES
-from mapmore_cli.reporting.sections import all_tables
 
 NEAR = {
     f"near_{shift}": lambda p, e, shift=shift: surface(p, e) + shift for shift in range(9, 0, -1)
@@ -139,24 +136,6 @@ def test_of_many_levels_some_are_marked_and_the_caption_says_how_many(inputs, mo
     assert " 2 of 3 training levels are drawn" in drawing.caption
     marked = compose(drawing).axes[0].lines[1].get_xdata()
     assert marked.tolist() == [80, 350]
-
-
-def test_long_curves_are_drawn_of_samples_with_the_extremes_among_them():
-    """Scores, bands and counts are of all samples."""
-    inputs = build(samples=30_000, levels=(80, 150, 250))
-    shown, whole = inputs.validation.shown, inputs.whole
-    kept = inputs.validation.predictions["mapmore"]
-    for few, every, predicted in zip(shown.curves, whole.curves, kept, strict=True):
-        assert 1000 < few.size <= MANY < every.size
-        assert few.columns["force"].max() == every.columns["force"].max()
-        error = predicted - few.columns["force"]
-        of_all = predict(inputs.model, every.columns) - every.columns["force"]
-        assert (error.min(), error.max()) == (of_all.min(), of_all.max())
-    assert sum(band.samples for band in inputs.validation.bands) == 30_000
-    assert {panel.key for panel in drawing(inputs, "fit").panels} == {"pressure=250"}
-    assert len(drawing(inputs, "segments").panels[0].data["segment"]) < MANY
-    tables = {table.name: table for table in all_tables(inputs)}
-    assert [row[2] + row[3] for row in tables["levels"].rows] == [30_000] * 3
 
 
 def test_a_number_beyond_the_levels_is_not_drawn(inputs):
