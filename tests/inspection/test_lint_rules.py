@@ -508,6 +508,7 @@ def test_a_rule_speaks_of_what_it_is_made_for(tmp_path, id_, severity, spoil, sp
         ),  # a slack muscle, whose sensor rests below zero
         ("shape", clean, {"fit": {"shape": {"pressure": "increasing"}}}),
         ("header-of-numbers", clean, {}),
+        ("strain-in-per-cent", lambda _, c: {**c, "eps": c["eps"] / c["eps"].max()}, {}),
     ],
 )
 def test_a_rule_is_silent_where_nothing_is_wrong(tmp_path, id_, spoil, spec):
@@ -722,3 +723,8 @@ def test_the_floor_is_below_every_monotone_curve(samples):
         line = slope * (x - x.mean()) + y.mean()
         assert floor <= np.sqrt(np.mean((y - line) ** 2)) + 1e-12
     assert monotone_floor(x, 3 * x - 1) < 1e-12
+
+
+def test_a_strain_of_more_than_the_whole_length_is_in_per_cent(tmp_path):
+    issues = inspected(tmp_path, lambda _, c: {**c, "eps": 1.01 * c["eps"] / c["eps"].max()})
+    assert "strain reaches 1.01, which is 101 %" in only(issues, "strain-in-per-cent").message

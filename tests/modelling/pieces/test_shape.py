@@ -316,7 +316,9 @@ def test_samples_are_averaged_in_cells_of_the_range():
         columns = {name: rng.uniform(0, 1, n) for name in (*names, "y")}
         one = Curve("a", None, columns, np.zeros(n, bool), ("a",))
         ranges = [CurveRange("all", None, dict.fromkeys(names, (0.0, 1.0)))]
-        region = region_within(tuple(limits(ranges, None)), (one,), "y", names, recipe().fit)
+        fit = recipe(shape={"x0": "increasing"}, beyond=0.5).fit
+        region = region_within(tuple(limits(ranges, None)), (one,), "y", names, fit)
+        assert region.ends == dict.fromkeys(names, (-0.5, 1.5))
         assert least <= len(region.values) <= most
         assert region.counts.sum() == n
         assert region.values @ region.counts == pytest.approx(columns["y"].sum())
