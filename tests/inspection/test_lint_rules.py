@@ -5,7 +5,6 @@ that explains them.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -23,8 +22,6 @@ from mapmore_cli.study.loader import load
 from mapmore_cli.study.yaml_loader import dump
 
 Table = dict[str, Array]
-Spoil = Callable[[float, Table], Table]
-
 LEVELS = (100.0, 200.0, 300.0, 400.0)
 SPEC: dict[str, Any] = {
     "name": "clean",
@@ -208,7 +205,6 @@ def cycles(over, **spec):
     return {"data": {"cycles": {"over": over, "samples": 20}}, **spec}
 
 
-ONE_LEVEL = {"data": {"levels": {"at": [100.0], "within": 50.0}, "split": None}}
 BY_FILE = {"data": {"levels": None, "split": {"validate": {"files": ["level_300.csv"]}}}}
 THREE_LEVELS = {"data": {"levels": {"at": [100, 200, 400]}}}
 MEMORY = {

@@ -223,7 +223,7 @@ def test_ninety_six_parts_of_all_intervals_and_two_of_each_are_scanned():
     assert [parts_between(np.arange(n)) for n in (2, 5, 6, 49, 50, 200)] == [96, 24, 20, 2, 2, 2]
 
 
-@pytest.mark.parametrize(("beyond", "status"), [(0.3, "one"), (3.0, "none")])
+@pytest.mark.parametrize(("beyond", "status"), [(0.9, "one"), (1.1, "none")])
 def test_an_output_just_beyond_the_range_has_the_end_as_its_solution(beyond, status):
     """What is beyond by less than rounding, 1e-9 times the span of outputs or the output itself,
     whichever is more.

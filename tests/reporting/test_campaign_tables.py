@@ -15,8 +15,6 @@ from mapmore_cli.reporting.campaign import (
     nrmse_table,
     published_table,
 )
-from mapmore_cli.reporting.figures.commands import campaign_figures
-from mapmore_cli.reporting.figures.drawing import compose
 from mapmore_cli.reporting.report import render_campaign
 
 
@@ -179,40 +177,3 @@ def test_nothing_is_in_proportion_to_an_error_of_zero():
         runs_of("a mapmore 1 sarosi 0 repeatability 0"), relative_to="sarosi", best_of=["sarosi"]
     )
     assert nrmse_table(scores).rows[1][1] is None
-
-
-def dots(scores):
-    """Where the dots of each model stand, by run."""
-    (drawing,) = campaign_figures(scores)
-    figure = compose(drawing)
-    ax = figure.axes[0]
-    names = [label.get_text() for label in ax.get_yticklabels()]
-    legend = [text.get_text() for text in figure.legends[0].get_texts()]
-    points = [
-        line for line in ax.lines if line.get_marker() != "None" and line.get_linestyle() == "None"
-    ]
-    return (
-        names,
-        legend,
-        sorted((names[int(y)], float(x)) for line in points for x, y in line.get_xydata()),
-    )
-
-
-def test_every_error_is_a_dot_in_the_line_of_its_run():
-    names, legend, found = dots(
-        CampaignScores(runs_of("a mapmore 1 sarosi 4 repeatability 0.5; b mapmore 3 sarosi 2"))
-    )
-    assert names == ["a", "b"]
-    assert legend == ["mapmore", "best of the others", REPEATABILITY]
-    assert found == [("a", 0.5), ("a", 1.0), ("a", 4.0), ("b", 2.0), ("b", 3.0)]
-
-
-@pytest.mark.parametrize("error", ["nan", "inf"])
-def test_a_run_that_diverged_has_no_dot(error):
-    scores = CampaignScores(runs_of(f"a mapmore 1 narx 2; b mapmore 3 narx {error}"))
-    assert dots(scores)[2] == [("a", 1.0), ("a", 2.0), ("b", 3.0)]
-
-
-def test_there_is_nothing_to_compare_in_one_run():
-    assert campaign_figures(CampaignScores(runs_of("a mapmore 1 sarosi 2"))) == []
-    assert campaign_figures(CampaignScores({})) == []

@@ -3,14 +3,13 @@ panels.
 """
 
 from dataclasses import replace
-from itertools import combinations
 
 import numpy as np
 import pytest
 from matplotlib.backend_bases import RendererBase
 from report_builder import build, of_pieces, surface
 
-from mapmore_cli.reporting.figures.drawing import POINTS, compose, drawings
+from mapmore_cli.reporting.figures.drawing import compose, drawings
 from mapmore_cli.reporting.figures.segments import level_figures
 from mapmore_cli.reporting.figures.style import figure_style
 from mapmore_cli.reporting.order import FIGURES
@@ -73,34 +72,6 @@ NAMES = [name for name in FIGURES if name not in ("loops", "motion", "convergenc
 def boxes(figure):
     """What every panel covers with its labels, in points."""
     return [ax.get_tightbbox(RendererBase(), for_layout_only=True).extents for ax in figure.axes]
-
-
-def panels_of(figure):
-    return sum(ax.get_label() != "<colorbar>" for ax in figure.axes)
-
-
-@pytest.mark.parametrize("name", NAMES)
-def test_labels_keep_to_their_panels_and_every_panel_can_stand_alone(name, mixed):
-    """No label leaves the page or lies on another panel."""
-    with figure_style():
-        for drawing in drawings(name, mixed):
-            figure = compose(drawing)
-            width, height = figure.get_size_inches() * POINTS
-            legends = (legend.get_window_extent(RendererBase()) for legend in figure.legends)
-            top = min((legend.y0 for legend in legends), default=height)
-            found = boxes(figure)
-            for left, low, right, high in found:
-                assert -0.1 <= left < right <= width + 0.1
-                assert -0.1 <= low < high <= top + 0.1
-            for one, other in combinations(found, 2):
-                beside = one[2] <= other[0] or other[2] <= one[0]
-                assert beside or one[3] <= other[1] or other[3] <= one[1]
-            stacks = [panels_of(compose(drawing, mixed.style, panel)) for panel in drawing.panels]
-            assert panels_of(figure) == sum(stacks)
-            assert {*stacks} == {len(drawing.grid.stack)}
-            assert len({panel.key for panel in drawing.panels}) == len(drawing.panels)
-            for panel in drawing.panels:
-                assert len({len(values) for values in panel.data.values()}) == 1
 
 
 def test_panels_are_of_one_size_and_their_labels_in_line(inputs):

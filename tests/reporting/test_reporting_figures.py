@@ -261,38 +261,6 @@ def test_a_long_name_keeps_as_much_of_its_beginning_as_of_its_end(length, short)
     assert panels.shorten("abcdefghij", length) == short
 
 
-class TestTraces:
-    def test_every_quantity_over_time(self, inputs):
-        recording = inputs.dataset.recordings[0]
-        (drawing,) = drawings("data", inputs)
-        assert list(drawing.panels[0].data) == [
-            "Time (s)", "Pressure (kPa)", "Strain (–)", "Force (N)"
-        ]  # fmt: skip
-        x, y = compose(drawing, panel=drawing.panels[0]).axes[2].lines[0].get_data()
-        assert len(x) <= panels.POINTS < recording.rows_kept
-        force = recording.columns["force"]
-        at = dict(zip(recording.columns["time"], force, strict=True))
-        assert all(at[time] == newton for time, newton in zip(x, y, strict=True))
-        assert (y.min(), y.max()) == (force.min(), force.max())
-
-    def test_without_time_the_sample_number_is_the_axis(self, inputs):
-        first = inputs.dataset.recordings[0]
-        columns = {name: values for name, values in first.columns.items() if name != "time"}
-        recordings = (replace(first, columns=columns),)
-        dataset = replace(inputs.dataset, recordings=recordings)
-        (drawing,) = drawings("data", replace(inputs, whole=dataset))
-        assert drawing.panels[0].data["Sample (–)"][-1] == first.rows_kept - 1
-
-    def test_recordings_of_which_nothing_was_kept_are_not_drawn(self, inputs):
-        first, *others = inputs.dataset.recordings
-        empty = replace(first, columns={name: values[:0] for name, values in first.columns.items()})
-        some = replace(inputs, whole=replace(inputs.dataset, recordings=(empty, *others)))
-        titles = [ax.get_title(loc="left") for ax in drawn(some, "data")["data"].axes[:3]]
-        assert titles == [one.id for one in others]
-        none = replace(inputs, whole=replace(inputs.dataset, recordings=(empty,)))
-        assert drawn(none, "data") == {}
-
-
 class TestResiduals:
     def test_static_errors_are_tested_along_the_curve_and_over_every_input_that_varies(self):
         inputs = build()
