@@ -11,7 +11,7 @@ from report_builder import build, drawn, legend_of, of_pieces
 from mapmore_cli.domain.recording import Quantity
 from mapmore_cli.modelling.signals.sampling import envelope
 from mapmore_cli.reporting.figures import panels, style
-from mapmore_cli.reporting.figures.drawing import compose, drawings
+from mapmore_cli.reporting.figures.drawing import drawings
 from mapmore_cli.reporting.figures.fit import curve_fit, held_out_spans
 from mapmore_cli.reporting.figures.segments import draw_segments, segment_curves
 from mapmore_cli.reporting.figures.terms import left_unexplained
@@ -189,27 +189,6 @@ class TestFit:
 
     def test_without_held_out_samples_there_are_training_curves_only(self, alone):
         assert list(drawn(alone, "fit")) == ["fit_training"]
-
-
-class TestErrors:
-    def test_all_samples_pooled_over_the_measured_value(self, inputs):
-        (drawing,) = drawings("error", inputs)
-        measured, error, _ = drawing.panels[1].data.values()
-        force = np.concatenate([curve.columns["force"] for curve in inputs.dataset.curves])
-        predicted = np.concatenate(inputs.validation.predictions["sarosi"])
-        order = np.argsort(force, kind="stable")
-        np.testing.assert_array_equal(measured, force[order])
-        np.testing.assert_array_equal(error, (predicted - force)[order])
-        ax = compose(drawing).axes[1]
-        pale, held_out = (set(line.get_xdata()) for line in ax.lines[1:])
-        assert held_out <= set(inputs.dataset.curves[2].columns["force"])
-        assert not pale & held_out
-
-    def test_a_failed_model_says_so(self, failed):
-        figure = drawn(failed, "error")["error"]
-        (ax,) = (ax for ax in figure.axes if ax.get_title(loc="left") == "Sárosi")
-        assert [text.get_text() for text in ax.texts] == ["failed"]
-        assert sum(len(line.get_xdata()) for line in ax.lines[1:]) == 0  # but the line at zero
 
 
 class TestSegments:
