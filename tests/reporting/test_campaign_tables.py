@@ -177,3 +177,25 @@ def test_nothing_is_in_proportion_to_an_error_of_zero():
         runs_of("a mapmore 1 sarosi 0 repeatability 0"), relative_to="sarosi", best_of=["sarosi"]
     )
     assert nrmse_table(scores).rows[1][1] is None
+
+
+def test_runs_with_few_models_in_common_are_listed():
+    runs = runs_of(
+        "a mapmore 2 sarosi 4 kerscher 3 repeatability 1; b mapmore 1 narx 5; c mapmore 3 cubic 2"
+    )
+    scores = CampaignScores(runs, failed=("d",))
+    assert scores.sparse
+    (table,) = campaign_tables(scores)
+    assert [row[:2] for row in table.rows] == [
+        *(("a", model) for model in ("mapmore", "kerscher", "sarosi", REPEATABILITY)),
+        ("b", "mapmore"),
+        ("b", "narx"),
+        ("c", "mapmore"),
+        ("c", "cubic"),
+        ("d", "mapmore"),
+    ]
+    assert [row[2] for row in table.rows[:-1]] == pytest.approx([2, 3, 4, 1, 1, 5, 3, 2])
+    assert [row[3] for row in table.rows] == pytest.approx(
+        [None, 1.5, 2.0, 0.5, None, 5.0, None, 2 / 3, None]
+    )
+    assert not CampaignScores(runs_of("a mapmore 2 sarosi 4; b mapmore 1")).sparse
