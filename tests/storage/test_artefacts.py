@@ -29,7 +29,7 @@ from mapmore_cli.domain.fits import (
     SegmentFit,
     Selection,
 )
-from mapmore_cli.domain.models import CurveFunction, Fusion, Model, Pieces, SegmentFunction
+from mapmore_cli.domain.models import Body, CurveFunction, Fusion, Model, Pieces, SegmentFunction
 from mapmore_cli.domain.recording import Curve, Dataset, Quantity, Recording
 from mapmore_cli.domain.results import FitResult, PiecesFit, Validation
 from mapmore_cli.storage import artefacts
@@ -37,6 +37,7 @@ from mapmore_cli.storage.artefacts.hdf5 import put_text
 from mapmore_cli.storage.artefacts.reference import described
 from mapmore_cli.storage.artefacts.schema import (
     SegmentationFile,
+    bodies,
     taken_apart,
 )
 
@@ -442,6 +443,7 @@ def test_the_pages_of_the_format_follow_the_declarations():
     assert set(re.findall(r"\]\(#(\w+)\)", described())) <= {
         heading.lower() for heading in headings
     }
+    assert {body.__name__ for body in bodies(Body).values()} <= headings
     assert f"format {artefacts.FORMAT_VERSION}" in page
     for kind in artefacts.KINDS:
         assert f"kind `{kind.name}`" in page
