@@ -176,32 +176,6 @@ def test_a_plug_in_replaces_no_command_and_prints_into_no_document(folder):
     assert (without.returncode, "No such command" in without.stderr) == (2, True)
 
 
-UNREADABLE = (
-    b"[mapmore.commands]\ngarbage\n",
-    b"[mapmore.commands]\nx = not a module!\n",
-    b"[mapmore.commands]\nx =\n",
-    b"garbage = 1\n[console_scripts]\ny\n",
-    b"[mapmore.readers]\nx = \xff\xfe\n",
-)
-
-
-def test_lists_of_entry_points_that_cannot_be_read_are_named_and_left_out(tmp_path):
-    for number, text in enumerate(UNREADABLE):
-        about = tmp_path / f"odd{number}-1.0.dist-info"
-        about.mkdir()
-        head = f"Metadata-Version: 2.1\nName: odd{number}\nVersion: 1.0\n"
-        (about / "METADATA").write_text(head)
-        (about / "entry_points.txt").write_bytes(text)
-    run = partial(mapmore, cwd=tmp_path, env={"PYTHONPATH": str(tmp_path)}, timeout=60)
-    found = run("schema", "--help")
-    assert (found.returncode, found.stdout.startswith("Usage: mapmore ")) == (0, True)
-    told = "warning: the plug-ins of odd{} are left out: its entry_points.txt cannot be read ("
-    lines = zip(sorted(found.stderr.splitlines()), range(len(UNREADABLE)), strict=True)
-    assert all(line.startswith(told.format(number)) for line, number in lines)
-    for line in (("--version",), ("--no-plugins", "schema", "--help")):
-        assert (run(*line).returncode, run(*line).stderr) == (0, "")
-
-
 def test_a_family_of_structures_is_offered_to_the_search(folder, monkeypatch):
     monkeypatch.syspath_prepend(folder / "path")
     for remembered in (plugins._installed, plugins.points, plugins.load):

@@ -143,30 +143,3 @@ def test_a_campaign_without_a_place_for_its_page_is_refused_at_start(
     (place / record).write_text("{}")
     mapmore("batch", campaign, code=7, says=f"holds {what}")
     assert [path.name for path in (tmp_path / "runs").iterdir()] == ["sweep"]
-
-
-def test_runs_that_no_spec_names_are_listed_and_then_removed(campaign, tmp_path, mapmore):
-    """Kept: runs of the campaign, of a spec, of its variation, and all that is not ours."""
-    spec = campaign.with_name("bench.yaml")
-    edit(spec, "[polynomial_2]", "[{set: {fit.max_terms: 1}, as: plain}]")
-    runs = tmp_path / "runs"
-    ours = ("one", "two", "broken", "bench", "bench.plain", "old")
-    head = {"creator": "mapmore", "format_version": "1.2", "stages": {}}
-    records = {
-        one: json.dumps({**head, "name": one, "origin": {"spec": "../bench.yaml"}}) for one in ours
-    }
-    others = {"foreign": '{"creator": "another"}', "damaged": "{", "sweep": '{"campaign": "x"}'}
-    for name, text in {**records, **others, "notes": "mine"}.items():
-        (runs / name).mkdir(parents=True)
-        (runs / name / ("mine.txt" if name == "notes" else "run.json")).write_text(text)
-    (runs / "link").symlink_to(runs / "old")
-    everything = sorted(path.name for path in runs.iterdir())
-    arguments = ("clean", campaign, spec, "--runs", runs)
-    listed = mapmore(*arguments, code=0).stdout.splitlines()
-    end = "1 files of 1 runs would be removed; add --yes"
-    assert listed == [str(runs / "old" / "run.json"), end]
-    assert sorted(path.name for path in runs.iterdir()) == everything
-    assert json.loads(mapmore(*arguments, "--yes", "--json", code=0).stdout)["removed"] is True
-    assert {path.name for path in runs.iterdir()} == {*everything, ".trash"} - {"old"}
-    mapmore("clean", campaign, tmp_path / "none.yaml", "--runs", runs, "--yes", code=3)
-    mapmore("clean", spec, "--runs", tmp_path / "none", code=2, says="no such folder")

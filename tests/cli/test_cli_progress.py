@@ -74,16 +74,6 @@ def test_a_bar_on_a_terminal_is_gone_at_the_end(clock, capsys):
     assert "\x1b[2K" in err  # the bar is erased before the warning
 
 
-@pytest.mark.usefixtures("terminal")
-def test_no_colour_on_request(clock, capsys, monkeypatch):
-    monkeypatch.setenv("NO_COLOR", "1")
-    with Reporter() as reporter:
-        work(reporter, clock, 20)
-    err = capsys.readouterr().err
-    assert "fit" in err
-    assert "\x1b[3" not in err
-
-
 def test_quiet_is_silent_but_for_failures(clock, capsys):
     with Reporter(quiet=True) as reporter:
         work(reporter, clock, 20)
@@ -92,30 +82,3 @@ def test_quiet_is_silent_but_for_failures(clock, capsys):
         warnings.warn("a library's opinion", stacklevel=1)
         reporter.complain("one of the runs failed")
     assert capsys.readouterr().err == "one of the runs failed\n"
-
-
-def test_verbose_times_the_stages_that_ran(clock, capsys):
-    with Reporter(verbose=True) as reporter:
-        reporter.stage("ingest", None)
-        reporter.stage("segment", "never ran")
-        clock.now += 2.5
-        reporter.stage("fit", "follows from segment")
-        clock.now += 0.25
-    assert capsys.readouterr().err.splitlines() == [
-        "ingest: up-to-date",
-        "segment: never ran",
-        "segment: done in 2.50 s",
-        "fit: follows from segment",
-        "fit: done in 0.25 s",
-    ]
-
-
-def test_a_stage_that_failed_is_not_called_done(clock, capsys):
-    def fail():
-        with Reporter(verbose=True) as reporter:
-            reporter.stage("fit", "never ran")
-            raise RuntimeError("no fit")
-
-    with pytest.raises(RuntimeError, match="no fit"):
-        fail()
-    assert capsys.readouterr().err == "fit: never ran\n"

@@ -98,7 +98,10 @@ def test_without_a_terminal_nothing_is_asked_and_questions_stay_open_until_confi
     mapmore("init", cylinder, "-o", spec, code=0)
     checked = document("check", spec, "-q")
     assert len(checked["unconfirmed"]) == spec.read_text().count("# CHECK: ") > 0
-    run = json.loads(mapmore("run", spec, "--json", says="not confirmed").stdout)
+    count = len(checked["unconfirmed"])
+    guesses = "guess of the spec is" if count == 1 else "guesses of the spec are"
+    said = f"{count} {guesses} not confirmed"
+    run = json.loads(mapmore("run", spec, "--json", says=said).stdout)
     assert run["unconfirmed"] == checked["unconfirmed"]
     page = tmp_path / "runs" / run["name"] / "report" / "index.html"
     assert page.read_text().index("not confirmed") < page.read_text().index('class="verdict')

@@ -5,10 +5,9 @@ backbone is chosen.
 from pathlib import Path
 
 import pytest
-from cli_samples import OWN, by_place, edit, options, page_of
+from cli_samples import OWN, by_place, edit, options
 
 from mapmore_cli.cli.views import verdict_lines
-from mapmore_cli.storage.artefacts import read_model
 
 HELD = "{validate: {pressure: [200]}}"
 AGAINST = "against: [polynomial_2, {set: {fit.max_terms: 2}, as: two_terms}]"
@@ -40,21 +39,6 @@ def test_every_level_is_predicted_as_by_a_run_without_it(model, rivals, levels, 
         for name in ("mapmore", *rivals):
             place = (name, "validate", f"pressure={level}")
             assert found[place]["rmse"] == pytest.approx(alone[place]["rmse"], rel=1e-9)
-
-
-def test_the_saved_model_and_the_training_rows_are_of_all_data(study, document):
-    plain = study.read_text()
-    edit(study, HELD, "{leave_one_level_out: true}")
-    found = by_place(document("run", study, "-q"))
-    run = Path("runs", "bench")
-    levels = [curve.level for curve in read_model(run / "model.h5").body.curves]
-    assert levels == [100.0, 200.0, 300.0]
-    assert "Every level is left out in turn" in page_of()
-    study.write_text(plain.replace(f"split: {HELD}", ""))
-    alone = by_place(document("validate", study, "-q", "--set", "name=whole"))
-    train = ("mapmore", "train", "all")
-    assert found[train]["rmse"] == alone[train]["rmse"]
-    assert found[train]["normaliser"] == found[OWN]["normaliser"]
 
 
 def test_models_over_time_have_no_levels_to_leave_out(study, mapmore):

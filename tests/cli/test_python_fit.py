@@ -2,7 +2,6 @@
 behind.
 """
 
-import inspect
 import json
 import tempfile
 
@@ -15,9 +14,6 @@ import mapmore_cli as mm
 from mapmore_cli.api import fitted as fitted_module
 from mapmore_cli.domain.errors import DataError, SpecError
 from mapmore_cli.ingestion.files import expand
-from mapmore_cli.study.experiment import ExperimentSpec
-from mapmore_cli.study.schema import json_schema
-from mapmore_cli.study.sections.data import Data
 
 
 def columns_of(path, names, delimiter=","):
@@ -270,21 +266,6 @@ def test_a_summary_has_what_a_regression_table_has():
     assert "<table>" in summary._repr_html_()
     flat = mm.fit({"x": x, "y": y - 3 * x}, **model.study.document | {"data": {}})
     assert any("Not told from zero" in note and "x of" in note for note in flat.summary().notes)
-
-
-def test_what_tab_shows_are_the_sections_of_the_spec():
-    keys = {one.alias or name for name, one in ExperimentSpec.model_fields.items()}
-    arguments = inspect.signature(mm.fit).parameters
-    added = {"frame", "columns", "levels", "split", "check", "progress", "of_data"}
-    assert arguments.keys() == keys | added
-    assert {"columns", "levels", "split"} <= Data.model_fields.keys()
-    said, schema = " ".join(mm.fit.__doc__.split()), json_schema()
-    known = {**schema["$defs"]["Data"]["properties"], **schema["properties"]}
-    for key in (keys | {"levels", "split"}) - {"data", "schema_version"}:
-        text = f"{known[key]['description']}, as `{known[key]['examples'][0]!r}`"
-        assert f" {key} {text} " in said, "the docstring of fit says what the schema says"
-    assert set(dir(mm)) == {*mm.__all__} >= {"fit", "run", "load_model", "example", "FROLS"}
-    assert all(getattr(mm, name) is not None for name in mm.__all__)
 
 
 @pytest.mark.parametrize(

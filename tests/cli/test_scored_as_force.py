@@ -84,18 +84,3 @@ def test_all_rows_are_of_the_force(study, tmp_path, mapmore, document):
 )
 def test_what_cannot_be_inverted_is_refused(settings, words, study, tmp_path, mapmore):
     mapmore("validate", study, *options("validate.against=[]", *settings), code=3, says=words)
-
-
-def test_a_table_is_turned_with_its_flags(study, tmp_path, mapmore):
-    runs = tmp_path / "runs"
-    mapmore("fuse", study, *options(*TURNED), code=0)
-    model, table = runs / "bench" / "model.h5", tmp_path / "table.csv"
-    table.write_text("pressure,strain\n200,0.1\n200,5\n200,\n")
-    shown = mapmore("predict", model, table, "--as", "force", code=0)
-    header, inside, beyond, empty = shown.stdout.splitlines()
-    assert header == "pressure,strain,force_predicted,outside_range"
-    assert inside.endswith("false")
-    assert beyond.endswith("true")
-    assert empty == "200,,,"
-    mapmore("predict", model, table, "--as", "load", code=2)
-    mapmore("predict", model, table, "--as", "force", "--derivatives", code=2)

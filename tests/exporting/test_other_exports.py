@@ -2,11 +2,7 @@
 compiler, Python without NumPy.
 """
 
-import contextlib
 import ctypes
-import io
-import re
-import subprocess
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -20,9 +16,8 @@ from scipy.interpolate import RegularGridInterpolator
 from scipy.io import loadmat
 
 import mapmore_cli as mm
-from mapmore_cli.annexes.exporting.exports import SNIPPETS, exported, snippet
+from mapmore_cli.annexes.exporting.exports import exported
 from mapmore_cli.annexes.exporting.python_module import python_module
-from mapmore_cli.annexes.exporting.verifying import middle
 from mapmore_cli.domain.errors import DataError, UsageError
 from mapmore_cli.modelling.kinds import fed_back, outside_range, predict
 from mapmore_cli.modelling.programs import slopes
@@ -80,43 +75,6 @@ def test_a_function_of_matlab_without_octave(monkeypatch):
     (name,) = exported(pieces(), "matlab", warn=warnings.append)
     assert name == "dmsp_20.m"
     assert "no Octave" in warnings[0]
-
-
-def run_snippet(to, text):
-    """What the lines print, as numbers."""
-    if SNIPPETS[to].endswith(".py"):
-        with contextlib.redirect_stdout(io.StringIO()) as said:
-            exec(text, {})
-        return said.getvalue()
-    call = (
-        ["sh", "-ec", text]
-        if SNIPPETS[to].endswith(".sh")
-        else [OCTAVE, "--no-gui", "--eval", text]
-    )
-    return subprocess.run(call, capture_output=True, text=True, check=True).stdout
-
-
-@pytest.mark.parametrize(
-    "to",
-    [
-        *("c", "fmu", "fmu3", "py", "numpy", "mujoco"),
-        *(pytest.param(to, marks=needs_octave) for to in ("matlab", "table")),
-    ],
-)
-def test_the_lines_that_call_an_export_run(to, tmp_path, monkeypatch):
-    model = replace(pieces(), name=f"snippet {to}")
-    files = exported(model, to, verify=False)
-    for name, data in files.items():
-        (tmp_path / name).write_bytes(data)
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.syspath_prepend(tmp_path)
-    said = run_snippet(to, snippet(model, to, list(files)))
-    place = {name: np.array([value]) for name, value in middle(model).items()}
-    assert not outside_range(model, place).any()
-    expected = float(predict(model, place)[0])
-    numbers = [float(x) for x in re.findall(r"-?\d+\.\d+(?:e-?\d+)?", said)]
-    close = {"table": 1e-2, "matlab": 1e-4}.get(to, 1e-9)  # Octave prints five digits
-    assert any(x == pytest.approx(expected, rel=close) for x in numbers), said
 
 
 def test_one_sample_and_a_sample_that_is_not_finite():

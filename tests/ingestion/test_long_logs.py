@@ -146,32 +146,6 @@ def test_blocks_give_what_the_whole_gives(
     assert block_by_block == at_once
 
 
-@pytest.mark.parametrize("huge", [10, 10_000])
-def test_the_file_has_the_same_bytes(tmp_path, spooled, monkeypatch, huge):
-    """Whether its columns are packed or not; and what is read of it, mapped or not, is what was
-    written.
-    """
-    for name, seed in (("a.csv", 1), ("b.csv", 2)):
-        (tmp_path / name).write_text(log(seed, "gap"))
-    data = {
-        "files": ["*.csv"],
-        "gaps": SPLITTING,
-        "levels": {"of": "pressure"},
-        "split": {"validate": {"last": 0.2}},
-    }
-    part = slice_of(spec_of(data))
-    monkeypatch.setattr(hdf5, "LONG", 5)
-    monkeypatch.setattr(hdf5, "HUGE", huge)
-    write_dataset(tmp_path / "at_once.h5", build_dataset(part, tmp_path))
-    monkeypatch.setattr(arrays, "ROWS", 7)
-    monkeypatch.setattr(arrays, "LONG", 0)
-    write_dataset(tmp_path / "arrays.h5", build_dataset(part, tmp_path))
-    assert (tmp_path / "arrays.h5").read_bytes() == (tmp_path / "at_once.h5").read_bytes()
-    write_dataset(tmp_path / "again.h5", read_dataset(tmp_path / "arrays.h5"))
-    assert (tmp_path / "again.h5").read_bytes() == (tmp_path / "at_once.h5").read_bytes()
-    assert not list(spooled.iterdir())
-
-
 def test_a_long_log_takes_the_memory_of_its_blocks(tmp_path, spooled, monkeypatch):
     n, rows = 80_000, 2000
     text = "".join(

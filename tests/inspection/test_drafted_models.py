@@ -68,7 +68,9 @@ def test_specimens_are_one_study_and_groups_where_a_person_says_so(words, bars, 
         assert "groups" not in pooled.data
         assert len(expand_all(pooled, folder)) == len(words) * len(bars)
         grouped = drafted(folder, answers=Answers(group="specimen"))
+        # what explains the difference at equal inputs is switched on
         assert grouped.data["groups"]["of"] == "specimen"
+        assert {*grouped.data["groups"].values()} <= {"specimen", True}
         for number in range(1, len(words) + 1):
             own = [entry for entry in grouped.data["files"] if entry["set"]["specimen"] == number]
             names = [path.name for entry in own for path in expand(entry["path"], folder)]

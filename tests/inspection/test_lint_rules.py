@@ -5,7 +5,6 @@ that explains them.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -23,8 +22,6 @@ from mapmore_cli.study.loader import load
 from mapmore_cli.study.yaml_loader import dump
 
 Table = dict[str, Array]
-Spoil = Callable[[float, Table], Table]
-
 LEVELS = (100.0, 200.0, 300.0, 400.0)
 SPEC: dict[str, Any] = {
     "name": "clean",
@@ -208,7 +205,6 @@ def cycles(over, **spec):
     return {"data": {"cycles": {"over": over, "samples": 20}}, **spec}
 
 
-ONE_LEVEL = {"data": {"levels": {"at": [100.0], "within": 50.0}, "split": None}}
 BY_FILE = {"data": {"levels": None, "split": {"validate": {"files": ["level_300.csv"]}}}}
 THREE_LEVELS = {"data": {"levels": {"at": [100, 200, 400]}}}
 MEMORY = {
@@ -508,6 +504,7 @@ def test_a_rule_speaks_of_what_it_is_made_for(tmp_path, id_, severity, spoil, sp
         ),  # a slack muscle, whose sensor rests below zero
         ("shape", clean, {"fit": {"shape": {"pressure": "increasing"}}}),
         ("header-of-numbers", clean, {}),
+        ("strain-in-per-cent", lambda _, c: {**c, "eps": c["eps"] / c["eps"].max()}, {}),
     ],
 )
 def test_a_rule_is_silent_where_nothing_is_wrong(tmp_path, id_, spoil, spec):
@@ -722,3 +719,8 @@ def test_the_floor_is_below_every_monotone_curve(samples):
         line = slope * (x - x.mean()) + y.mean()
         assert floor <= np.sqrt(np.mean((y - line) ** 2)) + 1e-12
     assert monotone_floor(x, 3 * x - 1) < 1e-12
+
+
+def test_a_strain_of_more_than_the_whole_length_is_in_per_cent(tmp_path):
+    issues = inspected(tmp_path, lambda _, c: {**c, "eps": 1.01 * c["eps"] / c["eps"].max()})
+    assert "strain reaches 1.01, which is 101 %" in only(issues, "strain-in-per-cent").message

@@ -12,7 +12,6 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from recorded import drafts, loaded, write
 
-from mapmore_cli.annexes.drafting.answers import answers_of
 from mapmore_cli.domain.errors import UsageError
 
 ROWS = 240
@@ -129,24 +128,3 @@ def unit_stands_in(unit, title):
     """True where the title says the unit, as people write it."""
     written = {"%": ("%", "pct"), "psi": ("psig",), "degC": ("degC",), "ohm": ("Ohm",)}
     return any(one in title for one in written.get(unit, (unit,)))
-
-
-@settings(
-    deadline=None, max_examples=30, suppress_health_check=[HealthCheck.function_scoped_fixture]
-)
-@given(truth=truths(), data=st.data())
-def test_a_person_is_obeyed(tmp_path_factory, truth, data):
-    """The target and the inputs are those that the person names, and no others."""
-    folder = tmp_path_factory.mktemp("rig")
-    kinds = save(folder, truth)
-    moving = [title for title, kind in kinds.items() if KINDS[kind].role != "constant"]
-    moving = [title for title in moving if KINDS[kinds[title]].role != "clock"]
-    if len(moving) < 2:
-        return
-    target, *inputs = data.draw(st.permutations(moving))
-    inputs = inputs[: data.draw(st.integers(1, len(inputs)))]
-    (draft,) = drafts(folder, answers=answers_of(target=target, inputs=",".join(inputs)))
-    used = {one["column"]: name for name, one in draft.data["columns"].items()}
-    assert used[target] == draft.output
-    assert {kinds[title] for title in used} <= {kinds[one] for one in (target, *inputs)} | {"time"}
-    loaded(draft, folder)

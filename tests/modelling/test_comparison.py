@@ -19,6 +19,7 @@ from mapmore_cli.modelling.pieces.build import build
 from mapmore_cli.modelling.pieces.recipe import Cuts
 from mapmore_cli.modelling.validation.comparison import (
     Comparison,
+    TermChange,
     common_curves,
     compare,
     grid,
@@ -327,3 +328,17 @@ def test_the_answer_follows_from_the_intervals_and_the_margin(changes, answer):
     )
     assert told.answer == answer
     assert told.changed == (answer == "changed")
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "error", "moved"),
+    [
+        (1.0, 1.5, 0.25, False),  # by exactly twice the error
+        (1.0, 0.4, 0.25, True),
+        (1.0, 1.0, math.nan, True),
+        (None, 1.0, 0.25, True),
+        (1.0, None, 0.25, True),
+    ],
+)
+def test_a_coefficient_moved_by_more_than_twice_its_error(before, after, error, moved):
+    assert TermChange("a", "strain", before, after, error).moved == moved

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from mapmore_cli.domain.models import Body, Model
+from mapmore_cli.domain.models import Body, Model, Outputs
 from mapmore_cli.domain.recording import Quantity
 from mapmore_cli.domain.results import SimulatedRun
 from mapmore_cli.fitting.kinds import Fitted, maker_of
@@ -61,3 +61,14 @@ def test_no_kind_defines_a_verb_that_nobody_asks_for(kind):
     assert {name for name in vars(own) if not name.startswith("_")} <= {*vars(Verbs)}
     if isinstance(kind, Fitted):
         assert type(maker_of(kind.name)) is type(kind.maker())
+
+
+def test_several_outputs_are_a_model_of_each():
+    inputs, body = (Quantity("pressure", "kPa"),), Zero()
+    force, strain = (Model("zero", Quantity(name, "1"), inputs, body) for name in ("F", "eps"))
+    both = Model("both", force.output, inputs, Outputs((force, strain)))
+    assert both.each == (force, strain)
+    assert force.each == (force,)
+    assert [both.of(name) for name in ("F", "eps", "none")] == [force, strain, both]
+    assert force.of("eps") == force
+    assert both.outputs == (force.output, strain.output)

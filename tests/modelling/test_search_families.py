@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from common import dataset_of
 
+from mapmore_cli.annexes.search import searching
 from mapmore_cli.annexes.search.bench import Bench, Slice, cut_short, searchable
 from mapmore_cli.annexes.search.candidate import offered_structures
 from mapmore_cli.annexes.search.searching import FAMILIES, choices_of, family
@@ -275,3 +276,13 @@ def test_an_end_of_an_input_is_left_out_where_the_study_holds_one_out(held, ends
     if ends:
         found = [(values[fold].min(), values[fold].max()) for fold in deciding]
         assert np.array(found) == pytest.approx(np.array(ends), abs=0.03)
+
+
+def test_structures_are_compared_on_the_rows_that_all_of_them_predict():
+    """The root mean square of each over them; infinite where one diverged."""
+    every, some = np.ones(4, dtype=bool), np.array([True, False, True, True])
+    one = [(np.array([3.0, 100.0, 0.0, 3.0]), every), (np.array([1.0, np.inf]), every[:2])]
+    other = [(np.array([1.0, np.nan, 1.0, 2.0]), some), (np.array([1.0, 2.0]), every[:2])]
+    found = searching._on_common_rows([one, other])
+    assert found[0] == pytest.approx([np.sqrt(6), np.inf])
+    assert found[1] == pytest.approx([np.sqrt(2), np.sqrt(2.5)])

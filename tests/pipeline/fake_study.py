@@ -5,7 +5,6 @@ before.
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -14,9 +13,6 @@ import yaml
 
 from mapmore_cli.fitting.stage import Stage
 from mapmore_cli.study.experiment import ExperimentSpec
-
-Hook = Callable[[str], None]
-"""Called between the steps of a stage, to interrupt it."""
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,6 @@
 term each.
 """
 
-from collections.abc import Callable
 from dataclasses import replace
 from html.parser import HTMLParser
 
@@ -35,7 +34,6 @@ QUANTITIES = {
 }
 PUBLISHED = Published("M2, section 5.1", {"mapmore": 0.022, "sarosi": 0.025, "polynomial_2": 0.07})
 FUSE = Fuse(transition="quadratic", extrapolation="continue")
-Prediction = Callable[[np.ndarray, np.ndarray], np.ndarray]
 
 
 def surface(pressure, strain):

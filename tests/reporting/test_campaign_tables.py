@@ -8,7 +8,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 from report_builder import Page, score
 
-from mapmore_cli.annexes.campaigns.figure import campaign_figures
 from mapmore_cli.annexes.campaigns.page import render_campaign
 from mapmore_cli.annexes.campaigns.tables import (
     CampaignScores,
@@ -17,7 +16,6 @@ from mapmore_cli.annexes.campaigns.tables import (
     published_table,
 )
 from mapmore_cli.domain.scores import REPEATABILITY, Published
-from mapmore_cli.reporting.figures.drawing import compose
 
 
 def row(model, rmse, split="validate"):
@@ -181,38 +179,23 @@ def test_nothing_is_in_proportion_to_an_error_of_zero():
     assert nrmse_table(scores).rows[1][1] is None
 
 
-def dots(scores):
-    """Where the dots of each model stand, by run."""
-    (drawing,) = campaign_figures(scores)
-    figure = compose(drawing)
-    ax = figure.axes[0]
-    names = [label.get_text() for label in ax.get_yticklabels()]
-    legend = [text.get_text() for text in figure.legends[0].get_texts()]
-    points = [
-        line for line in ax.lines if line.get_marker() != "None" and line.get_linestyle() == "None"
+def test_runs_with_few_models_in_common_are_listed():
+    runs = runs_of(
+        "a mapmore 2 sarosi 4 kerscher 3 repeatability 1; b mapmore 1 narx 5; c mapmore 3 cubic 2"
+    )
+    scores = CampaignScores(runs, failed=("d",))
+    assert scores.sparse
+    (table,) = campaign_tables(scores)
+    assert [row[:2] for row in table.rows] == [
+        *(("a", model) for model in ("mapmore", "kerscher", "sarosi", REPEATABILITY)),
+        ("b", "mapmore"),
+        ("b", "narx"),
+        ("c", "mapmore"),
+        ("c", "cubic"),
+        ("d", "mapmore"),
     ]
-    return (
-        names,
-        legend,
-        sorted((names[int(y)], float(x)) for line in points for x, y in line.get_xydata()),
+    assert [row[2] for row in table.rows[:-1]] == pytest.approx([2, 3, 4, 1, 1, 5, 3, 2])
+    assert [row[3] for row in table.rows] == pytest.approx(
+        [None, 1.5, 2.0, 0.5, None, 5.0, None, 2 / 3, None]
     )
-
-
-def test_every_error_is_a_dot_in_the_line_of_its_run():
-    names, legend, found = dots(
-        CampaignScores(runs_of("a mapmore 1 sarosi 4 repeatability 0.5; b mapmore 3 sarosi 2"))
-    )
-    assert names == ["a", "b"]
-    assert legend == ["mapmore", "best of the others", REPEATABILITY]
-    assert found == [("a", 0.5), ("a", 1.0), ("a", 4.0), ("b", 2.0), ("b", 3.0)]
-
-
-@pytest.mark.parametrize("error", ["nan", "inf"])
-def test_a_run_that_diverged_has_no_dot(error):
-    scores = CampaignScores(runs_of(f"a mapmore 1 narx 2; b mapmore 3 narx {error}"))
-    assert dots(scores)[2] == [("a", 1.0), ("a", 2.0), ("b", 3.0)]
-
-
-def test_there_is_nothing_to_compare_in_one_run():
-    assert campaign_figures(CampaignScores(runs_of("a mapmore 1 sarosi 2"))) == []
-    assert campaign_figures(CampaignScores({})) == []
+    assert not CampaignScores(runs_of("a mapmore 2 sarosi 4; b mapmore 1")).sparse

@@ -3,20 +3,16 @@ panels.
 """
 
 from dataclasses import replace
-from itertools import combinations
 
 import numpy as np
 import pytest
 from matplotlib.backend_bases import RendererBase
 from report_builder import build, of_pieces, surface
 
-from mapmore_cli.modelling.kinds import predict
-from mapmore_cli.modelling.signals.sampling import MANY
-from mapmore_cli.reporting.figures.drawing import POINTS, compose, drawings
+from mapmore_cli.reporting.figures.drawing import compose, drawings
 from mapmore_cli.reporting.figures.segments import level_figures
 from mapmore_cli.reporting.figures.style import figure_style
 from mapmore_cli.reporting.order import FIGURES
-from mapmore_cli.reporting.sections import all_tables
 
 NEAR = {
     f"near_{shift}": lambda p, e, shift=shift: surface(p, e) + shift for shift in range(9, 0, -1)
@@ -78,34 +74,6 @@ def boxes(figure):
     return [ax.get_tightbbox(RendererBase(), for_layout_only=True).extents for ax in figure.axes]
 
 
-def panels_of(figure):
-    return sum(ax.get_label() != "<colorbar>" for ax in figure.axes)
-
-
-@pytest.mark.parametrize("name", NAMES)
-def test_labels_keep_to_their_panels_and_every_panel_can_stand_alone(name, mixed):
-    """No label leaves the page or lies on another panel."""
-    with figure_style():
-        for drawing in drawings(name, mixed):
-            figure = compose(drawing)
-            width, height = figure.get_size_inches() * POINTS
-            legends = (legend.get_window_extent(RendererBase()) for legend in figure.legends)
-            top = min((legend.y0 for legend in legends), default=height)
-            found = boxes(figure)
-            for left, low, right, high in found:
-                assert -0.1 <= left < right <= width + 0.1
-                assert -0.1 <= low < high <= top + 0.1
-            for one, other in combinations(found, 2):
-                beside = one[2] <= other[0] or other[2] <= one[0]
-                assert beside or one[3] <= other[1] or other[3] <= one[1]
-            stacks = [panels_of(compose(drawing, mixed.style, panel)) for panel in drawing.panels]
-            assert panels_of(figure) == sum(stacks)
-            assert {*stacks} == {len(drawing.grid.stack)}
-            assert len({panel.key for panel in drawing.panels}) == len(drawing.panels)
-            for panel in drawing.panels:
-                assert len({len(values) for values in panel.data.values()}) == 1
-
-
 def test_panels_are_of_one_size_and_their_labels_in_line(inputs):
     with figure_style():
         figure = compose(drawings("fit", inputs)[0])
@@ -139,24 +107,6 @@ def test_of_many_levels_some_are_marked_and_the_caption_says_how_many(inputs, mo
     assert " 2 of 3 training levels are drawn" in drawing.caption
     marked = compose(drawing).axes[0].lines[1].get_xdata()
     assert marked.tolist() == [80, 350]
-
-
-def test_long_curves_are_drawn_of_samples_with_the_extremes_among_them():
-    """Scores, bands and counts are of all samples."""
-    inputs = build(samples=30_000, levels=(80, 150, 250))
-    shown, whole = inputs.validation.shown, inputs.whole
-    kept = inputs.validation.predictions["mapmore"]
-    for few, every, predicted in zip(shown.curves, whole.curves, kept, strict=True):
-        assert 1000 < few.size <= MANY < every.size
-        assert few.columns["force"].max() == every.columns["force"].max()
-        error = predicted - few.columns["force"]
-        of_all = predict(inputs.model, every.columns) - every.columns["force"]
-        assert (error.min(), error.max()) == (of_all.min(), of_all.max())
-    assert sum(band.samples for band in inputs.validation.bands) == 30_000
-    assert {panel.key for panel in drawing(inputs, "fit").panels} == {"pressure=250"}
-    assert len(drawing(inputs, "segments").panels[0].data["segment"]) < MANY
-    tables = {table.name: table for table in all_tables(inputs)}
-    assert [row[2] + row[3] for row in tables["levels"].rows] == [30_000] * 3
 
 
 def test_a_number_beyond_the_levels_is_not_drawn(inputs):

@@ -19,7 +19,6 @@ from mapmore_cli.modelling.validation.shown import for_report
 from mapmore_cli.reporting.figures.drawing import compose, drawings
 from mapmore_cli.reporting.figures.style import figure_style
 from mapmore_cli.reporting.inputs import ReportInputs
-from mapmore_cli.reporting.report import render_page
 from mapmore_cli.reporting.score_tables import score_table
 
 STEP = 0.01
@@ -107,11 +106,6 @@ def test_loops_are_drawn_in_the_order_of_time_over_what_drives_them(fed_back):
     assert "grey where samples train" in found["fit"].caption
 
 
-def test_no_loops_without_held_out_samples():
-    inputs = report_of(["motion[k-1]", "pressure[k-1]"], held=0.0)
-    assert [drawing.name for drawing in drawings("fit", inputs)] == ["training"]
-
-
 def test_free_run_stands_beside_one_step_where_they_differ(fed_back, driven):
     scores = fed_back.validation.scores
     shown = score_table(scores, {"motion": "mm"})
@@ -139,12 +133,6 @@ def test_the_states_tell_what_training_found(driven):
     assert {name for name, what in rows if what == "scaled to [0, 1]"} == set(
         driven.fit.memory.model.states.names
     )
-
-
-def test_the_page_has_it_all(driven):
-    page = render_page(driven, {})
-    for words in ("its terms have memory", "States with memory"):
-        assert words in page
 
 
 def test_the_error_of_every_number_of_terms_is_told():

@@ -11,7 +11,7 @@ from report_builder import build, drawn, legend_of, of_pieces
 from mapmore_cli.domain.recording import Quantity
 from mapmore_cli.modelling.signals.sampling import envelope
 from mapmore_cli.reporting.figures import panels, style
-from mapmore_cli.reporting.figures.drawing import compose, drawings
+from mapmore_cli.reporting.figures.drawing import drawings
 from mapmore_cli.reporting.figures.fit import curve_fit, held_out_spans
 from mapmore_cli.reporting.figures.segments import draw_segments, segment_curves
 from mapmore_cli.reporting.figures.terms import left_unexplained
@@ -191,27 +191,6 @@ class TestFit:
         assert list(drawn(alone, "fit")) == ["fit_training"]
 
 
-class TestErrors:
-    def test_all_samples_pooled_over_the_measured_value(self, inputs):
-        (drawing,) = drawings("error", inputs)
-        measured, error, _ = drawing.panels[1].data.values()
-        force = np.concatenate([curve.columns["force"] for curve in inputs.dataset.curves])
-        predicted = np.concatenate(inputs.validation.predictions["sarosi"])
-        order = np.argsort(force, kind="stable")
-        np.testing.assert_array_equal(measured, force[order])
-        np.testing.assert_array_equal(error, (predicted - force)[order])
-        ax = compose(drawing).axes[1]
-        pale, held_out = (set(line.get_xdata()) for line in ax.lines[1:])
-        assert held_out <= set(inputs.dataset.curves[2].columns["force"])
-        assert not pale & held_out
-
-    def test_a_failed_model_says_so(self, failed):
-        figure = drawn(failed, "error")["error"]
-        (ax,) = (ax for ax in figure.axes if ax.get_title(loc="left") == "Sárosi")
-        assert [text.get_text() for text in ax.texts] == ["failed"]
-        assert sum(len(line.get_xdata()) for line in ax.lines[1:]) == 0  # but the line at zero
-
-
 class TestSegments:
     def test_each_training_sample_belongs_to_its_segment(self, inputs, mixed):
         for study in (inputs, mixed):
@@ -259,38 +238,6 @@ class TestTerms:
 )
 def test_a_long_name_keeps_as_much_of_its_beginning_as_of_its_end(length, short):
     assert panels.shorten("abcdefghij", length) == short
-
-
-class TestTraces:
-    def test_every_quantity_over_time(self, inputs):
-        recording = inputs.dataset.recordings[0]
-        (drawing,) = drawings("data", inputs)
-        assert list(drawing.panels[0].data) == [
-            "Time (s)", "Pressure (kPa)", "Strain (–)", "Force (N)"
-        ]  # fmt: skip
-        x, y = compose(drawing, panel=drawing.panels[0]).axes[2].lines[0].get_data()
-        assert len(x) <= panels.POINTS < recording.rows_kept
-        force = recording.columns["force"]
-        at = dict(zip(recording.columns["time"], force, strict=True))
-        assert all(at[time] == newton for time, newton in zip(x, y, strict=True))
-        assert (y.min(), y.max()) == (force.min(), force.max())
-
-    def test_without_time_the_sample_number_is_the_axis(self, inputs):
-        first = inputs.dataset.recordings[0]
-        columns = {name: values for name, values in first.columns.items() if name != "time"}
-        recordings = (replace(first, columns=columns),)
-        dataset = replace(inputs.dataset, recordings=recordings)
-        (drawing,) = drawings("data", replace(inputs, whole=dataset))
-        assert drawing.panels[0].data["Sample (–)"][-1] == first.rows_kept - 1
-
-    def test_recordings_of_which_nothing_was_kept_are_not_drawn(self, inputs):
-        first, *others = inputs.dataset.recordings
-        empty = replace(first, columns={name: values[:0] for name, values in first.columns.items()})
-        some = replace(inputs, whole=replace(inputs.dataset, recordings=(empty, *others)))
-        titles = [ax.get_title(loc="left") for ax in drawn(some, "data")["data"].axes[:3]]
-        assert titles == [one.id for one in others]
-        none = replace(inputs, whole=replace(inputs.dataset, recordings=(empty,)))
-        assert drawn(none, "data") == {}
 
 
 class TestResiduals:

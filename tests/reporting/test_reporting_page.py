@@ -5,7 +5,6 @@ from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
-import numpy as np
 import pytest
 from common import python
 from report_builder import Page, all_named, of_pieces
@@ -13,7 +12,6 @@ from report_builder import Page, all_named, of_pieces
 from mapmore_cli.domain.models import Formula
 from mapmore_cli.domain.plugins import entry_points
 from mapmore_cli.modelling.kinds import equations
-from mapmore_cli.modelling.validation.residuals import residual_tests
 from mapmore_cli.reporting import figures as figures_folder
 from mapmore_cli.reporting.order import FIGURES
 from mapmore_cli.reporting.report import write_report
@@ -211,21 +209,6 @@ def test_the_model_is_typeset_with_weights_and_limits(inputs, tmp_path):
     assert "Limits: what the model was trained in" in page.text
     ids = [attrs["id"] for attrs in page.named("h2")]
     assert ids.index("equations") == 2, "third on the page"
-
-
-def test_one_held_out_level_is_no_axis(inputs):
-    pressures = inputs.dataset.curves[2].columns["pressure"]
-    noisy = pressures + np.linspace(-0.5, 0.5, len(pressures))
-    curves = [
-        replace(curve, columns={**curve.columns, "pressure": noisy})
-        if curve.level == 250
-        else curve
-        for curve in inputs.dataset.curves
-    ]
-    dataset = replace(inputs.dataset, curves=tuple(curves))
-    predicted = inputs.validation.predictions["mapmore"]
-    tests = residual_tests(inputs.model, dataset, predicted, "strain")
-    assert [one.name for one in tests][1:] == ["strain"]
 
 
 HOSTILE = "<script>alert('1')</script>&\"$x_1$ ü 力"

@@ -4,11 +4,10 @@ from math import comb
 
 import numpy as np
 import pytest
-from report_builder import of_pieces, score, tables_of
+from report_builder import score, tables_of
 from scipy.stats import t as student
 
 from mapmore_cli.domain.fits import FormulaFit
-from mapmore_cli.domain.models import FoldError
 from mapmore_cli.domain.recording import Dataset, Quantity, Recording
 from mapmore_cli.domain.results import AUTOCORRELATION, PiecesFit, ResidualTest, Validation
 from mapmore_cli.domain.scores import Published, ScoreTable
@@ -200,44 +199,6 @@ class TestModel:
         assert column(table, "RMSE [N]")[0] == pytest.approx(
             math.sqrt(fit.selection.sse / 50) * abs(fit.scaling.y_slope)
         )
-
-
-class TestFormulas:
-    def test_a_failed_fit_shows_no_number_but_its_reason(self, failed):
-        table = tables_of(failed)["formulas"]
-        (row,) = [row for row in table.rows if row[0] == "sarosi"]
-        assert row[2] == "failed"
-        assert row[3:6] == (None, None, None)
-        assert "sarosi (competitor): the solver found no step" in table.notes
-        assert "a1" not in [cell for r in table.shown if r[0] == "sarosi" for cell in r]
-
-    def test_a_formula_under_another_name_keeps_that_name(self, inputs):
-        formulas = {
-            "sarosi_lm": replace(inputs.validation.formulas["sarosi"], method="levenberg_marquardt")
-        }
-        table = tables_of(
-            replace(inputs, validation=replace(inputs.validation, formulas=formulas))
-        )["formulas"]
-        assert {row[0] for row in table.rows} == {"sarosi_lm"}
-
-    def test_backbone_and_competitor_of_the_same_name_both_appear(self, inputs):
-        backbone = FormulaFit(
-            "sarosi", {"a1": 9.0}, {"a1": 0.1}, "at_bound", "variable projection", 1, 2.0, 3.0, 600
-        )
-        with_backbone = replace(inputs, fit=replace(inputs.fit, backbone=backbone))
-        roles = [row[:3] for row in tables_of(with_backbone)["formulas"].rows if row[0] == "sarosi"]
-        assert roles[0] == ("sarosi", "backbone", "at bound")
-        assert ("sarosi", "competitor", "converged") in roles
-        bare = replace(with_backbone, model=of_pieces(inputs.model, curves=()))
-        assert tables_of(bare)["formulas"].rows[0][1] == "own model"
-
-    def test_cross_validation_marks_the_least_error(self, inputs):
-        errors = (FoldError("backbone", 5.0, 3), FoldError("backbone + residual", 4.0, 3))
-        table = tables_of(replace(inputs, model=of_pieces(inputs.model, cross_validation=errors)))[
-            "cross_validation"
-        ]
-        assert column(table, "least error") == ["no", "yes"]
-        assert column(table, "RMSE of left-out samples [N]") == [5.0, 4.0]
 
 
 def test_formulas_that_are_one_model_are_named_once_each_pair():

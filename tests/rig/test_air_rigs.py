@@ -11,11 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pages import PUBLISHED
 from rig_cases import spec
-from scipy.integrate import solve_ivp
-from scipy.interpolate import CubicSpline
 
 from datasets.rig.air import ATMOSPHERE, ClosedMuscle
-from datasets.rig.antagonists import Joint, driven, swung
 from datasets.rig.static_muscles import volume
 
 
@@ -38,44 +35,6 @@ def test_slow_air_keeps_its_temperature_and_fast_air_its_heat(start, change, pre
         assert absolute[-1] * chamber[-1] ** exponent == pytest.approx(
             absolute[0] * chamber[0] ** exponent, rel=3e-3
         )
-
-
-def test_the_pressure_is_that_of_the_gas_and_its_warmth_integrated_apart():
-    """Pressure and temperature of a fixed mass as two equations: `p V = m R T`, `m c_v T' = -p V' +
-    k (T_w - T)`.
-    """
-    muscle, dt = closed_muscle(), 1e-3
-    time = dt * np.arange(1500)
-    strain = 0.12 + 0.08 * np.sin(2 * np.pi * 1.3 * time)
-    chamber = CubicSpline(time, volume(muscle.muscle, strain) + muscle.air.dead_volume)
-    gamma, tau, p0 = muscle.air.heat_ratio, muscle.air.cooling_time, 4e5 + ATMOSPHERE
-
-    def rate(t, warmth):
-        p = p0 * chamber(0.0) / chamber(t) * warmth
-        return -(gamma - 1) * p * chamber(t, 1) / (p0 * chamber(0.0)) + (1 - warmth) / tau
-
-    warmth = solve_ivp(rate, (0, time[-1]), [1.0], t_eval=time, rtol=1e-9, atol=1e-9).y[0]
-    expected = p0 * chamber(0.0) / chamber(time) * warmth - ATMOSPHERE
-    assert muscle.closed_pressure(strain, 4e5, dt) == pytest.approx(expected, rel=2e-4)
-
-
-def test_what_one_muscle_of_the_joint_gives_the_other_takes():
-    found = spec("muscle-like/joint", "experiment.duration=2", "experiment.sample_time=0.01")
-    setup, joint = found.experiment, Joint(found.muscle, found.hysteresis, found.experiment)
-    closed = swung(joint)
-    assert closed["velocity_1"] == pytest.approx(-closed["velocity_2"])
-    assert np.ptp(closed["length_1"] + closed["length_2"]) == pytest.approx(0.0, abs=1e-9)
-    assert np.corrcoef(closed["pressure_1"], closed["length_1"])[0, 1] > 0.9
-    moved = driven(joint, setup.asked("driven", np.random.default_rng(1)))
-    later = setup.clock > 0.5
-    assert np.corrcoef(moved["pressure_1"][later], moved["pressure_2"][later])[0, 1] < -0.9
-    turning = (
-        setup.radius * (moved["force_1"] - moved["force_2"])
-        - setup.damping * moved["velocity_1"] / setup.radius
-    )
-    acceleration = np.gradient(moved["velocity_1"], setup.clock) / setup.radius
-    # but for the filter of the load cells
-    assert np.corrcoef(turning[later], setup.inertia * acceleration[later])[0, 1] > 0.95
 
 
 FREE = {1.4: 1.7, 3.0: 6.4, 4.0: 8.8, 5.0: 9.9, 6.0: 10.3}

@@ -8,11 +8,10 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from rig_cases import MUSCLES, TUBES, both, friction
+from rig_cases import MUSCLES, both, friction
 from scipy.integrate import trapezoid
 
 from datasets.rig.muscle import (
-    effective_pressure,
     stop,
     zero_force_strain,
 )
@@ -38,34 +37,6 @@ def test_the_documented_forces_free_strains_and_lengths(kind):
     for kpa, force, strain in PUBLISHED[kind]:
         assert float(muscle.force(kpa * 1e3, 0.0)) == pytest.approx(force, rel=0.005)  # asked: 0.05
         assert free_strain(muscle, kpa * 1e3) == pytest.approx(strain, abs=6e-4)
-
-
-@given(alpha=st.floats(1e-3, 1.57), pressure=st.floats(0.0, 600e3))
-def test_the_peano_solver_returns_to_the_angle_that_it_is_given(alpha, pressure):
-    """From an angle follow strain and force in closed form; the solver has to find that force from
-    the strain alone.
-    """
-    driving = float(effective_pressure(pressure, TUBES.threshold, TUBES.threshold_width))
-    width = TUBES.tube_width
-    across = TUBES.tube_length - 2 * TUBES.end_loss * width * np.sin(alpha)
-    force = driving * width * across * np.cos(alpha) / alpha - TUBES.bending * alpha
-    strain = 1 - np.sin(alpha) / alpha - force / TUBES.stiffness
-    assert float(TUBES.force(pressure, strain)) == pytest.approx(force, rel=1e-9, abs=1e-7)
-
-
-@given(pressure=pressures, strain=strains)
-def test_the_tubes_do_as_much_work_as_the_water(pressure, strain):
-    """Virtual work: `L0 dF/dP_e` at constant strain is `dV/de` at constant pressure."""
-    width = TUBES.threshold_width
-    step = 1e-4 * pressure
-    low, high = (TUBES.respond(at, strain).tension for at in (pressure - step, pressure + step))
-    driven = float(
-        effective_pressure(pressure + step, 6e3, width)
-        - effective_pressure(pressure - step, 6e3, width)
-    )
-    assert TUBES.length * (high - low) / driven == pytest.approx(
-        TUBES.respond(pressure, strain).displacement, rel=1e-4
-    )
 
 
 YIELDS = np.array([0.001, 0.004, 0.016])

@@ -29,7 +29,7 @@ from mapmore_cli.domain.fits import (
     SegmentFit,
     Selection,
 )
-from mapmore_cli.domain.models import CurveFunction, Fusion, Model, Pieces, SegmentFunction
+from mapmore_cli.domain.models import Body, CurveFunction, Fusion, Model, Pieces, SegmentFunction
 from mapmore_cli.domain.recording import Curve, Dataset, Quantity, Recording
 from mapmore_cli.domain.results import FitResult, PiecesFit, Validation
 from mapmore_cli.storage import artefacts
@@ -37,6 +37,7 @@ from mapmore_cli.storage.artefacts.hdf5 import put_text
 from mapmore_cli.storage.artefacts.reference import described
 from mapmore_cli.storage.artefacts.schema import (
     SegmentationFile,
+    bodies,
     taken_apart,
 )
 
@@ -56,28 +57,6 @@ QUIET = settings(
     max_examples=12,
     suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
 )
-
-
-def test_short_arrays_of_many_recordings_share_a_dataset(tmp_path):
-    path, sizes = tmp_path / "ingest.h5", [0, 5, 3, 5000] * 70
-    recordings = tuple(
-        Recording(f"r{i}", f"r{i}.csv", {"force": np.arange(float(size)) + i}, size, {})
-        for i, size in enumerate(sizes)
-    )
-    dataset = Dataset("force", None, {"force": Quantity("force", "N")}, recordings, ())
-    artefacts.write_dataset(path, dataset)
-    assert same(artefacts.read_dataset(path), dataset)
-    with h5py.File(path) as file:
-        shared = file["recordings/all/columns/force"]
-        assert (len(shared), shared.attrs["unit"]) == (70 * 8, "N")
-        assert len(file["recordings/003/columns/force"]) == 5000
-
-    reference = "recordings/278/columns/force"
-    for key, value in (("from", 558), ("shape", [-1]), ("shape", [5, 1]), ("array", "/document")):
-        artefacts.write_dataset(path, dataset)
-        changed(path, put(f"{reference}/{key}", value))
-        with pytest.raises(DataError, match=reference):
-            artefacts.read_dataset(path)
 
 
 @pytest.mark.parametrize("version", ["3.0", "3.1"])
@@ -269,27 +248,6 @@ def test_segmentation_holds_rows_and_no_samples(tmp_path):
         assert rows.dtype == np.int64
         assert rows.compression == "gzip"
         assert file["curves/all/boundaries/all"].compression is None
-
-
-def test_rows_that_follow_each_other_are_two_numbers(tmp_path):
-    """A file of 3.0 has them all, and is read as well."""
-    path, every = tmp_path / "s.h5", np.arange(2, 9)
-    for rows, stored in (
-        (every, {"array": "/curves/all/segments/all/rows", "from": 0, "shape": [7]}),
-        (range(2, 9), [2, 9]),
-    ):
-        curve = replace(examples()["segmentation"][0], segments=(Segment("s", "c", (1,), rows),))
-        artefacts.write_segmentation(path, (curve,))
-        with h5py.File(path, "a") as file:
-            document = json.loads(file["document"].asstr()[()])
-            file.attrs["format_version"] = "3.1" if rows is not every else "3.0"
-        assert document["curves"][0]["segments"][0]["rows"] == stored
-        told = []
-        read = artefacts.read_segmentation(path, told.append)[0].segments[0].rows
-        assert (list(read), told) == (list(rows), [])
-    changed(path, put("curves/000/segments/000/rows", [3, 2]))
-    with pytest.raises(DataError, match="rows, is no range"):
-        artefacts.read_segmentation(path)
 
 
 def test_model_carries_long_provenance(tmp_path):
@@ -485,6 +443,7 @@ def test_the_pages_of_the_format_follow_the_declarations():
     assert set(re.findall(r"\]\(#(\w+)\)", described())) <= {
         heading.lower() for heading in headings
     }
+    assert {body.__name__ for body in bodies(Body).values()} <= headings
     assert f"format {artefacts.FORMAT_VERSION}" in page
     for kind in artefacts.KINDS:
         assert f"kind `{kind.name}`" in page

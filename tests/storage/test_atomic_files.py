@@ -314,6 +314,16 @@ def test_a_folder_of_the_user_is_refused(name, tmp_path):
     assert (tmp_path / name).read_text() == '{"mine": 1}'
 
 
+@pytest.mark.parametrize(
+    ("files", "named"), [("abc", r"\(a, b, c\)"), ("abcd", r"\(a, b, c, \.\.\.\)")]
+)
+def test_three_files_of_the_user_are_named(files, named, tmp_path):
+    for name in files:
+        (tmp_path / name).write_text("mine")
+    with pytest.raises(WriteError, match=named):
+        open_run_folder(tmp_path)
+
+
 def test_what_a_killed_start_leaves_is_no_folder_of_the_user(tmp_path):
     (tmp_path / ".lock").write_text("")
     (tmp_path / ".tmp-0123456789ab-run.json").write_text("{")

@@ -142,6 +142,7 @@ samples: 200}                         samples: 0x20}
             "segment: {pressure: none, strain: {method: even, count: 1}}",
         ),
         ("segment:\n  strain: {method: even, count: 4}", "segment: {pressure: levels}"),
+        ("- polynomial", "- bounds: [2, 2]\n    polynomial"),  # a coefficient that is known
     ],
 )
 def test_variants_of_the_static_study_load(tmp_path, old, new):

@@ -11,6 +11,7 @@ import jsonschema
 import pytest
 from spec_examples import GOOD, PROJECT, SHIPPED, STATIC
 
+from mapmore_cli.domain.scores import METRICS, OF_TARGET
 from mapmore_cli.study.experiment import ExperimentSpec
 from mapmore_cli.study.loader import confirmed, questions_in
 from mapmore_cli.study.schema import json_schema, reference
@@ -158,3 +159,8 @@ def test_every_key_is_read():
     read = set().union(*map(attributes_read, files))
     unread = {key for key in {*keys, *schema["properties"]} if ALIASES.get(key, key) not in read}
     assert unread - NOTES - {"extends"} == set()
+
+
+def test_every_score_says_in_words_what_it_means():
+    assert not any(meaning.startswith("[") for meaning in METRICS.values())
+    assert {"rmse"} <= OF_TARGET < {*METRICS}

@@ -11,6 +11,7 @@ from textbook import frols_streamed
 
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.modelling.frols import engine, frols
+from mapmore_cli.modelling.frols.select import widened
 
 FORMS = ("basis", "gram", "gathered", "triangle", "streamed")
 
@@ -243,3 +244,16 @@ def test_a_sample_that_alone_decides_a_term_has_no_leave_one_out_error(form):
     y -= 45 * P[:, 1]
     assert fit_by(form, P, y, 4).chosen.tolist()[:2] == [0, 1]
     assert fit_by(form, P, y, 4, stop="press").chosen.tolist() == [0]
+
+
+def test_a_selection_among_some_candidates_counts_all_of_them():
+    """Also the first of them as a runner-up; the tables say nothing of the others."""
+    P = np.random.default_rng(4).normal(size=(40, 2))
+    found = frols(P, P @ [3.0, 0.5], max_terms=2)
+    among = np.array([1, 3])
+    wide = widened(found, among, 5)
+    assert wide.chosen.tolist() == among[found.chosen].tolist()
+    assert found.runner_up.tolist() == [1 - found.chosen[0], -1]
+    assert wide.runner_up.tolist() == [among[1 - found.chosen[0]], -1]
+    np.testing.assert_array_equal(wide.err_all[:, among], found.err_all)
+    assert np.isnan(wide.err_all[:, [0, 2, 4]]).all()

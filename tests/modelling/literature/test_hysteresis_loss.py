@@ -6,8 +6,6 @@ import re
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 from literature_cases import grid, motion, sarosi
 from scipy.integrate import quad
 from scipy.optimize import brentq
@@ -15,7 +13,7 @@ from scipy.optimize import brentq
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.modelling.expressions import evaluate, to_text
 from mapmore_cli.modelling.literature import get
-from mapmore_cli.modelling.literature.formulas.sarosi_hysteresis_loss import ForceCurve, zeta
+from mapmore_cli.modelling.literature.formulas.sarosi_hysteresis_loss import zeta
 
 LOSS, PRINTED = get("sarosi_hysteresis_loss"), get("sarosi_hysteresis_loss_printed")
 UPPER = {"a1": 0.39, "a2": 217.0, "a3": -37.0, "a4": -8.3, "a5": 2.5, "a6": -240.0}
@@ -85,32 +83,6 @@ def test_where_the_muscle_is_slack_zeta_is_one_as_just_above():
         1.0,
         pytest.approx(0.96, abs=0.04),
     ]
-
-
-@given(
-    *[st.floats(-1000, 1000)] * 3,
-    st.floats(-60, 60).filter(lambda c: abs(c) > 1e-6),
-    st.floats(-0.05, 0.3),
-)
-def test_the_stroke_ends_at_the_first_zero_whatever_the_shape(a, b, c, curvature, start):
-    curve = ForceCurve(np.array([a]), np.array([b]), np.array([c]), curvature)
-    ends = curve.end_of_stroke(start)
-    strains = np.linspace(start, 1.0, 4001)
-    values = a * np.exp(curvature * strains) + b * strains + c
-    end, scale = (
-        float(ends[0]),
-        abs(a) * max(np.exp(curvature * start), np.exp(curvature)) + abs(b) + abs(c),
-    )
-    if values[0] <= 0.0:
-        assert end == start
-    elif values.min() > -1e-12 * scale:  # it pulls at every strain
-        assert end == 1.0 or values[np.abs(strains - end).argmin()] == pytest.approx(
-            values.min(), abs=1e-3 * scale
-        )
-    else:
-        slope = abs(a * curvature * np.exp(curvature * end) + b)
-        assert abs(float(curve(ends)[0])) <= 1e-14 * slope + 1e-12 * scale + 1e-300
-        assert (values[strains < end - 1e-9] > -1e-12 * scale).all()
 
 
 def test_a_curve_that_overflows_beyond_the_strains_tested_is_no_reason_to_raise():

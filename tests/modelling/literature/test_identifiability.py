@@ -36,20 +36,6 @@ def test_half_width_is_that_of_the_t_distribution(freedom):
     assert np.isnan(half_width(2.0, 0))
 
 
-def test_standard_errors_of_a_linear_formula_are_those_of_least_squares():
-    rng, formula = np.random.default_rng(0), literature.get("polynomial_2")
-    columns = {"pressure": rng.uniform(100, 400, 9), "strain": rng.uniform(0, 0.2, 9)}
-    y = rng.normal(size=9)
-    fit = formula.fit(columns, y)
-    zero = dict.fromkeys(fit.parameters, 0.0)
-    X = np.column_stack([formula.predict({**zero, name: 1.0}, columns) for name in zero])
-    theta = np.linalg.lstsq(X, y, rcond=None)[0]
-    assert [*fit.parameters.values()] == pytest.approx(theta.tolist(), rel=1e-6)
-    variance = np.sum((y - X @ theta) ** 2) / (9 - X.shape[1])
-    expected = np.sqrt(variance * np.diag(np.linalg.inv(X.T @ X)))
-    assert [*fit.errors.values()] == pytest.approx(expected.tolist(), rel=1e-5)
-
-
 LEVELS = (80.0, 150.0, 250.0, 350.0)
 
 

@@ -56,19 +56,6 @@ def test_the_forces_that_the_text_states(muscle, pressure, length, expected):
     assert found[0] == pytest.approx(expected, abs=0.5 if length else 0.2)
 
 
-def test_the_simplex_comes_near_but_its_starts_do_not_agree():
-    """With the settings of fminsearch, the best of ten starts explains the data without having
-    found the parameters' digits.
-    """
-    columns = motion(2, 400)
-    y = force(TABLE_I["12 cm"], columns)
-    fit = get("muscle_like").fit(columns, y, "simplex")
-    assert fit.method == "simplex"
-    assert fit.sse < 1e-3 * np.sum((y - y.mean()) ** 2)
-    assert fit.sse > 0.0
-    assert "of 10 starts agree" in fit.notes[0]
-
-
 def test_the_equation_is_printed_with_the_parameters_of_table_i():
     columns = motion(4)
     fit = get("muscle_like").fit(columns, force(TABLE_I["16 cm"], columns))

@@ -46,17 +46,6 @@ def test_data_without_a_foot_keep_sarosi():
         assert fit.parameters[own] == PLAIN.fit(columns, y).parameters[plain]
 
 
-def test_the_shares_follow_from_the_training_errors():
-    columns, y = slack_muscle(3, FOUR)
-    fit = HINGED.fit(columns, y)
-    parts = [HINGED.predict({**fit.parameters, "share": share}, columns) for share in (1.0, 0.0)]
-    weights = [(np.mean((part - y) ** 2) / np.abs(y).max() ** 2 + 0.01**2) ** -2 for part in parts]
-    assert fit.parameters["share"] == pytest.approx(weights[0] / sum(weights), rel=1e-9)
-    np.testing.assert_allclose(
-        parts[1], PLAIN.predict(PLAIN.fit(columns, y).parameters, columns), rtol=1e-9, atol=1e-9
-    )
-
-
 def test_parameters_and_equation_are_the_whole_prediction():
     """Which does not overflow where the printed equation does."""
     columns, y = slack_muscle(4, FOUR)

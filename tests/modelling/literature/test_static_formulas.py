@@ -44,6 +44,21 @@ def test_published_wrist_muscle():
     )
 
 
+@pytest.mark.parametrize(
+    ("diameter", "largest", "c0", "c1", "c2"),
+    [(10, (303.5, 19.03, 0.0075), 0.5682, 4.254, 0.5597), (20, (922.4, 15.37, 0.013), 0.2579, 6.477,
+     1.321)],
+)  # fmt: skip
+def test_bolens_muscles_have_the_printed_constants(diameter, largest, c0, c1, c2):
+    """At a rest length of 0.15 m, 400 kPa, and a strain of 0.08 of at most 0.2."""
+    k, a, shortest = largest
+    found = get(f"bolen_{diameter}mm").predict(
+        {"length": 0.15, "e620": 0.2}, {"pressure": np.array([400.0]), "strain": np.array([0.08])}
+    )
+    share = c0 * (np.exp(-c1 * 0.4) - 1) + 400 / 620 * np.exp(-c2 * 0.4**2)
+    assert found == pytest.approx([k * np.arctan(a * (0.15 - shortest)) * share], rel=1e-12)
+
+
 def least_squares(phi, y):
     """What the best combination of columns leaves of y."""
     phi = phi / np.linalg.norm(phi, axis=0)

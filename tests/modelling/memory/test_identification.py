@@ -73,7 +73,7 @@ def test_a_hysteretic_oscillator_is_found_again(operator, numbers):
     assert np.abs(Along(fit.model)({"u": u, "y": y}).values[2:] - y[2:]).max() < 1e-3 * np.ptp(y)
 
 
-SEEDS = [0, 1, 2, *(pytest.param(seed, marks=pytest.mark.long) for seed in range(3, 10))]
+SEEDS = [0, *(pytest.param(seed, marks=pytest.mark.long) for seed in range(1, 10))]
 
 
 @pytest.mark.parametrize("nested", [False, True])

@@ -20,6 +20,7 @@ from motion_tables import continued
 
 from mapmore_cli.annexes.motion.body import BUMPLESS
 from mapmore_cli.annexes.motion.fitting import fit_motion
+from mapmore_cli.annexes.motion.problem import Piece, Problem
 from mapmore_cli.annexes.motion.simulation import simulate, stable
 from mapmore_cli.annexes.motion.solvers import SOLVERS, fly
 from mapmore_cli.domain.errors import DataError, SpecError
@@ -219,3 +220,13 @@ def test_a_section_may_be_as_slow_as_a_quarter_of_the_longest_record():
     """A drift asks for a pole as slow as may be; the short record says nothing."""
     records = [record(sine(n), np.linspace(0, n, n)) for n in (80, 240)]
     assert one(records)[0].radius == pytest.approx(np.exp(-1 / (0.25 * 240)), abs=1e-7)
+
+
+def test_a_pole_beyond_the_reach_is_searched_for_nowhere_and_scored_where_it_is_given():
+    u = sine()
+    y = looped(u, (0.0, 0.95, 0.05))
+    piece = Piece(np.column_stack([u]), y, np.ones(240, dtype=bool), np.zeros(240, dtype=int))
+    problem = Problem([piece], reach=0.9)
+    assert problem.rmse(0.0, 0.95) > 100 * np.abs(y).max()
+    assert problem.rmse(0.0, 0.95, np.array([0.05])) == pytest.approx(0.0, abs=1e-9)
+    assert Problem([piece], reach=0.96).rmse(0.0, 0.95) == pytest.approx(0.0, abs=1e-9)

@@ -4,6 +4,7 @@ samples far from the fit.
 
 import re
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ from surfaces import QUANTITIES, built, changed, curves, recipe
 
 from mapmore_cli.domain.arrays import extremes
 from mapmore_cli.domain.recording import Curve, Dataset, Recording, uncertainty_of
-from mapmore_cli.domain.results import Forecast
+from mapmore_cli.domain.results import FitResult, Forecast
 from mapmore_cli.domain.scores import OWN
 from mapmore_cli.modelling.kinds import predict
 from mapmore_cli.modelling.validation import metrics, outliers
@@ -140,3 +141,14 @@ def test_residuals_are_tested_from_twenty_samples_on():
     # errors that are all alike tell nothing
     same = [replace(one, columns={**one.columns, "force": np.zeros(n)}) for one in given.curves]
     assert residual_tests(MODEL, dataset_of(same), [np.ones(n)] * 4, "strain") == ()
+
+
+def test_the_worst_of_several_pieces_tells_what_a_constant_alone_leaves():
+    def piece(*terms, left):
+        return SimpleNamespace(terms=terms, selection=SimpleNamespace(sse=left, yy=2.0))
+
+    def note(*pieces):
+        return FitResult.constant_alone.fget(SimpleNamespace(backbone=None, pieces=pieces))
+
+    assert "all but 0.25 of" in note(piece("1", left=0.1), piece("1", left=0.5))[0]
+    assert note(piece("1", left=0.1), piece("1", "strain", left=0.5)) == ()

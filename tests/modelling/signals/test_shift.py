@@ -120,3 +120,10 @@ def test_the_correlation_is_pearsons_over_the_overlap():
                 np.corrcoef(u[start:end], v[start - lag : end - lag])[0, 1], abs=1e-9
             )
     assert np.count_nonzero(r) > 20
+
+
+def test_of_smooth_records_without_noise_the_shift_is_told_to_a_tenth_of_a_sample():
+    """The top of the peak lies between the samples."""
+    for shift in (0.0, 1.234, -2.5, 3.017):
+        one = found(lambda t: np.sin(t) + np.sin(0.37 * t) + 0.5 * np.sin(2.3 * t), shift)
+        assert one.value == pytest.approx(shift, abs=0.1 * 0.05)
