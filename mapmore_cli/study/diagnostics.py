@@ -13,7 +13,7 @@ from pydantic_core import ErrorDetails
 
 from mapmore_cli.domain.declared import Contradiction, shape
 from mapmore_cli.domain.errors import MapmoreError, SpecError
-from mapmore_cli.study.tree import Loc, Node, Position, nearest
+from mapmore_cli.study.tree import Loc, Node, Position, nearest, quoted
 
 _WIDEST = 110  # characters of a source line that are shown
 _MOST = 25  # mistakes that are shown
@@ -103,7 +103,7 @@ def did_you_mean(word: str, known: Iterable[str], otherwise: str = "known are") 
     near = get_close_matches(word[:_WIDEST].casefold(), lower, n=1, cutoff=0.6)
     if near:
         return f"did you mean `{lower[near[0]]}`?"
-    return f"{otherwise} {', '.join(f'`{candidate}`' for candidate in words)}" if words else None
+    return f"{otherwise} {quoted(words)}" if words else None
 
 
 def raise_if_any(problems: Sequence[Mistake]) -> None:
