@@ -68,7 +68,7 @@ def of_campaigns(
 
 
 def _verdict(before: str, after: str, comparison: Comparison) -> str:
-    """One of three answers, with its numbers and where the change is largest."""
+    """Return one of three answers, with its numbers and where the change is largest."""
     low, high = comparison.interval
     margin = f"{100 * comparison.margin:g} %"
     size = (
@@ -176,7 +176,9 @@ def _cell(value: object) -> Cell:
 
 
 def of_search(search: Search, spec: str) -> View:
-    """Every structure that was tried, and where the spec with the one that was taken lies."""
+    """Return every structure that was tried, and where the spec with the one that was taken
+    lies.
+    """
     words = "the best itself" if search.chosen == search.best else "as good as the best"
     lines = (*search.notes, f"found: {search.found.words} ({words})", f"spec: {spec}")
     return View({**search_document(search), "spec": spec}, (search_table(search),), lines)

@@ -99,8 +99,8 @@ def _of_run(run_dir: Path) -> View:
 
 
 def _stale(run_dir: Path) -> dict[str, str]:
-    """Stages of a run whose results are older than what they were made from, each with a line that
-    says so.
+    """Return the stages of a run whose results are older than what they were made from, each with a
+    line that says so.
     """
     return {
         name: f"{name} is out of date: {before} was done again since; run the spec to renew it"
@@ -123,7 +123,7 @@ def verdict_lines(run_dir: Path) -> tuple[str, ...]:
 
 
 def page_lines(run_dir: Path) -> tuple[str, ...]:
-    """Where the page is, for people; nothing where the spec asks for none."""
+    """Say where the page is, for people; nothing where the spec asks for none."""
     page = run_dir / RUN_PAGE
     return (f"page: {page}",) if page.is_file() else ()
 
@@ -143,7 +143,7 @@ def _of_hdf5(
 
 
 def _of_json(path: Path) -> View:
-    """`scores.json` or `run.json`, as they are; the table has what fits on a screen."""
+    """Return `scores.json` or `run.json`, as they are; the table has what fits on a screen."""
     remedy = "give a file that mapmore wrote"
     try:
         document = json.loads(path.read_text(encoding="utf-8"))
@@ -196,7 +196,9 @@ def _of_validation(validation: Validation) -> View:
 
 
 def of_dataset(dataset: Dataset) -> View:
-    """Rows kept and dropped of every recording; the curves with what trains and what validates."""
+    """Return the rows kept and dropped of every recording; the curves with what trains and what
+    validates.
+    """
     curves = [
         {
             **picked(curve, "id", "level", "recordings"),
@@ -216,7 +218,7 @@ def of_dataset(dataset: Dataset) -> View:
 
 
 def _of_segmentation(curves: Sequence[SegmentedCurve]) -> View:
-    """Where every segment lies, and how many samples it has."""
+    """Say where every segment lies, and how many samples it has."""
     names = list(dict.fromkeys(name for curve in curves for name in curve.variables))
     columns = ("segment", "samples", *(f"{name} {end}" for name in names for end in FROM_TO))
     documents: list[Document] = []
@@ -283,13 +285,13 @@ def _of_outputs(names: Iterable[str], views: Iterable[View]) -> tuple[Document, 
 
 
 def _segment(named: SegmentFit | SegmentFunction, numbers: object) -> Document:
-    """One segment function; theta is in scaled coordinates."""
+    """Return one segment function; theta is in scaled coordinates."""
     keys = ("theta", "theta_error", "g", "err", "samples", "stop", "condition")
     return {**picked(named, "id", "terms", "scaling"), **picked(numbers, *keys)}
 
 
 def _formula_lines(formula: FormulaFit | None) -> tuple[str, ...]:
-    """Its parameters in a line, and other minima that fit nearly as well."""
+    """Return the parameters of a formula in a line, and other minima that fit nearly as well."""
     from mapmore_cli.modelling.literature.own import units_of_parameters
 
     if formula is None:
@@ -304,7 +306,9 @@ def _formula_lines(formula: FormulaFit | None) -> tuple[str, ...]:
 
 
 def _memory_tables(memory: MemoryModel) -> list[Table]:
-    """Coefficients with standard errors, and the numbers behind the states where there are any."""
+    """Return the coefficients with standard errors, and the numbers behind the states where there
+    are any.
+    """
     columns = ("term", "coefficient #.6g", "standard error .3g")
     numbers = (memory.theta.tolist(), memory.theta_error.tolist())
     rows: list[tuple[str, float, float | None]] = []
@@ -384,8 +388,8 @@ def _view_of(model: Model) -> View:
 
 
 def _weights_document(pieces: Pieces) -> Document:
-    """How pieces are joined, with the transition zone, start and end, at each inner boundary of
-    every curve (M2 eq 10-11).
+    """Return how pieces are joined, with the transition zone, start and end, at each inner boundary
+    of every curve (M2 eq 10-11).
     """
     from mapmore_cli.modelling.pieces.definition import zones_of
 

@@ -82,8 +82,8 @@ def folds_of(
 
 
 def _block_masks(curve: Curve, along: str | None) -> list[BoolArray]:
-    """Contiguous blocks of the training samples: along a quantity, or of each recording in the
-    order of time.
+    """Return contiguous blocks of the training samples: along a quantity, or of each recording in
+    the order of time.
     """
     if along is None:
         parts = [log[curve.training[log]] for log in curve.logs]
@@ -94,8 +94,8 @@ def _block_masks(curve: Curve, along: str | None) -> list[BoolArray]:
 
 
 def contiguous(parts: Sequence[IntArray], count: int, size: int, times: int = 1) -> list[BoolArray]:
-    """Masks (size,) of the first, second, ... of `count` contiguous blocks of each part, `times`
-    over.
+    """Return masks (size,) of the first, second, ... of `count` contiguous blocks of each part,
+    `times` over.
     """
     split = [np.array_split(part, count * times) for part in parts]
     masks = []
@@ -134,8 +134,8 @@ def left_out_of(
 
 
 def errors_of(folds: Folds, remade: Callable[[Dataset], Model]) -> list[float]:
-    """NRMSE on each fold, of models that are `remade` without it; infinite where nothing finite was
-    predicted. Raises as the fits do.
+    """Return NRMSE on each fold, of models that are `remade` without it; infinite where nothing
+    finite was predicted. Raises as the fits do.
     """
     nrmse = []
     target = folds.dataset.target

@@ -106,8 +106,8 @@ def explain(
     warn: Warn = lambda _message: None,
     stages: Sequence[Stage] | None = None,
 ) -> list[tuple[str, str | None]]:
-    """Every stage up to `until` with the reason why it would run, None where it is up to date.
-    Nothing is written.
+    """Return every stage up to `until` with the reason why it would run, None where it is up to
+    date. Nothing is written.
     """
     refuse_circle(loaded)
     run_dir = runs / loaded.spec.name
@@ -335,7 +335,7 @@ class _Run:
         return replace(plan.now, outputs=outputs, tools=tool_versions(), seconds=seconds, why=why)
 
     def checks(self, plan: StagePlan, until: str) -> bool:
-        """Whether the rules are applied after a stage: ingest, where it is not the last."""
+        """Tell whether the rules are applied after a stage: ingest, where it is not the last."""
         return plan.stage is pipeline()[0] and plan.stage.name != until
 
     def known_findings(self, ingest: StagePlan) -> tuple[findings.Issue, ...] | None:
@@ -415,8 +415,8 @@ class _Run:
         return runs / name
 
     def is_current(self, other: Needed) -> bool:
-        """Whether another run is up to date, has its spec, and nobody was killed or is at work in
-        its folder.
+        """Tell whether another run is up to date, has its spec, and nobody was killed or is at work
+        in its folder.
         """
         run_dir = self.run_dir.parent / other.loaded.spec.name
         plans = plans_of(other, self.given, other.last, self.run_dir.parent)

@@ -180,7 +180,7 @@ def scored_as(name: str, dataset: Dataset, model: Model) -> Dataset:
 
 
 def _fit_rivals(contest: Contest, part: ScoresSlice, progress: Progress, warn: Warn) -> list[Rival]:
-    """Every competitor, fitted to the training samples of the contest."""
+    """Return every competitor, fitted to the training samples of the contest."""
     named = {one if isinstance(one, str) else one.label for one in part.against}
     wanted = [*part.against, *(contest.simple_beside(named) if part.simple else ())]
     rivals = []
@@ -216,8 +216,8 @@ def _left_out(
 def _repeatability_scores(
     part: ScoresSlice, model: Model, dataset: Dataset, scale: Normaliser
 ) -> Iterator[Score]:
-    """Rows of the repeatability: of held-out cycles, or where measurements at one level, coordinate
-    and direction were repeated.
+    """Yield rows of the repeatability: of held-out cycles, or where measurements at one level,
+    coordinate and direction were repeated.
     """
     data = (dataset.curves, dataset.target)
     if part.cycles_of is not None:

@@ -231,7 +231,7 @@ def _model_mark(run: Needed, given: Sequence[Stage] | None, runs: Path, rehash: 
 
 
 def _reasons(stage: Stage, known: StageRecord | None, now: StageRecord, previous: str) -> list[str]:
-    """Everything that differs from the committed entry."""
+    """Return everything that differs from the committed entry."""
     if known is None:
         return ["never ran"]
     reasons = slice_differences(stage.name, known.slice, now.slice)
@@ -292,8 +292,8 @@ def recorded(part: object) -> dict[str, Any]:
 def fingerprint(
     name: str, revision: int, part: object, before: str, contents: Mapping[str, str]
 ) -> str:
-    """SHA-256 of a stage's name and revision, its slice `part`, the fingerprint `before` it, and
-    the hashes of its sources by path.
+    """Return the SHA-256 of a stage's name and revision, its slice `part`, the fingerprint `before`
+    it, and the hashes of its sources by path.
     """
     whole = {
         "stage": name,
@@ -307,7 +307,7 @@ def fingerprint(
 
 
 def slice_differences(stage: str, old: object, new: Mapping[str, Any]) -> list[str]:
-    """Every changed key of a stage's slice with both values, as `fuse.z_s: 0.25 -> 0.3`."""
+    """Return every changed key of a stage's slice with both values, as `fuse.z_s: 0.25 -> 0.3`."""
     if old == new:
         return []
     if not isinstance(old, dict):  # a record that somebody edited
@@ -322,8 +322,8 @@ def slice_differences(stage: str, old: object, new: Mapping[str, Any]) -> list[s
 
 
 def place_in_spec(key: str, stage: str) -> str:
-    """Where a key of a stage's slice stands in the YAML file: `levels` is `data.levels`, `against`
-    is `validate.against`.
+    """Say where a key of a stage's slice stands in the YAML file: `levels` is `data.levels`,
+    `against` is `validate.against`.
     """
     fields = ExperimentSpec.model_fields.items()
     sections = {field.alias or name: field.annotation for name, field in fields}

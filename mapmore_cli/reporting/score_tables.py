@@ -46,7 +46,7 @@ def score_table(
     published: Published | None = None,
     failed: Sequence[str] = (),
 ) -> Table:
-    """Pooled scores, the held-out data first, every model in the order given.
+    """Return pooled scores, the held-out data first, every model in the order given.
 
     `units` has the unit of every target. A publication's numbers stand beside the validation rows,
     which alone are comparable. Models in `failed` have no scores; they get a row that says so.
@@ -86,7 +86,7 @@ def full_scale(pooled: Sequence[Score], unit: str) -> str:
 
 
 def curve_scores_table(scores: Sequence[Score], units: Mapping[str, str]) -> Table:
-    """Scores of every curve by itself, the models beside each other."""
+    """Return scores of every curve by itself, the models beside each other."""
     order: dict[str, int] = {}
     for score in scores:
         order.setdefault(score.curve, len(order))
@@ -250,8 +250,8 @@ def _percent(fraction: float) -> str:
 
 
 def changes_table(comparison: Comparison) -> Table:
-    """Every curve that both models have, by the size of the change: the factor between them, its
-    weight, and the difference.
+    """Return every curve that both models have, by the size of the change: the factor between them,
+    its weight, and the difference.
     """
     unit = comparison.unit
     columns = {
@@ -284,7 +284,7 @@ def changes_table(comparison: Comparison) -> Table:
 
 
 def drift_table(names: Sequence[str], results: Sequence[Comparison]) -> Table:
-    """Every later model against the first."""
+    """Return every later model against the first."""
     later = zip(names[1:], results, strict=True)
     rows = ((name, one.ratio, *one.interval, one.answer) for name, one in later)
     columns = (MODEL, "ratio .4f", "from .4f", "to .4f", "answer")

@@ -95,8 +95,8 @@ def refused(
 
 
 def did_you_mean(word: str, known: Iterable[str], otherwise: str = "known are") -> str | None:
-    """`did you mean ...?` for a near miss, else the list of what is known; None where nothing
-    is.
+    """Return `did you mean ...?` for a near miss, else the list of what is known; None where
+    nothing is.
     """
     words = list(dict.fromkeys(known))
     lower = {candidate.casefold(): candidate for candidate in words}
@@ -191,8 +191,8 @@ KeysAt = Callable[[Loc], Sequence[str]]
 
 
 def explain(error: ValidationError, root: Node, keys_at: KeysAt) -> list[Mistake]:
-    """One problem for each mistake that pydantic found in the tree: a key that is missing because
-    it is misspelt is one mistake.
+    """Return one problem for each mistake that pydantic found in the tree: a key that is missing
+    because it is misspelt is one mistake.
     """
     errors = error.errors(include_url=False)[:MOST_ERRORS]
     unknown = [_split(details["loc"], root)[0] for details in errors if details["type"] in _UNKNOWN]
@@ -305,7 +305,7 @@ def _unknown_key(loc: Loc, known: Iterable[str]) -> Explained:
 
 
 def _dotted(loc: Loc) -> str:
-    """`data.files[0].path`, with quantities as they are."""
+    """Return `data.files[0].path`, with quantities as they are."""
     return "".join(f"[{step}]" if isinstance(step, int) else f".{step}" for step in loc).lstrip(".")
 
 

@@ -128,7 +128,7 @@ def nearest(root: Node, loc: Loc) -> Node:
 
 
 def merged(base: Node, over: Node) -> Node:
-    """`over` on top of `base`: mappings merge deeply, other values replace, and an empty one
+    """Return `over` on top of `base`: mappings merge deeply, other values replace, and an empty one
     (`null`) removes what it stands on.
     """
     if not (isinstance(base.value, dict) and isinstance(over.value, dict)):

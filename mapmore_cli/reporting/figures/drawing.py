@@ -178,7 +178,7 @@ class RenderedFigure:
 
 
 def render_figure(drawing: Drawing, style: FigureStyle | None = None) -> RenderedFigure:
-    """All panels of a figure as one SVG."""
+    """Draw all panels of a figure as one SVG."""
     with figure_style(style):
         figure = compose(drawing, style)
         return RenderedFigure(
@@ -195,8 +195,8 @@ def compose(
     panel: Panel | None = None,
     width: float | None = None,
 ) -> Figure:
-    """All panels of a figure in the grid of a page; or one `panel` alone, with the legend of the
-    figure, as wide as the style says.
+    """Draw all panels of a figure in the grid of a page; or one `panel` alone, with the legend of
+    the figure, as wide as the style says.
 
     With a `width`, in inches, all panels are as wide as that together, and fewer side by side.
     """

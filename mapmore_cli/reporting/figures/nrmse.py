@@ -29,8 +29,8 @@ FLOOR: dict[str, Any] = {"color": GREY, "linestyle": (0, (3, 2)), "linewidth": 0
 
 
 def draw(inputs: ReportInputs) -> list[Drawing]:
-    """One figure for all models: a pair of bars of their pooled scores in per cent, solid for
-    held-out and hatched for training data, values at the right, published ones as diamonds.
+    """Return one figure for all models: a pair of bars of their pooled scores in per cent, solid
+    for held-out and hatched for training data, values at the right, published ones as diamonds.
 
     A model whose fit failed has no bar. A dashed line is what repeated measurements differ by.
     """

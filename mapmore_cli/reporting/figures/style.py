@@ -63,7 +63,7 @@ def figure_style(style: FigureStyle | None = None) -> Iterator[None]:
 
 
 def has_font(name: str) -> bool:
-    """Whether this machine has a font of that name."""
+    """Tell whether this machine has a font of that name."""
     return name in {font.name for font in fontManager.ttflist}
 
 
@@ -136,8 +136,8 @@ _OTHERS = (
 
 
 def model_styles(models: Sequence[str], palette: Sequence[str] = ()) -> dict[str, ModelStyle]:
-    """One style a model: the first, the run's own, always the same; the others in turn, names that
-    come again left out.
+    """Return one style a model: the first, the run's own, always the same; the others in turn,
+    names that come again left out.
 
     A `palette` replaces the colours, that of the run's own model first.
     """
@@ -150,7 +150,7 @@ def model_styles(models: Sequence[str], palette: Sequence[str] = ()) -> dict[str
 
 
 def level_colours(count: int) -> list[Any]:
-    """Blues for ordered curves, from pale (but not too pale for white paper) to dark: they stay
-    apart from the model's own colour.
+    """Return blues for ordered curves, from pale (but not too pale for white paper) to dark: they
+    stay apart from the model's own colour.
     """
     return list(colormaps["Blues"](np.linspace(1.0, 0.45, count)))[::-1]

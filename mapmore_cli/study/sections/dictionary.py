@@ -344,7 +344,9 @@ else:
 def entries_of(
     entries: Sequence[str | DictionaryEntry], loc: Loc = ("dictionary",)
 ) -> Iterator[tuple[Loc, str, Family]]:
-    """Place, name and settings of every family of a dictionary, those inside products included."""
+    """Return place, name and settings of every family of a dictionary, those inside products
+    included.
+    """
     for place, entry in enumerate(entries):
         if isinstance(entry, DictionaryEntry):
             name, family = entry.family
@@ -375,7 +377,7 @@ def texts_in(loc: Loc, family: Family) -> Iterator[tuple[Loc, str, bool]]:
 
 
 def remembers(dictionary: Sequence[DictionaryEntry]) -> bool:
-    """Whether any term needs more of a recording than the sample itself."""
+    """Tell whether any term needs more of a recording than the sample itself."""
     return any(
         name not in ("polynomial", "terms", "products", "spline", "ends", "steps")
         or getattr(family, "window", None)
@@ -385,7 +387,7 @@ def remembers(dictionary: Sequence[DictionaryEntry]) -> bool:
 
 
 def feeds_back(dictionary: Sequence[DictionaryEntry], target: str) -> bool:
-    """Whether any term is made of the target."""
+    """Tell whether any term is made of the target."""
     return any(
         state(used).quantity == target
         for loc, _, family in entries_of(dictionary)
