@@ -140,8 +140,8 @@ def verdict_sentence(
     """
     head = f"Alert: {alert}. " if alert else ""
     compared = deciding(scores)
-    ours = next((s for s in compared if s.model == own), None)
-    if ours is None or not math.isfinite(ours.nrmse):
+    ours = _known_score(compared, own)
+    if ours is None:
         return f"{head}{own} gave no prediction."
     where = "on the held-out data"
     if ours.split == "train":
@@ -173,14 +173,19 @@ def verdict_sentence(
     return f"{''.join(chosen[:1])}{head}{predicts}{''.join(floors)}."
 
 
+def _known_score(scores: Sequence[Score], model: str) -> Score | None:
+    """Return the row of a model; None where it has none with a number."""
+    return next((s for s in scores if s.model == model and math.isfinite(s.nrmse)), None)
+
+
 TRAINED = "was trained on held-out samples, and is"
 
 
 def short_verdict(table: ScoreTable, own: str) -> str:
     """Say in a line how the model `own` stands beside the best of the others, with both errors."""
     compared, unit = deciding(table.scores), next(iter(table.units.values()), "")
-    ours = next((s for s in compared if s.model == own), None)
-    if ours is None or not math.isfinite(ours.nrmse):
+    ours = _known_score(compared, own)
+    if ours is None:
         return "no prediction"
     best = _best([s for s in compared if s.model not in (own, REPEATABILITY)])
     word = "alone" if best is None else _word(ours, best)
