@@ -201,7 +201,7 @@ def refuse_endings(
 
 def write_results(paths: Sequence[Path], table: Table, result: Tuning | Plan) -> None:
     """Write the table to each of the files, or where it ends as a figure does, a drawing of what
-    was `found`.
+    the `result` shows.
     """
     from mapmore_cli.reporting.table import to_csv, to_latex
 
