@@ -25,7 +25,6 @@ from mapmore_cli.reporting.campaign import CampaignScores
 from mapmore_cli.reporting.figures import panels, style
 from mapmore_cli.reporting.figures.drawing import DOUBLE, Drawing, Layout, Panel
 from mapmore_cli.reporting.figures.panels import key
-from mapmore_cli.reporting.inputs import FigureStyle
 
 MARK: dict[str, Any] = panels.DOT | {"markersize": 4}
 RING: dict[str, Any] = MARK | {"markersize": 9, "markerfacecolor": "none", "color": style.GREY}
@@ -146,7 +145,7 @@ def drift_drawing(
             ax.plot(per_cent, color=colour, marker="o", markersize=3, label=label)
         ax.set_xticks(range(len(names)), panels.told_apart(names, 22))
 
-    what = FigureStyle().axis_label(Quantity(output.name, "% of the first"))
+    what = style.PLAIN.axis_label(Quantity(output.name, "% of the first"))
     caption = f"{output.name} at reference points over campaigns, in per cent of the first."
     return Drawing("drift", caption, (Panel("", on, "Campaign", (what,)),), Layout(2.6))
 
@@ -187,8 +186,8 @@ def draw_model(
         line(ordered, f"{curve.id}, held out", "--")
         ax.plot(ordered[along], ordered[model.output.name], **HELD_OUT)
     quantity = next(quantity for quantity in model.inputs if quantity.name == along)
-    ax.set_xlabel(FigureStyle().axis_label(quantity))
-    ax.set_ylabel(FigureStyle().axis_label(model.output))
+    ax.set_xlabel(style.PLAIN.axis_label(quantity))
+    ax.set_ylabel(style.PLAIN.axis_label(model.output))
     ax.legend()
 
 
@@ -216,24 +215,27 @@ def campaign_figures(scores: CampaignScores) -> list[Drawing]:
     ratios are taken to, the best of a run's others, and repeated measurements; none for a single
     run. Of very many some are drawn, the run with the least error among them.
     """
-    pooled, own, exact = scores.pooled, scores.own, list[str]()
+    pooled, own = scores.pooled, scores.own
     every = list(pooled)
-    known = {run: pooled[run][own].nrmse for run in every if own in pooled[run]}
+    of_own = {run: pooled[run][own].nrmse for run in every if own in pooled[run]}
     best = min(
-        filter(lambda run: np.isfinite(known[run]), known), key=known.__getitem__, default=""
+        filter(lambda run: np.isfinite(of_own[run]), of_own), key=of_own.__getitem__, default=""
     )
     shown = {best, *(every[i] for i in panels.evenly(len(every), MOST_RUNS))}
     runs = [run for run in every if run in shown]
-    names = dict.fromkeys([own, scores.relative_to, BEST_OTHER, REPEATABILITY])
-    errors = {name: np.full(len(runs), np.nan) for name in names if name}
-    for place, run in enumerate(runs):
-        by_model = pooled[run]
-        known = {model: row.nrmse for model, row in by_model.items() if row.nrmse > ROUNDING}
-        others = [known[model] for model in known.keys() - {own, REPEATABILITY}]
-        known[BEST_OTHER] = min(filter(np.isfinite, others), default=np.nan)
-        for model, dots in errors.items():
-            dots[place] = 100 * known.get(model, np.nan)
-        exact += [run] if own in by_model and by_model[own].nrmse <= ROUNDING else []
+    known = [
+        {model: 100 * row.nrmse for model, row in pooled[run].items() if row.nrmse > ROUNDING}
+        for run in runs
+    ]
+    for of_run in known:
+        others = [of_run[model] for model in of_run.keys() - {own, REPEATABILITY}]
+        of_run[BEST_OTHER] = min(filter(np.isfinite, others), default=np.nan)
+    names = dict.fromkeys(filter(None, [own, scores.relative_to, BEST_OTHER, REPEATABILITY]))
+    errors = {
+        name: np.array([of_run.get(name, np.nan) for of_run in known], dtype=np.float64)
+        for name in names
+    }
+    exact = [run for run in runs if of_own.get(run, np.inf) <= ROUNDING]
     drawn = [model for model, dots in errors.items() if np.isfinite(dots).any()]
     if len(runs) < 2 or not {*drawn} - {REPEATABILITY}:
         return []
@@ -243,12 +245,12 @@ def campaign_figures(scores: CampaignScores) -> list[Drawing]:
         rows, across = np.arange(len(runs)), ax.get_yaxis_transform()
         ax.hlines(rows, 0.0, 1.0, transform=across, colors=style.LIGHT, linewidth=0.4, zorder=0)
         for place, model in enumerate(drawn):
-            look, known = looks[model], np.isfinite(errors[model])
+            look, finite = looks[model], np.isfinite(errors[model])
             dots: dict[str, Any] = {"marker": look.marker, "markersize": 4.0 + look.width}
             dots |= {"color": look.colour, "markeredgewidth": 0}
             # the own dots over the others
             dots = (FLOOR if model == REPEATABILITY else dots) | {"zorder": 3 - 0.1 * place}
-            ax.plot(errors[model][known], rows[known], linestyle="none", label=model, **dots)
+            ax.plot(errors[model][finite], rows[finite], linestyle="none", label=model, **dots)
         panels.label_rows(ax, panels.told_apart(runs, 40))
         panels.plain_logarithm(ax.xaxis, (1.0, 2.0, 5.0))
 

@@ -37,15 +37,18 @@ RC: dict[Any, Any] = {
 }
 
 
+PLAIN = FigureStyle()
+"""The look of figures of which the user says nothing."""
+
+
 @contextmanager
-def figure_style(style: FigureStyle | None = None) -> Iterator[None]:
+def figure_style(style: FigureStyle = PLAIN) -> Iterator[None]:
     """Set the look of all figures over Matplotlib's own defaults: a user's matplotlibrc must not
     change a report.
 
     A character that the layout font lacks is no fault: as text in SVG, it is drawn with the
     reader's fonts. Nor is an absent font here, of which the user has been told once.
     """
-    style = style or FigureStyle()
     sizes: dict[Any, Any] = dict.fromkeys(("axes.labelsize", "font.size"), style.size)
     small = ("axes.titlesize", "legend.fontsize", "xtick.labelsize", "ytick.labelsize")
     sizes |= dict.fromkeys(small, style.size - 1.0)

@@ -304,7 +304,7 @@ class Families(Section):
         return next(iter(self._given().items()))
 
     def _contradictions(self) -> Sequence[Row]:
-        low, high = self.bounds or (0.0, 0.0)
+        low, high = self.bounds or (0.0, 1.0)
         count = "two families" if self._given() else "no family"
         names = quoted(name for name in type(self).model_fields if name not in LIMITS)
         return [
