@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict
 from typing import TYPE_CHECKING
 
-from mapmore_cli.cli.console import Document, View, picked
+from mapmore_cli.cli.console import Document, View, members
 from mapmore_cli.cli.views import of_dataset
 from mapmore_cli.domain.errors import MapmoreError
 from mapmore_cli.domain.results import Plan, Search, Until
@@ -35,13 +35,13 @@ def of_comparisons(names: Sequence[str], results: Sequence[Comparison]) -> View:
     document = {
         "before": names[0],
         "after": names[-1],
-        **picked(last, *ANSWER, "margin", "unit", "curves"),
+        **members(last, *ANSWER, "margin", "unit", "curves"),
         "terms": [{**asdict(term), "moved": term.moved} for term in last.terms],
     }
     tables = [changes_table(last)]
     if len(results) > 1:
         later = zip(names[1:], results, strict=True)
-        document["campaigns"] = [{"after": name, **picked(one, *ANSWER)} for name, one in later]
+        document["campaigns"] = [{"after": name, **members(one, *ANSWER)} for name, one in later]
         tables.append(drift_table(names, results))
     return View(document, tuple(tables), (_verdict(names[0], names[-1], last), *_cautions(last)))
 
@@ -58,7 +58,7 @@ def of_campaigns(
     """Return every run of two campaigns, or every output of two models, against its earlier
     self.
     """
-    runs = [{"run": run, **picked(one, *ANSWER)} for run, one in results.items()]
+    runs = [{"run": run, **members(one, *ANSWER)} for run, one in results.items()]
     counts = Counter(one.answer for one in results.values())
     tally = ", ".join(f"{count} {answer}" for answer, count in sorted(counts.items()))
     lines = [f"{run}: {line}" for run, one in results.items() for line in _of_settings(one)]
@@ -135,7 +135,7 @@ def of_tuning(tuning: Tuning) -> View:
     documents, rows, lines = list[Document](), list[tuple[Cell, ...]](), list[str]()
     for trial in tuning.trials:
         failure = trial.failure or None
-        documents.append({**picked(trial, *keys, "folds=errors"), "failure": failure})
+        documents.append({**members(trial, *keys, "folds=errors"), "failure": failure})
         marks = ["best"] if trial is tuning.best else []
         marks += ["simplest"] if trial is tuning.chosen else []
         remark = "failed" if failure else ", ".join(marks)
@@ -150,7 +150,7 @@ def of_tuning(tuning: Tuning) -> View:
     chosen = as_overrides(tuning.chosen.settings)
     use = " ".join(f"--set {shlex.quote(setting)}" for setting in chosen)
     document = {
-        **picked(tuning, "name", "left_out", "full_scale"),
+        **members(tuning, "name", "left_out", "full_scale"),
         "trials": documents,
         "best": tuning.best.settings,
         "chosen": tuning.chosen.settings,
@@ -189,11 +189,11 @@ def search_document(search: Search) -> Document:
     keys = ("family", "structure=words", "sections", "parameters", "error")
     errors = ("standard_error=spread", "above_best=excess", "parts_error=parts", "seconds")
     tried = [
-        {**picked(one, *keys, *errors), "failure": one.failure or None} for one in search.tried
+        {**members(one, *keys, *errors), "failure": one.failure or None} for one in search.tried
     ]
     return {
-        **picked(search, "target", "left_out", "parts_left_out=parts", "scale", "cut", "notes"),
-        **picked(search.found, "found=words", "sections"),
+        **members(search, "target", "left_out", "parts_left_out=parts", "scale", "cut", "notes"),
+        **members(search.found, "found=words", "sections"),
         "tried": tried,
     }
 
@@ -251,12 +251,12 @@ def of_plan(plan: Plan) -> View:
     documents, rows = list[Document](), list[tuple[Cell, ...]]()
     for number, one in enumerate(plan.candidates, 1):
         keys = ("kind", "gap", "half_width", "after", "error", "cost")
-        documents.append({**one.at, **picked(one, *keys)})
+        documents.append({**one.at, **members(one, *keys)})
         sizes = (one.gap,) if levels else (one.half_width, one.after, one.error)
         cost = (one.cost,) if costs else ()
         rows.append((number, *map(one.at.get, quantities), one.kind, *sizes, *cost))
     document = {
-        **picked(plan, "name", "widest", "until", "notes"),
+        **members(plan, "name", "widest", "until", "notes"),
         "target": plan.target.name,
         "units": {plan.target.name: unit} | {name: one.unit for name, one in quantities.items()},
         "next": documents,
