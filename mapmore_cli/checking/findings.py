@@ -53,7 +53,7 @@ class Issue:
 
 
 def is_for_the_spec(errors: Iterable[Issue]) -> bool:
-    """Whether the spec has to be mended first: the data are looked at again after that."""
+    """Tell whether the spec has to be mended first: the data are looked at again after that."""
     return any(issue.cause == "spec" for issue in errors)
 
 

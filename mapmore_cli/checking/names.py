@@ -11,40 +11,16 @@ POSITIONS = ("strain", "displacement", "length")
 """Quantities that say how far a muscle has contracted, the most telling first."""
 
 _WORDS = {
-    "time": ("t", "time", "times", "timestamp", "seconds", "elapsed", "zeit", "clock", "tout"),
-    "pressure": ("p", "press", "pressure", "druck", "pression", "gauge"),
-    "strain": ("eps", "epsilon", "e", "strain", "contraction", "dehnung", "kontraktion", "ε"),
-    "force": ("f", "force", "kraft", "tension", "pull", "loadcell"),
-    "displacement": (
-        "d",
-        "x",
-        "disp",
-        "displacement",
-        "position",
-        "pos",
-        "stroke",
-        "extension",
-        "elongation",
-        "travel",
-        "weg",
-    ),
-    "length": ("l", "len", "length"),
-    "load": ("load", "weight", "mass"),
-    "input": (
-        "u",
-        "v",
-        "input",
-        "voltage",
-        "valve",
-        "duty",
-        "pwm",
-        "dac",
-        "regulator",
-        "solenoid",
-        "pump",
-    ),
+    "time": "t time times timestamp seconds elapsed zeit clock tout",
+    "pressure": "p press pressure druck pression gauge",
+    "strain": "eps epsilon e strain contraction dehnung kontraktion ε",
+    "force": "f force kraft tension pull loadcell",
+    "displacement": "d x disp displacement position pos stroke extension elongation travel weg",
+    "length": "l len length",
+    "load": "load weight mass",
+    "input": "u v input voltage valve duty pwm dac regulator solenoid pump",
 }
-_OF_WORD = {word: quantity for quantity, words in _WORDS.items() for word in words}
+_OF_WORD = {word: quantity for quantity, words in _WORDS.items() for word in words.split()}
 _WORD = re.compile(r"%|[^\W\d_]+|\d+")
 _TOKEN = re.compile(r"%|[^\W_][^\s_()\[\],;:%-]*")
 _COMMANDS = {

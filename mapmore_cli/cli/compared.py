@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict
 from typing import TYPE_CHECKING
 
-from mapmore_cli.cli.console import Document, View, picked
+from mapmore_cli.cli.console import Document, View, members
 from mapmore_cli.cli.views import of_dataset
 from mapmore_cli.domain.errors import MapmoreError
 from mapmore_cli.domain.results import Search
@@ -31,13 +31,13 @@ def of_comparisons(names: Sequence[str], results: Sequence[Comparison]) -> View:
     document = {
         "before": names[0],
         "after": names[-1],
-        **picked(last, *ANSWER, "margin", "unit", "curves"),
+        **members(last, *ANSWER, "margin", "unit", "curves"),
         "terms": [{**asdict(term), "moved": term.moved} for term in last.terms],
     }
     tables = [changes_table(last)]
     if len(results) > 1:
         later = zip(names[1:], results, strict=True)
-        document["campaigns"] = [{"after": name, **picked(one, *ANSWER)} for name, one in later]
+        document["campaigns"] = [{"after": name, **members(one, *ANSWER)} for name, one in later]
         tables.append(drift_table(names, results))
     return View(document, tuple(tables), (_verdict(names[0], names[-1], last), *_cautions(last)))
 
@@ -54,7 +54,7 @@ def of_campaigns(
     """Return every run of two campaigns, or every output of two models, against its earlier
     self.
     """
-    runs = [{"run": run, **picked(one, *ANSWER)} for run, one in results.items()]
+    runs = [{"run": run, **members(one, *ANSWER)} for run, one in results.items()]
     counts = Counter(one.answer for one in results.values())
     tally = ", ".join(f"{count} {answer}" for answer, count in sorted(counts.items()))
     lines = [f"{run}: {line}" for run, one in results.items() for line in _of_settings(one)]
@@ -64,7 +64,7 @@ def of_campaigns(
 
 
 def _verdict(before: str, after: str, comparison: Comparison) -> str:
-    """One of three answers, with its numbers and where the change is largest."""
+    """Return one of three answers, with its numbers and where the change is largest."""
     low, high = comparison.interval
     margin = f"{100 * comparison.margin:g} %"
     size = (
@@ -123,11 +123,11 @@ def search_document(search: Search) -> Document:
     keys = ("family", "structure=words", "sections", "parameters", "error")
     errors = ("standard_error=spread", "above_best=excess", "parts_error=parts", "seconds")
     tried = [
-        {**picked(one, *keys, *errors), "failure": one.failure or None} for one in search.tried
+        {**members(one, *keys, *errors), "failure": one.failure or None} for one in search.tried
     ]
     return {
-        **picked(search, "target", "left_out", "parts_left_out=parts", "scale", "cut", "notes"),
-        **picked(search.found, "found=words", "sections"),
+        **members(search, "target", "left_out", "parts_left_out=parts", "scale", "cut", "notes"),
+        **members(search.found, "found=words", "sections"),
         "tried": tried,
     }
 

@@ -109,7 +109,7 @@ class View:
         return View({**head, **self.document}, self.tables, self.lines)
 
 
-def picked(of: object, *names: str) -> Document:
+def members(of: object, *names: str) -> Document:
     """Return attributes by their names, or as `key=attribute` by another."""
     return {(parts := name.split("="))[0]: getattr(of, parts[-1]) for name in names}
 

@@ -5,7 +5,7 @@ make-like commands over one spec.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -37,6 +37,7 @@ from mapmore_cli.domain.errors import LimitMissed
 if TYPE_CHECKING:
     from mapmore_cli.pipeline.jobs import Finished
     from mapmore_cli.pipeline.runner import RunOutcome
+    from mapmore_cli.study.loader import LoadedSpec
 
 
 def _bring_up_to_date(
@@ -48,7 +49,6 @@ def _bring_up_to_date(
     explain: bool,
     reporter: Reporter,
     as_json: bool,
-    print_spec: bool = False,
     junit: Path | None = None,
     summary: Path | None = None,
 ) -> None:
@@ -61,9 +61,6 @@ def _bring_up_to_date(
     name, until = loaded.spec.name, "report" if command == "run" else command
     force, rehash, no_check = options
     how = runner.Options(force, rehash, not no_check)
-    if print_spec:
-        print(loaded.resolved, end="")
-        return
     if explain:
         with reporter:
             reasons = runner.explain(loaded, runs, until, options=how, warn=reporter.warn)
@@ -80,12 +77,8 @@ def _bring_up_to_date(
             listeners = reporter.listeners
             listeners["warn"] = warn
             outcome = runner.bring_up_to_date(loaded, runs, until, options=how, **listeners)
-            if count := len(loaded.spec.unconfirmed):
-                guesses = "guess of the spec is" if count == 1 else "guesses of the spec are"
-                warn(
-                    f"{count} {guesses} not confirmed: see `mapmore check {loaded.path}`, and "
-                    "`--confirm` there where all are right"
-                )
+            for guesses in _unconfirmed(loaded):
+                warn(guesses)
             if command in ("validate", "run"):
                 finished = Finished.of(loaded, outcome, warnings, started)
                 for message in finished.table.warnings:
@@ -102,6 +95,16 @@ def _bring_up_to_date(
                 "; ".join(finished.missed),
                 "the results are complete; see validate.require in the spec",
             )
+
+
+def _unconfirmed(loaded: LoadedSpec) -> Iterator[str]:
+    """Yield how many guesses of a spec nobody has confirmed, where there are any."""
+    if count := len(loaded.spec.unconfirmed):
+        guesses = "guess of the spec is" if count == 1 else "guesses of the spec are"
+        yield (
+            f"{count} {guesses} not confirmed: see `mapmore check {loaded.path}`, and `--confirm` "
+            "there where all are right"
+        )
 
 
 def _of_reasons(name: str, reasons: dict[str, str | None]) -> View:
@@ -223,17 +226,12 @@ def run(
     verbose: Verbose = False,
 ) -> None:
     """Run all stages; print scores and the page's path."""
-    how = (force, rehash, no_check)
+    if print_spec:
+        from mapmore_cli.study.loader import load
+
+        print(load(config, overrides).resolved, end="")
+        return
+    how, reporter = (force, rehash, no_check), Reporter(quiet, verbose)
     _bring_up_to_date(
-        "run",
-        config,
-        runs,
-        overrides,
-        how,
-        explain,
-        Reporter(quiet, verbose),
-        as_json,
-        print_spec,
-        junit,
-        summary,
+        "run", config, runs, overrides, how, explain, reporter, as_json, junit, summary
     )

@@ -10,7 +10,7 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
-from mapmore_cli.cli.console import Document, View, picked
+from mapmore_cli.cli.console import Document, View, members
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.models import Formula, Memory, Outputs, Pieces
 from mapmore_cli.domain.results import OutputsFit
@@ -99,8 +99,8 @@ def _of_run(run_dir: Path) -> View:
 
 
 def _stale(run_dir: Path) -> dict[str, str]:
-    """Stages of a run whose results are older than what they were made from, each with a line that
-    says so.
+    """Return the stages of a run whose results are older than what they were made from, each with a
+    line that says so.
     """
     return {
         name: f"{name} is out of date: {before} was done again since; run the spec to renew it"
@@ -123,7 +123,7 @@ def verdict_lines(run_dir: Path) -> tuple[str, ...]:
 
 
 def page_lines(run_dir: Path) -> tuple[str, ...]:
-    """Where the page is, for people; nothing where the spec asks for none."""
+    """Say where the page is, for people; nothing where the spec asks for none."""
     page = run_dir / RUN_PAGE
     return (f"page: {page}",) if page.is_file() else ()
 
@@ -143,7 +143,7 @@ def _of_hdf5(
 
 
 def _of_json(path: Path) -> View:
-    """`scores.json` or `run.json`, as they are; the table has what fits on a screen."""
+    """Return `scores.json` or `run.json`, as they are; the table has what fits on a screen."""
     remedy = "give a file that mapmore wrote"
     try:
         document = json.loads(path.read_text(encoding="utf-8"))
@@ -184,7 +184,7 @@ def _of_validation(validation: Validation) -> View:
     lines = [f"warning: {warning}" for warning in validation.warnings]
     for name, formula in validation.formulas.items():
         lines += rival_minima(name, formula)
-    more = picked(validation, "formulas", "warnings", "outliers")
+    more = members(validation, "formulas", "warnings", "outliers")
     tables = (*pooled.tables, curve_scores_table(validation.scores, validation.units))
     if validation.outliers:
         tables = (*tables, outliers_table(validation.outliers, *validation.units.values()))
@@ -196,10 +196,12 @@ def _of_validation(validation: Validation) -> View:
 
 
 def of_dataset(dataset: Dataset) -> View:
-    """Rows kept and dropped of every recording; the curves with what trains and what validates."""
+    """Return the rows kept and dropped of every recording; the curves with what trains and what
+    validates.
+    """
     curves = [
         {
-            **picked(curve, "id", "level", "recordings"),
+            **members(curve, "id", "level", "recordings"),
             "train": int(curve.training.sum()),
             "validate": int(curve.held_out.sum()),
         }
@@ -207,26 +209,26 @@ def of_dataset(dataset: Dataset) -> View:
     ]
     keys = ("id", "source", "rows_read", "rows_kept", "dropped")
     document = {
-        **picked(dataset, "target", "level", "notes"),
+        **members(dataset, "target", "level", "notes"),
         "units": {name: quantity.unit for name, quantity in dataset.quantities.items()},
-        "recordings": [picked(one, *keys) for one in dataset.recordings],
+        "recordings": [members(one, *keys) for one in dataset.recordings],
         "curves": curves,
     }
     return View(document, (recordings_table(dataset), levels_table(dataset)), dataset.notes)
 
 
 def _of_segmentation(curves: Sequence[SegmentedCurve]) -> View:
-    """Where every segment lies, and how many samples it has."""
+    """Say where every segment lies, and how many samples it has."""
     names = list(dict.fromkeys(name for curve in curves for name in curve.variables))
     columns = ("segment", "samples", *(f"{name} {end}" for name in names for end in FROM_TO))
     documents: list[Document] = []
     rows: list[tuple[Cell, ...]] = []
     for curve in curves:
         segments = [
-            {**picked(segment, "id", "cell"), "n": len(segment.rows)} for segment in curve.segments
+            {**members(segment, "id", "cell"), "n": len(segment.rows)} for segment in curve.segments
         ]
         boundaries = dict(zip(curve.variables, curve.boundaries, strict=True))
-        head = picked(curve, "id=curve", "level", "limits")
+        head = members(curve, "id=curve", "level", "limits")
         documents.append({**head, "boundaries": boundaries, "segments": segments})
         rows += [(one.id, len(one.rows), *segment_ends(curve, one)) for one in curve.segments]
     table = Table.of("segments", "Segments", columns, rows)
@@ -248,14 +250,14 @@ def _of_fit(result: FitResult) -> View:
     document: Document = {
         "segments": [_segment(fit, fit.selection) for fit in result.pieces],
         "memory": None,
-        **picked(result, "backbone=formula", "notes"),
+        **members(result, "backbone=formula", "notes"),
     }
     if result.pieces:
         tables += [terms_table(result), coefficients_table(result, "target")]
     if memory is not None:
         document["memory"] = {
             **asdict(memory.model),
-            **picked(memory, "ridge", "held_out", "identified"),
+            **members(memory, "ridge", "held_out", "identified"),
             "forward": [memory.candidates[place] for place in memory.forward],
         }
         of_memory = (
@@ -283,13 +285,13 @@ def _of_outputs(names: Iterable[str], views: Iterable[View]) -> tuple[Document, 
 
 
 def _segment(named: SegmentFit | SegmentFunction, numbers: object) -> Document:
-    """One segment function; theta is in scaled coordinates."""
+    """Return one segment function; theta is in scaled coordinates."""
     keys = ("theta", "theta_error", "g", "err", "samples", "stop", "condition")
-    return {**picked(named, "id", "terms", "scaling"), **picked(numbers, *keys)}
+    return {**members(named, "id", "terms", "scaling"), **members(numbers, *keys)}
 
 
 def _formula_lines(formula: FormulaFit | None) -> tuple[str, ...]:
-    """Its parameters in a line, and other minima that fit nearly as well."""
+    """Return the parameters of a formula in a line, and other minima that fit nearly as well."""
     from mapmore_cli.modelling.literature.own import units_of_parameters
 
     if formula is None:
@@ -304,7 +306,9 @@ def _formula_lines(formula: FormulaFit | None) -> tuple[str, ...]:
 
 
 def _memory_tables(memory: MemoryModel) -> list[Table]:
-    """Coefficients with standard errors, and the numbers behind the states where there are any."""
+    """Return the coefficients with standard errors, and the numbers behind the states where there
+    are any.
+    """
     columns = ("term", "coefficient #.6g", "standard error .3g")
     numbers = (memory.theta.tolist(), memory.theta_error.tolist())
     rows: list[tuple[str, float, float | None]] = []
@@ -360,14 +364,14 @@ def _view_of(model: Model) -> View:
     match body:
         case Pieces():
             document = {
-                **picked(body, "level", "backbone", "cross_validation"),
+                **members(body, "level", "backbone", "cross_validation"),
                 "segments": [_segment(segment, segment) for segment in body.segments],
                 "weights": _weights_document(body),
             }
         case Formula():
-            document, lines = picked(body, "level", "formula=fit"), _formula_lines(body.fit)
+            document, lines = members(body, "level", "formula=fit"), _formula_lines(body.fit)
         case Memory():
-            document = picked(body, "memory=model", "backbone")
+            document = members(body, "memory=model", "backbone")
             tables = _memory_tables(body.model)
         case Outputs():
             names = [one.name for one in model.outputs]
@@ -379,13 +383,13 @@ def _view_of(model: Model) -> View:
             document = asdict(body)  # type: ignore[call-overload]
     if ranges := getattr(body, "ranges", None):
         document["limits"] = {one.curve: one.limits for one in ranges}
-    head = {"kind": kind.name, **picked(model, "name", "output", "inputs", "notes")}
+    head = {"kind": kind.name, **members(model, "name", "output", "inputs", "notes")}
     return View({**head, **document}, tuple(tables), tuple(lines))
 
 
 def _weights_document(pieces: Pieces) -> Document:
-    """How pieces are joined, with the transition zone, start and end, at each inner boundary of
-    every curve (M2 eq 10-11).
+    """Return how pieces are joined, with the transition zone, start and end, at each inner boundary
+    of every curve (M2 eq 10-11).
     """
     from mapmore_cli.modelling.pieces.definition import zones_of
 
@@ -396,10 +400,10 @@ def _weights_document(pieces: Pieces) -> Document:
             name: [list(zone) for zone in zip(*ends, strict=True)]
             for name, ends in zones_of(curve, pieces).items()
         }
-        head = picked(curve, "id=curve", "level")
+        head = members(curve, "id=curve", "level")
         curves.append({**head, "boundaries": boundaries, "zones": at})
     return {
-        **picked(
+        **members(
             pieces.fusion, "transition", "z_s", "extrapolation", "between_levels=levels", "shrink"
         ),
         "levels": [curve.level for curve in pieces.curves if curve.level is not None],

@@ -82,7 +82,7 @@ def _width(values: Array) -> Array:
 
 
 def _learner_says(learner: Any, inputs: Array) -> Array:
-    """Predictions (n,), NaN where an input is."""
+    """Return predictions (n,), NaN where an input is."""
     output = np.full(len(inputs), np.nan)
     known = np.isfinite(inputs).all(axis=1)
     if known.any():

@@ -128,7 +128,7 @@ class Contest:
         return tuple(name for name in beside if name not in named)
 
     def _of_simple(self, name: str) -> Sequence[Array]:
-        """Predictions of a simple competitor for every curve; NaN where it has none."""
+        """Return the predictions of a simple competitor for every curve; NaN where it has none."""
         outputs: Sequence[Array] | None = None
         if name == "arx":
             outputs = simple.arx(self.dataset, self._inputs)
@@ -173,7 +173,7 @@ class Contest:
         return forecast_each(other, self.dataset.curves, target)
 
     def _sum(self, competitor: Competitor) -> Rival:
-        """Formulas with signs and inputs of their own, fitted together to the training data."""
+        """Fit formulas with signs and inputs of their own, together, to the training data."""
         maker = maker_of("sum")
         assert isinstance(maker, FitsSums)
         assert competitor.sum is not None

@@ -137,7 +137,7 @@ def _held_out(dataset: Dataset, outs: Sequence[BoolArray]) -> Dataset:
 
 
 def _level_folds(dataset: Dataset) -> list[Masks]:
-    """For every level, which samples of each curve are at it."""
+    """Return, for every level, which samples of each curve are at it."""
     levels = dict.fromkeys(curve.level for curve in dataset.curves)
     return [
         tuple(np.full(curve.size, curve.level == level) for curve in dataset.curves)
@@ -146,8 +146,8 @@ def _level_folds(dataset: Dataset) -> list[Masks]:
 
 
 def _group_folds(dataset: Dataset, of: str) -> list[Masks]:
-    """For every value of the quantity, which samples of each curve have it; DataError for a single
-    one.
+    """Return, for every value of the quantity, which samples of each curve have it; DataError for a
+    single one.
     """
     values = np.unique(np.concatenate([curve.columns[of] for curve in dataset.curves]))
     if len(values) < 2:
@@ -159,7 +159,7 @@ def _group_folds(dataset: Dataset, of: str) -> list[Masks]:
 
 
 def _by_fold(parts: Sequence[Forecasts], folds: Sequence[Masks]) -> Forecasts:
-    """Of each sample the forecast of the fold that it was left out of."""
+    """Return of each sample the forecast of the fold that it was left out of."""
     pooled = []
     for of_curve, outs in zip(zip(*parts, strict=True), zip(*folds, strict=True), strict=True):
         whole = next((one for one, out in zip(of_curve, outs, strict=True) if out.all()), None)

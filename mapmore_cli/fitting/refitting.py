@@ -22,8 +22,8 @@ one or two folds says nothing.
 
 
 def contiguous(parts: Sequence[IntArray], count: int, size: int, times: int = 1) -> list[BoolArray]:
-    """Masks (size,) of the first, second, ... of `count` contiguous blocks of each part, `times`
-    over.
+    """Return masks (size,) of the first, second, ... of `count` contiguous blocks of each part,
+    `times` over.
     """
     split = [np.array_split(part, count * times) for part in parts]
     masks = []

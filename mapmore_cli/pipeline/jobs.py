@@ -62,7 +62,7 @@ class Finished:
     def of(
         cls, loaded: LoadedSpec, outcome: RunOutcome, warnings: Sequence[str], started: float
     ) -> Finished:
-        """Return what came of a spec whose run is up to date; `told` are the warnings meanwhile,
+        """Return what came of a spec whose run is up to date, with the `warnings` meanwhile;
         `started` is by `time.perf_counter`.
         """
         table = RunFiles(outcome.run_dir).scores()

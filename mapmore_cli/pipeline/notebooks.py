@@ -97,8 +97,8 @@ class LoadedModel:
         return model_equations(self.model)
 
     def __call__(self, **columns: ArrayLike) -> Any:
-        """Output at the inputs, which are broadcast against each other; NaN where an input is not
-        finite. Of several outputs a mapping by their names.
+        """Return the output at the inputs, which are broadcast against each other; NaN where an
+        input is not finite. Of several outputs a mapping by their names.
 
         With `time`, the inputs are samples of one recording, from which the model's rates and
         directions follow, and along which a model with memory runs (NaN before there is history).
@@ -193,8 +193,8 @@ class LoadedModel:
         return outside_range(self.model, flat).reshape(shape)
 
     def interval(self, level: float = 0.95, **columns: ArrayLike) -> tuple[Array, Array]:
-        """Low and high end that hold a sample of a new curve with the probability `level`, in the
-        shape of the output.
+        """Return the low and the high end that hold a sample of a new curve with the probability
+        `level`, in the shape of the output.
 
         They are NaN outside of the training range. Raises `DataError` for a model whose spec has no
         `validate: {intervals: true}`.
@@ -213,8 +213,8 @@ class LoadedModel:
     def invert(
         self, name: str, wanted: ArrayLike | None = None, rule: str = LOWEST, **given: ArrayLike
     ) -> Inverse:
-        """Every value of the input `name` within its training range for a `wanted` output at the
-        other inputs, row by row.
+        """Return every value of the input `name` within its training range for a `wanted` output at
+        the other inputs, row by row.
 
         The wanted output may go by its name: `invert("pressure", force=100, strain=0.1)`. `lowest`
         picks the lowest solution, `nearest` the one nearest to that of the row before. Not for
@@ -304,7 +304,7 @@ def canonical_columns(frame: object, target: object) -> dict[str, dict[str, str]
 def column_of(
     frame: Frame, column: Column, label: str, name: str, unit: str, layout: str | None = None
 ) -> Array:
-    """One column as numbers of the quantity `name` in a `unit`, (n,). Raises `DataError`."""
+    """Return one column as numbers of the quantity `name` in a `unit`, (n,). Raises `DataError`."""
     labels, matches, label_of_column = (
         labels_of(frame) or (),
         columns_in(frame, column),

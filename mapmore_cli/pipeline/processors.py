@@ -146,8 +146,8 @@ def deaf_to_interrupts() -> Iterator[None]:
 
 
 def free_processors() -> int:
-    """How many processes work may be shared out to: one where forks are not safe, or where all
-    processors are at work already.
+    """Return how many processes work may be shared out to: one where forks are not safe, or where
+    all processors are at work already.
 
     A fork of a process with threads may hang, and on macOS a fork without them too: only Linux has
     forks, of a process with one thread. A worker process makes none.
@@ -169,7 +169,8 @@ def shared_out(
     progress: Callable[[int, int], None] = lambda _done, _total: None,
     workers: int | None = None,
 ) -> list[R]:
-    """`[work(item) for item in items]`, by forks of this process, which have the items already.
+    """Return `[work(item) for item in items]`, by forks of this process, which have the items
+    already.
 
     What they return must be picklable, and whatever else they change is lost. What a fork does not
     deliver, for whatever reason, is done here, so that an error is raised as without forks.

@@ -91,8 +91,8 @@ class Reading:
 
 
 def reading_of(model: Model, columns_there: Collection[str]) -> Reading:
-    """Every input by its own name where it is `given`, else by the signal that it is; `time` where
-    there are signals or memory.
+    """Return every input by its own name where it is among `columns_there`, else by the signal that
+    it is; `time` where there are signals or memory.
     """
     signals = tuple(signal for signal in model.signals if signal.name not in columns_there)
     over_time = bool(signals) or runs_over_time(model)

@@ -139,8 +139,8 @@ def _collected(
 
 
 def faults_of(style: FigureStyle) -> list[str]:
-    """Warnings about a font that this machine does not have; SpecError where the formula in a label
-    is wrong.
+    """Return warnings about a font that this machine does not have; SpecError where the formula in
+    a label is wrong.
     """
     if style.font is None and not style.labels:
         return []

@@ -106,8 +106,8 @@ def explain(
     warn: Warn = lambda _message: None,
     stages: Sequence[Stage] | None = None,
 ) -> list[tuple[str, str | None]]:
-    """Every stage up to `until` with the reason why it would run, None where it is up to date.
-    Nothing is written.
+    """Return every stage up to `until` with the reason why it would run, None where it is up to
+    date. Nothing is written.
     """
     refuse_circle(loaded)
     run_dir = runs / loaded.spec.name
@@ -201,13 +201,13 @@ def _from(run_dir: Path, path: Path) -> str:
 
 @dataclass(frozen=True)
 class _Run:
-    """A run in its folder, and who is told of it; `given` are other stages than those of the
+    """A run in its folder, and who is told of it; `stages` are others than those of the
     pipeline, and `written` are files besides theirs that the record does not list yet.
     """
 
     loaded: LoadedSpec
     run_dir: Path
-    given: Sequence[Stage] | None
+    stages: Sequence[Stage] | None
     origin: Origin
     options: Options
     progress: Progress
@@ -251,7 +251,7 @@ class _Run:
 
     def settle(self, until: str) -> list[StagePlan]:
         """Do all that is to be done; what was planned. The lock of the run is held."""
-        stages = self.given or pipeline()
+        stages = self.stages or pipeline()
         recover(self.run_dir, [output for stage in stages for output in stage.outputs])
         records = load_records(self.run_dir, self.warn)
         if self.loaded.spec.model.type != AUTO:
@@ -307,7 +307,7 @@ class _Run:
     def planned(self, until: str, records: Mapping[str, StageRecord]) -> Iterator[StagePlan]:
         """Yield the plans, each from the files as they are then."""
         how = (self.run_dir, records, self.options.rehash, self.options.force)
-        return plan_stages(self.given, until, self.loaded, *how)
+        return plan_stages(self.stages, until, self.loaded, *how)
 
     def make(self, plan: StagePlan, needed: Mapping[str, Path]) -> StageRecord:
         """Run one stage and move its outputs in; the entry that commits them. `needed` are the
@@ -335,7 +335,7 @@ class _Run:
         return replace(plan.now, outputs=outputs, tools=tool_versions(), seconds=seconds, why=why)
 
     def checks(self, plan: StagePlan, until: str) -> bool:
-        """Whether the rules are applied after a stage: ingest, where it is not the last."""
+        """Tell whether the rules are applied after a stage: ingest, where it is not the last."""
         return plan.stage is pipeline()[0] and plan.stage.name != until
 
     def known_findings(self, ingest: StagePlan) -> tuple[findings.Issue, ...] | None:
@@ -407,7 +407,7 @@ class _Run:
                         None if message in known else self.warn(RunWarning.of(name, message))
                     ),
                     on_stage=lambda stage, reason: self.on_stage(f"{name}: {stage}", reason),
-                    stages=self.given,
+                    stages=self.stages,
                 )
             except MapmoreError as error:
                 error.message = f"{name}: {error.message}"
@@ -415,11 +415,11 @@ class _Run:
         return runs / name
 
     def is_current(self, other: Needed) -> bool:
-        """Whether another run is up to date, has its spec, and nobody was killed or is at work in
-        its folder.
+        """Tell whether another run is up to date, has its spec, and nobody was killed or is at work
+        in its folder.
         """
         run_dir = self.run_dir.parent / other.loaded.spec.name
-        plans = plans_of(other, self.given, other.last, self.run_dir.parent)
+        plans = plans_of(other, self.stages, other.last, self.run_dir.parent)
         return (
             all(plan.reason is None for plan in plans)
             and is_tidy(run_dir)

@@ -155,7 +155,7 @@ class StagePlan:
 
 
 def plan_stages(
-    given: Sequence[Stage] | None,
+    stages: Sequence[Stage] | None,
     until: str,
     loaded: LoadedSpec,
     run_dir: Path,
@@ -164,7 +164,7 @@ def plan_stages(
     force: bool = False,
 ) -> Iterator[StagePlan]:
     """Yield the plan of every stage up to `until`, in order, from the files as they are now;
-    `given` are other stages than those of the `pipeline`.
+    `stages` are others than those of the `pipeline`.
 
     After a search the structure that it found is taken for the stages behind it. Where there is
     none yet, these are not known, and it is the last.
@@ -172,11 +172,12 @@ def plan_stages(
     Raises DataError where a source is missing or cannot be read.
     """
     before, previous = "", ""
-    for stage in given or pipeline(searched=loaded.spec.model.type == AUTO):
+    for stage in stages or pipeline(searched=loaded.spec.model.type == AUTO):
         known, part = records.get(stage.name), stage.reads(loaded.spec)
         needed = needed_runs(stage, loaded)
         chosen = recorded(part) | {
-            f"run {run.need.key}": _model_mark(run, given, run_dir.parent, rehash) for run in needed
+            f"run {run.need.key}": _model_mark(run, stages, run_dir.parent, rehash)
+            for run in needed
         }
         inputs = _source_stamps(stage, loaded, known.inputs if known else {}, rehash)
         contents = {path: stamp.sha256 for path, stamp in inputs.items()}
@@ -202,11 +203,11 @@ def plan_stages(
 
 
 def plans_of(
-    run: Needed, given: Sequence[Stage] | None, until: str, runs: Path, rehash: bool = False
+    run: Needed, stages: Sequence[Stage] | None, until: str, runs: Path, rehash: bool = False
 ) -> list[StagePlan]:
     """Return the plans of another run in the folder `runs`."""
     run_dir = runs / run.loaded.spec.name
-    return list(plan_stages(given, until, run.loaded, run_dir, known_records(run_dir), rehash))
+    return list(plan_stages(stages, until, run.loaded, run_dir, known_records(run_dir), rehash))
 
 
 def as_found(loaded: LoadedSpec, run_dir: Path) -> LoadedSpec:
@@ -219,19 +220,19 @@ def as_found(loaded: LoadedSpec, run_dir: Path) -> LoadedSpec:
     return with_structure
 
 
-def _model_mark(run: Needed, given: Sequence[Stage] | None, runs: Path, rehash: bool) -> str:
+def _model_mark(run: Needed, stages: Sequence[Stage] | None, runs: Path, rehash: bool) -> str:
     """Return the fingerprint of the model of another run, whether it exists yet or not; of a
     compared run, of the model that it has.
     """
     if run.is_kept(runs):
         record = known_records(runs / run.loaded.spec.name)[MODEL_STAGE]
     else:
-        record = plans_of(run, given, MODEL_STAGE, runs, rehash)[-1].now
+        record = plans_of(run, stages, MODEL_STAGE, runs, rehash)[-1].now
     return record.fingerprint[:SHORT_MARK]
 
 
 def _reasons(stage: Stage, known: StageRecord | None, now: StageRecord, previous: str) -> list[str]:
-    """Everything that differs from the committed entry."""
+    """Return everything that differs from the committed entry."""
     if known is None:
         return ["never ran"]
     reasons = slice_differences(stage.name, known.slice, now.slice)
@@ -292,8 +293,8 @@ def recorded(part: object) -> dict[str, Any]:
 def fingerprint(
     name: str, revision: int, part: object, before: str, contents: Mapping[str, str]
 ) -> str:
-    """SHA-256 of a stage's name and revision, its slice `part`, the fingerprint `before` it, and
-    the hashes of its sources by path.
+    """Return the SHA-256 of a stage's name and revision, its slice `part`, the fingerprint `before`
+    it, and the hashes of its sources by path.
     """
     whole = {
         "stage": name,
@@ -307,7 +308,7 @@ def fingerprint(
 
 
 def slice_differences(stage: str, old: object, new: Mapping[str, Any]) -> list[str]:
-    """Every changed key of a stage's slice with both values, as `fuse.z_s: 0.25 -> 0.3`."""
+    """Return every changed key of a stage's slice with both values, as `fuse.z_s: 0.25 -> 0.3`."""
     if old == new:
         return []
     if not isinstance(old, dict):  # a record that somebody edited
@@ -322,8 +323,8 @@ def slice_differences(stage: str, old: object, new: Mapping[str, Any]) -> list[s
 
 
 def place_in_spec(key: str, stage: str) -> str:
-    """Where a key of a stage's slice stands in the YAML file: `levels` is `data.levels`, `against`
-    is `validate.against`.
+    """Say where a key of a stage's slice stands in the YAML file: `levels` is `data.levels`,
+    `against` is `validate.against`.
     """
     fields = ExperimentSpec.model_fields.items()
     sections = {field.alias or name: field.annotation for name, field in fields}

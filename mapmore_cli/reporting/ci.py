@@ -80,7 +80,9 @@ def _case(run: str, name: str, seconds: float) -> ET.Element:
 
 
 def to_summary(runs: Sequence[RunReport], tables: Sequence[Table]) -> str:
-    """How many runs ended well, what went wrong in the others, and the tables, in Markdown."""
+    """Return how many runs ended well, what went wrong in the others, and the tables, in
+    Markdown.
+    """
     bad = [run for run in runs if run.failure is not None or run.missed]
     lines = [f"## mapmore: {len(runs) - len(bad)} of {len(runs)} runs in order", ""]
     for run in bad:

@@ -51,8 +51,8 @@ class FigureStyle:
     palette: tuple[str, ...] = ()
 
     def axis_label(self, quantity: Quantity, prefix: str = "") -> str:
-        """`Pressure (kPa)`; `(–)` where there is no dimension; the user's own words where there are
-        any.
+        """Return `Pressure (kPa)`; `(–)` where there is no dimension; the user's own words where
+        there are any.
         """
         if quantity.name in self.labels:
             return f"{prefix} {self.labels[quantity.name]}".strip()
@@ -63,7 +63,9 @@ class FigureStyle:
         )
 
     def is_own_label(self, label: str) -> bool:
-        """Whether a label has the user's own words, in which formulas may stand between dollars."""
+        """Tell whether a label has the user's own words, in which formulas may stand between
+        dollars.
+        """
         return any(label.endswith(own) for own in self.labels.values())
 
 
@@ -300,8 +302,8 @@ class ReportInputs:
         )
 
     def ids_of(self, words: str) -> frozenset[str]:
-        """Ids of the curve or the recordings that a user calls so: by id, level (`250`, `250 kPa`),
-        or the log that was cut into pieces.
+        """Return ids of the curve or the recordings that a user calls so: by id, level (`250`, `250
+        kPa`), or the log that was cut into pieces.
         """
         curves = [
             curve.id
@@ -312,8 +314,8 @@ class ReportInputs:
         return frozenset((*curves, *logs))
 
     def curve_label(self, curve: Curve) -> str:
-        """Short name of a curve: its level with the unit (`150 kPa`, `strain 0.04`), else its
-        id.
+        """Return short name of a curve: its level with the unit (`150 kPa`, `strain 0.04`), else
+        its id.
         """
         level = self.dataset.level
         if curve.level is None or level is None:

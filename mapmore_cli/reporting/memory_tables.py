@@ -7,7 +7,7 @@ from mapmore_cli.reporting.table import Cell, Table
 
 
 def states_table(states: StateSet) -> Table:
-    """Everything that training found out about the states: the oscillators, the ranges of
+    """Return everything that training found out about the states: the oscillators, the ranges of
     operators, the scales.
     """
     rows: list[tuple[Cell, ...]] = []

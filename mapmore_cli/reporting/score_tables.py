@@ -46,7 +46,7 @@ def score_table(
     published: Published | None = None,
     failed: Sequence[str] = (),
 ) -> Table:
-    """Pooled scores, the held-out data first, every model in the order given.
+    """Return pooled scores, the held-out data first, every model in the order given.
 
     `units` has the unit of every target. A publication's numbers stand beside the validation rows,
     which alone are comparable. Models in `failed` have no scores; they get a row that says so.
@@ -86,7 +86,7 @@ def full_scale(pooled: Sequence[Score], unit: str) -> str:
 
 
 def curve_scores_table(scores: Sequence[Score], units: Mapping[str, str]) -> Table:
-    """Scores of every curve by itself, the models beside each other."""
+    """Return scores of every curve by itself, the models beside each other."""
     order: dict[str, int] = {}
     for score in scores:
         order.setdefault(score.curve, len(order))
@@ -140,8 +140,8 @@ def verdict_sentence(
     """
     head = f"Alert: {alert}. " if alert else ""
     compared = deciding(scores)
-    ours = next((s for s in compared if s.model == own), None)
-    if ours is None or not math.isfinite(ours.nrmse):
+    ours = _known_score(compared, own)
+    if ours is None:
         return f"{head}{own} gave no prediction."
     where = "on the held-out data"
     if ours.split == "train":
@@ -173,14 +173,19 @@ def verdict_sentence(
     return f"{''.join(chosen[:1])}{head}{predicts}{''.join(floors)}."
 
 
+def _known_score(scores: Sequence[Score], model: str) -> Score | None:
+    """Return the row of a model; None where it has none with a number."""
+    return next((s for s in scores if s.model == model and math.isfinite(s.nrmse)), None)
+
+
 TRAINED = "was trained on held-out samples, and is"
 
 
 def short_verdict(table: ScoreTable, own: str) -> str:
     """Say in a line how the model `own` stands beside the best of the others, with both errors."""
     compared, unit = deciding(table.scores), next(iter(table.units.values()), "")
-    ours = next((s for s in compared if s.model == own), None)
-    if ours is None or not math.isfinite(ours.nrmse):
+    ours = _known_score(compared, own)
+    if ours is None:
         return "no prediction"
     best = _best([s for s in compared if s.model not in (own, REPEATABILITY)])
     word = "alone" if best is None else _word(ours, best)
@@ -250,8 +255,8 @@ def _percent(fraction: float) -> str:
 
 
 def changes_table(comparison: Comparison) -> Table:
-    """Every curve that both models have, by the size of the change: the factor between them, its
-    weight, and the difference.
+    """Return every curve that both models have, by the size of the change: the factor between them,
+    its weight, and the difference.
     """
     unit = comparison.unit
     columns = {
@@ -284,7 +289,7 @@ def changes_table(comparison: Comparison) -> Table:
 
 
 def drift_table(names: Sequence[str], results: Sequence[Comparison]) -> Table:
-    """Every later model against the first."""
+    """Return every later model against the first."""
     later = zip(names[1:], results, strict=True)
     rows = ((name, one.ratio, *one.interval, one.answer) for name, one in later)
     columns = (MODEL, "ratio .4f", "from .4f", "to .4f", "answer")

@@ -57,7 +57,9 @@ def sections_of(inputs: ReportInputs) -> tuple[Section, ...]:
 
 
 def all_tables(inputs: ReportInputs) -> tuple[Table, ...]:
-    """Every table of the report, in the order of the page; equations stand there by themselves."""
+    """Return every table of the report, in the order of the page; equations stand there by
+    themselves.
+    """
     shown = [table for section in sections_of(inputs) for table in section.tables(inputs)]
     return (*shown, tables.equations_table(inputs.equations, inputs.other_equations))
 

@@ -137,7 +137,7 @@ class Table:
 
 
 def is_missing(cell: Cell) -> bool:
-    """Whether there is no number."""
+    """Tell whether there is no number."""
     return cell is None or (isinstance(cell, float) and math.isnan(cell))
 
 
@@ -158,8 +158,8 @@ def _show(cell: Cell, column: Column) -> str:
 
 
 def to_csv(table: Table) -> str:
-    """Comma-separated, units in the header, 12 significant digits, an empty field where there is no
-    number.
+    """Return comma-separated, units in the header, 12 significant digits, an empty field where
+    there is no number.
     """
     return rows_to_csv(
         map(csv_cell, table.headings), ([number_text(cell) for cell in row] for row in table.rows)
@@ -183,7 +183,7 @@ def number_text(cell: Cell) -> str:
 
 
 def to_text(table: Table) -> str:
-    """Plain text with aligned columns, title above and notes below."""
+    """Return plain text with aligned columns, title above and notes below."""
     columns = list(zip(table.headings, *table.shown, strict=True))
     aligned = []
     for cells, number in zip(columns, table.numeric, strict=True):

@@ -44,7 +44,7 @@ def bands_table(sizes: Sequence[ErrorBand], unit: str) -> Table:
 
 
 def recordings_table(dataset: Dataset) -> Table:
-    """Rows read, kept and dropped by reason, of every file."""
+    """Return rows read, kept and dropped by reason, of every file."""
     reasons = list(dict.fromkeys(reason for one in dataset.recordings for reason in one.dropped))
     columns = ("recording", "file", "read", "kept")
     dropped = [Column(f"dropped: {reason}") for reason in reasons]
@@ -122,8 +122,8 @@ def errors_note(selection: Selection) -> str:
 
 
 def segments_table(inputs: ReportInputs) -> Table:
-    """Where every segment lies, how it was scaled, and how well its own function fits it (training
-    RMSE, before fusion).
+    """Say where every segment lies, how it was scaled, and how well its own function fits it
+    (training RMSE, before fusion).
     """
     places = {
         segment.id: segment_ends(curve, segment)
@@ -164,8 +164,8 @@ def segment_ends(curve: SegmentedCurve, segment: Segment) -> list[float]:
 
 
 def terms_table(fit: FitResult) -> Table:
-    """Terms in the order of selection: error reduction ratio, running sum, runner-up and the margin
-    over it.
+    """Return terms in the order of selection: error reduction ratio, running sum, runner-up and the
+    margin over it.
     """
     columns = (
         *("segment", "step", "term", "ERR [%] .4f", "sum of ERR [%] .4f", "runner-up"),
@@ -220,8 +220,8 @@ def coefficient_rows(
 
 
 def coefficients_table(fit: FitResult, unit: str, model: Model | None = None) -> Table:
-    """Coefficients of every segment with standard errors and 95 % confidence intervals, in scaled
-    coordinates and in the target's unit; what the data do not tell is named.
+    """Return coefficients of every segment with standard errors and 95 % confidence intervals, in
+    scaled coordinates and in the target's unit; what the data do not tell is named.
     """
     columns = (
         *("segment", "term", "theta", "standard error .3g", "t .3g", "± 95 % .3g"),
@@ -246,7 +246,7 @@ MOST_NAMED = 12  # terms in a sentence
 
 
 def outliers_table(outliers: Sequence[Outlier], unit: str) -> Table:
-    """Training samples that lie far from a robust fit, the farthest first."""
+    """Return training samples that lie far from a robust fit, the farthest first."""
     columns = ("file", "place", "curve", f"measured − predicted [{unit}] .4g", "in scales .3g")
     rows = ((one.file, one.place, one.curve, one.off, one.scales) for one in outliers)
     note = "They count less in the fit. None is left out, of the data or of the scores."
@@ -352,7 +352,7 @@ def equations_table(
 
 
 def formulas_table(inputs: ReportInputs) -> Table:
-    """Parameters ± standard error of every fitted formula; a failed fit has one row, and no
+    """Return parameters ± standard error of every fitted formula; a failed fit has one row, and no
     number.
     """
     own, formulas = inputs.fit.formula, inputs.validation.formulas
@@ -416,8 +416,8 @@ def rival_minima(name: str, formula: FormulaFit) -> Iterator[str]:
 
 
 def folds_table(choices: Sequence[FoldError], unit: str) -> Table:
-    """Cross-validation errors behind the decision between the formula alone and the formula with
-    segments.
+    """Return cross-validation errors behind the decision between the formula alone and the formula
+    with segments.
     """
     best = min((choice.rmse for choice in choices), default=math.nan)
     columns = ("choice", f"RMSE of left-out samples [{unit}]", "folds", "least error")

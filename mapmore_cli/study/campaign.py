@@ -113,8 +113,8 @@ class Expanded:
 def expanded(
     configs: Sequence[Path], overrides: Sequence[str]
 ) -> tuple[list[Expanded], list[Entry]]:
-    """Every campaign among the files, and every run to do: a spec stands for itself. `overrides`
-    come last.
+    """Return every campaign among the files, and every run to do: a spec stands for itself.
+    `overrides` come last.
     """
     campaigns: list[Expanded] = []
     entries: list[Entry] = []

@@ -274,7 +274,7 @@ def _state_name(text: str) -> str:
 
 
 def _word(name: str, text: str) -> int:
-    """Offset of a name in an expression, where it is not part of a longer one."""
+    """Return offset of a name in an expression, where it is not part of a longer one."""
     match = re.search(rf"(?<![A-Za-z0-9_]){re.escape(name)}(?![A-Za-z0-9_])", text)
     return match.start() if match else 0
 

@@ -8,7 +8,6 @@ import re
 from collections.abc import Iterable, Iterator, Sequence
 from importlib.util import find_spec
 from operator import attrgetter
-from types import MappingProxyType
 from typing import TYPE_CHECKING, Protocol, get_args, runtime_checkable
 
 from mapmore_cli.domain.errors import SpecError
@@ -261,26 +260,18 @@ def target(spec: ExperimentSpec) -> Iterator[Finding]:
     )
 
 
-OF_ONE = MappingProxyType(
-    {
-        **{
-            way: way
-            for way in (
-                "model.backbone",
-                "data.cycles",
-                "data.groups",
-                "data.split.leave_one_level_out",
-                "data.split.leave_one_group_out",
-                "fit.shape",
-                "fit.ridge",
-            )
-        },
-        "fit.scale": "fit.known_scale",
-        "validate.as": "validation.as_",
-        "validate.intervals": "validation.intervals",
-    }
+OF_ONE = (
+    *("model.backbone", "data.cycles", "data.groups", "fit.shape", "fit.ridge", "fit.scale"),
+    *("data.split.leave_one_level_out", "data.split.leave_one_group_out"),
+    *("validate.as", "validate.intervals"),
 )
-"""Settings that are about one target where they are set, and where the spec holds them."""
+"""Settings that are about one target where they are set."""
+HELD = {
+    "fit.scale": "fit.known_scale",
+    "validate.as": "validation.as_",
+    "validate.intervals": "validation.intervals",
+}
+"""Where the spec holds a setting, if not under its name."""
 
 
 def several(spec: ExperimentSpec) -> Iterator[Finding]:
@@ -288,7 +279,7 @@ def several(spec: ExperimentSpec) -> Iterator[Finding]:
     if not spec.also:
         return
     names = spec.targets
-    ways = [way for way, place in OF_ONE.items() if attrgetter(place)(spec)]
+    ways = [way for way in OF_ONE if attrgetter(HELD.get(way, way))(spec)]
     ways += ["model.type"] * (spec.model.type != "mapmore")
     ways += ["fit.stop"] * (spec.fit.stop == "free_run")
     wrong = [(way, f"`{way.split('.')[-1]}` is about one target") for way in ways]

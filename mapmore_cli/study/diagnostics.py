@@ -13,7 +13,7 @@ from pydantic_core import ErrorDetails
 
 from mapmore_cli.domain.declared import Contradiction, shape
 from mapmore_cli.domain.errors import MapmoreError, SpecError
-from mapmore_cli.study.tree import Loc, Node, Position, nearest
+from mapmore_cli.study.tree import Loc, Node, Position, nearest, quoted
 
 _WIDEST = 110  # characters of a source line that are shown
 _MOST = 25  # mistakes that are shown
@@ -95,15 +95,15 @@ def refused(
 
 
 def did_you_mean(word: str, known: Iterable[str], otherwise: str = "known are") -> str | None:
-    """`did you mean ...?` for a near miss, else the list of what is known; None where nothing
-    is.
+    """Return `did you mean ...?` for a near miss, else the list of what is known; None where
+    nothing is.
     """
     words = list(dict.fromkeys(known))
     lower = {candidate.casefold(): candidate for candidate in words}
     near = get_close_matches(word[:_WIDEST].casefold(), lower, n=1, cutoff=0.6)
     if near:
         return f"did you mean `{lower[near[0]]}`?"
-    return f"{otherwise} {', '.join(f'`{candidate}`' for candidate in words)}" if words else None
+    return f"{otherwise} {quoted(words)}" if words else None
 
 
 def raise_if_any(problems: Sequence[Mistake]) -> None:
@@ -191,8 +191,8 @@ KeysAt = Callable[[Loc], Sequence[str]]
 
 
 def explain(error: ValidationError, root: Node, keys_at: KeysAt) -> list[Mistake]:
-    """One problem for each mistake that pydantic found in the tree: a key that is missing because
-    it is misspelt is one mistake.
+    """Return one problem for each mistake that pydantic found in the tree: a key that is missing
+    because it is misspelt is one mistake.
     """
     errors = error.errors(include_url=False)[:MOST_ERRORS]
     unknown = [_split(details["loc"], root)[0] for details in errors if details["type"] in _UNKNOWN]
@@ -305,7 +305,7 @@ def _unknown_key(loc: Loc, known: Iterable[str]) -> Explained:
 
 
 def _dotted(loc: Loc) -> str:
-    """`data.files[0].path`, with quantities as they are."""
+    """Return `data.files[0].path`, with quantities as they are."""
     return "".join(f"[{step}]" if isinstance(step, int) else f".{step}" for step in loc).lstrip(".")
 
 

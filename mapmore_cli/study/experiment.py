@@ -334,8 +334,8 @@ class Report(Section):
 
 
 def _given_memory(dictionary: object, info: ValidationInfo) -> bool:
-    """Whether a dictionary that is not validated yet has terms with memory; False where its form is
-    wrong, which is reported elsewhere.
+    """Tell whether a dictionary that is not validated yet has terms with memory; False where its
+    form is wrong, which is reported elsewhere.
     """
     try:
         return isinstance(dictionary, list) and remembers(
@@ -346,7 +346,7 @@ def _given_memory(dictionary: object, info: ValidationInfo) -> bool:
 
 
 def _pooled(given: Mapping[str, Any]) -> bool:
-    """Whether a spec that is not validated yet has one segment of all its curves."""
+    """Tell whether a spec that is not validated yet has one segment of all its curves."""
     data, segment = given.get("data"), given.get("segment") or {}
     levels = data.get("levels") if isinstance(data, dict) else None
     whole = isinstance(segment, dict) and all(cut == "none" for cut in segment.values())

@@ -51,7 +51,7 @@ from mapmore_cli.study.yaml_loader import VARIABLES, dump, escaped, expand, pars
 
 
 def findings(spec: ExperimentSpec) -> Iterator[Finding]:
-    """Every mistake of an experiment whose form is right."""
+    """Return every mistake of an experiment whose form is right."""
     mistakes = list[Finding]()
     for one in spec.each:
         for check in (*check_names.CHECKS, *check_study.CHECKS):
@@ -124,8 +124,8 @@ class Loaded(Generic[M]):
         return f"{MODELINE}{place}\n{text}"
 
     def where(self, *loc: str | int) -> str:
-        """`file:line:column` of a key or list item, or of the nearest section around it that the
-        files hold.
+        """Return `file:line:column` of a key or list item, or of the nearest section around it that
+        the files hold.
         """
         return str(nearest(self._root, loc).start)
 

@@ -21,7 +21,7 @@ from mapmore_cli.domain.scores import MEASURES, METRICS, OF_TARGET
 from mapmore_cli.storage.atomic import write_text
 from mapmore_cli.study.experiment import ExperimentSpec
 from mapmore_cli.study.loader import SCHEMA
-from mapmore_cli.study.tree import SourceText, written
+from mapmore_cli.study.tree import SourceText, quoted, written
 from mapmore_cli.study.yaml_loader import parse
 
 KEY = re.compile(r"^- `(\w+)`(?: \((.+?)\))?: (.*?)(?:, as `([^`]+)`)?$\n?", re.MULTILINE)
@@ -162,7 +162,7 @@ def reference() -> str:
         _section(title, section) for title, section in sections.items() if "properties" in section
     ]
     units = {name: "the target" if name in OF_TARGET else "1" for name in METRICS}
-    lower = " and ".join(f"`{name}`" for name, one in MEASURES.items() if one.at_least)
+    lower = quoted((name for name, one in MEASURES.items() if one.at_least), " and ")
     return "\n".join([*tables, _METRICS.format(lower)]) + "".join(
         f"| `{name}` | {METRICS[name]} | {unit} |\n" for name, unit in units.items()
     )
@@ -202,7 +202,7 @@ def _allowed(value: dict[str, Any]) -> str:
         name = _section_title(value["$ref"].rpartition("/")[2])
         return f"[{name}](#{name.lower().replace(' ', '-')})"
     if "enum" in value or "const" in value:
-        return " or ".join(f"`{word}`" for word in value.get("enum", [value.get("const")]))
+        return quoted(value.get("enum", [value.get("const")]), " or ")
     if value.get("type") == "array":
         return f"list of {_allowed(value.get('items', {})) or 'values'}"
     if value.get("type") == "object":

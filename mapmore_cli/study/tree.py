@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import MappingProxyType
@@ -98,6 +98,11 @@ def written(node: Node, way: Loc = (), around: Mapping[str, Any] = MappingProxyT
     return node.value
 
 
+def quoted(names: Iterable[object], between: str = ", ") -> str:
+    """Return names as a message lists them."""
+    return between.join(f"`{name}`" for name in names)
+
+
 def values_at(
     tree: object, place: str, way: tuple[str | int, ...] = ()
 ) -> Iterator[tuple[tuple[str | int, ...], Any]]:
@@ -123,7 +128,7 @@ def nearest(root: Node, loc: Loc) -> Node:
 
 
 def merged(base: Node, over: Node) -> Node:
-    """`over` on top of `base`: mappings merge deeply, other values replace, and an empty one
+    """Return `over` on top of `base`: mappings merge deeply, other values replace, and an empty one
     (`null`) removes what it stands on.
     """
     if not (isinstance(base.value, dict) and isinstance(over.value, dict)):
@@ -139,15 +144,16 @@ def merged(base: Node, over: Node) -> Node:
 
 def without(root: Node, loc: Loc) -> Node:
     """Return the tree without the value at `loc`."""
-    *way, last = loc
-    if way:
-        below = root.child(way[0])
-        return root if below is None else with_child(root, way[0], without(below, loc[1:]))
+    step, *rest = loc
+    below = root.child(step)
+    if below is None:
+        return root
+    if rest:
+        return with_child(root, step, without(below, rest))
     if isinstance(root.value, dict):
-        return replace(root, value={key: child for key, child in root.value.items() if key != last})
-    if isinstance(root.value, list):
-        return replace(root, value=[child for i, child in enumerate(root.value) if i != last])
-    return root
+        return replace(root, value={key: one for key, one in root.value.items() if key != step})
+    assert isinstance(root.value, list)
+    return replace(root, value=[one for place, one in enumerate(root.value) if place != step])
 
 
 def with_child(node: Node, step: str | int, child: Node) -> Node:

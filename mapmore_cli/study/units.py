@@ -230,8 +230,8 @@ def _everyday_factor(source_unit: str, target_unit: str) -> float | None:
 
 
 def _everyday(unit: str) -> tuple[tuple[str, ...], Fraction] | None:
-    """Dimensions and factor of a unit of the table, or of a rate `unit/time`; None for any other,
-    which pint has to be asked for.
+    """Return dimensions and factor of a unit of the table, or of a rate `unit/time`; None for any
+    other, which pint has to be asked for.
     """
     match [_EVERYDAY.get(part) for part in unit.split("/")]:
         case [(dimension, factor)]:

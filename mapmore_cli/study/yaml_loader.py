@@ -100,7 +100,7 @@ class _CoreDumper(yaml.SafeDumper):
         super().serialize(node)
 
     def represent_str(self, data: str) -> yaml.ScalarNode:
-        """Escapes the line breaks that only Unicode knows; PyYAML would write them out, to be read
+        """Escape the line breaks that only Unicode knows; PyYAML would write them out, to be read
         back as spaces.
 
         Words that readers of YAML 1.1 take for true or false, as the key `on`, are quoted for their
@@ -132,7 +132,7 @@ class _Part:
 
 
 def dump(value: object) -> str:
-    """YAML that `CoreLoader` reads back to the same value.
+    """Return YAML that `CoreLoader` reads back to the same value.
 
     The keys of a document are written one by one, and those of the last ones are kept: the specs of
     a campaign differ in few of them, and to write YAML takes longer than to read it.

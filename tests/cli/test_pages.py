@@ -92,6 +92,7 @@ TABLE = [["run", "held out", "error [N]"], ["a", "1", "2.5"], ["a", "2", "3.25"]
         ("sum t; error; .1f", "5.8"),
         ("mean t; error; .2f", "2.88"),
         ("excess t; a, 1; error; .0f", "150"),
+        ("less t; a, 1; error; .0f", "-150"),
     ],
 )
 def test_a_mark_names_a_cell(mark, shown, tmp_path):

@@ -6,7 +6,7 @@ import shlex
 
 from mapmore_cli.annexes.planning.results import Plan, Tuning, Until
 from mapmore_cli.cli.compared import search_document
-from mapmore_cli.cli.console import Document, View, picked
+from mapmore_cli.cli.console import Document, View, members
 from mapmore_cli.domain.results import Search
 from mapmore_cli.reporting.score_tables import search_table
 from mapmore_cli.reporting.table import Cell, Column, Columns, Table, cells_of
@@ -26,7 +26,7 @@ def of_tuning(tuning: Tuning) -> View:
     documents, rows, lines = list[Document](), list[tuple[Cell, ...]](), list[str]()
     for trial in tuning.trials:
         failure = trial.failure or None
-        documents.append({**picked(trial, *keys, "folds=errors"), "failure": failure})
+        documents.append({**members(trial, *keys, "folds=errors"), "failure": failure})
         settings = {key: _cell(value) for key, value in trial.settings.items()}
         marks = {"best": tuning.best, "simplest": tuning.chosen}
         mark = ", ".join(word for word, marked in marks.items() if trial is marked)
@@ -41,7 +41,7 @@ def of_tuning(tuning: Tuning) -> View:
     chosen = as_overrides(tuning.chosen.settings)
     use = " ".join(f"--set {shlex.quote(setting)}" for setting in chosen)
     document = {
-        **picked(tuning, "name", "left_out", "full_scale"),
+        **members(tuning, "name", "left_out", "full_scale"),
         "trials": documents,
         "best": tuning.best.settings,
         "chosen": tuning.chosen.settings,
@@ -90,12 +90,12 @@ def of_plan(plan: Plan) -> View:
     documents, rows = list[Document](), list[tuple[Cell, ...]]()
     for number, one in enumerate(plan.candidates, 1):
         keys = ("kind", "gap", "half_width", "after", "error", "cost")
-        documents.append({**one.at, **picked(one, *keys)})
+        documents.append({**one.at, **members(one, *keys)})
         sizes = (one.gap,) if levels else (one.half_width, one.after, one.error)
         cost = (one.cost,) if costs else ()
         rows.append((number, *map(one.at.get, quantities), one.kind, *sizes, *cost))
     document = {
-        **picked(plan, "name", "widest", "until", "notes"),
+        **members(plan, "name", "widest", "until", "notes"),
         "target": plan.target.name,
         "units": {plan.target.name: unit} | {name: one.unit for name, one in quantities.items()},
         "next": documents,

@@ -71,8 +71,8 @@ class Subject:
         return float(np.abs(ends if unit is None else convert(ends, self.units[name], unit)).max())
 
     def source(self, name: str) -> str:
-        """Where the spec says what a quantity is: its column, its expression, or the files that it
-        is set for.
+        """Say where the spec says what a quantity is: its column, its expression, or the files that
+        it is set for.
         """
         for section in ("columns", "derive"):
             if name in getattr(self.spec.data, section):

@@ -38,7 +38,9 @@ def few_samples(subject: Subject) -> Issues:
 
 
 def beyond_training(subject: Subject) -> Issues:
-    """Held-out samples outside of the training range test extrapolation, which is rarely meant."""
+    """Find held-out samples outside of the training range: they test extrapolation, which is rarely
+    meant.
+    """
     hold_out, dataset = subject.spec.data.split.hold_out, subject.dataset
     if hold_out is None:
         return
@@ -109,7 +111,7 @@ def _split_values(dataset: Dataset, name: str, held_out: bool) -> Array:
 
 
 def even_steps(subject: Subject) -> Issues:
-    """All recordings at the same even steps, and none with holes that nobody declared."""
+    """Require all recordings at the same even steps, and none with holes that nobody declared."""
     if not subject.spec.runs_over_time:
         return
     curves = subject.dataset.curves

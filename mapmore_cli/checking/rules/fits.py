@@ -22,7 +22,7 @@ FEWER = "use fewer segments, lower `fit.max_terms`, or keep more samples of this
 
 
 def short_segments(subject: Subject) -> Issues:
-    """Every segment needs more training samples than terms."""
+    """Require more training samples than terms in every segment."""
     spec, dataset = subject.spec, subject.dataset
     if spec.model.type != "mapmore":
         return

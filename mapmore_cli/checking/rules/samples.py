@@ -202,8 +202,8 @@ def still_cycles(subject: Subject) -> Issues:
 
 
 def _is_noise(values: Array) -> bool:
-    """Whether neighbouring samples differ as much as any two: von Neumann's ratio is 2 of noise,
-    next to 0 of a movement.
+    """Tell whether neighbouring samples differ as much as any two: von Neumann's ratio is 2 of
+    noise, next to 0 of a movement.
     """
     x = values[:PART]
     return len(x) > 1 and float(np.mean(np.diff(x) ** 2)) >= float(np.var(x))
@@ -237,7 +237,9 @@ def recorded_twice(subject: Subject) -> Issues:
 
 
 def unsettled(subject: Subject) -> Issues:
-    """While the pressure changes, the force lags: the sensor sits at the valve."""
+    """Find samples that were taken while the pressure changed: the force lags then, since the
+    sensor sits at the valve.
+    """
     data = subject.spec.data
     asked = any(keep.quantity.endswith("_rate") for keep in data.keep) or data.cycles is not None
     if (

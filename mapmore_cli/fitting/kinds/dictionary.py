@@ -65,7 +65,7 @@ def units_of(spec: ExperimentSpec) -> dict[str, str]:
 
 
 def signals_of(spec: ExperimentSpec) -> tuple[Signal, ...]:
-    """All rates and directions of a study, each after the one that it follows from."""
+    """Return all rates and directions of a study, each after the one that it follows from."""
     units = units_of(spec)
     signals = {
         name: signal_of(name, rule, units)
@@ -89,8 +89,8 @@ class Clock:
 
 
 def terms_of(dictionary: Sequence[DictionaryEntry], clock: Clock | None = None) -> tuple[str, ...]:
-    """Names of all candidate terms in the order of the dictionary, each once; terms with memory
-    need a `clock`.
+    """Return the names of all candidate terms in the order of the dictionary, each once; terms with
+    memory need a `clock`.
 
     Raises SpecError where products are wanted with a term that is none of theirs; DataError where
     there would be more of them than memory allows.

@@ -78,7 +78,7 @@ class MemoryMaker(Maker):
     """Fits models with memory."""
 
     def fit(self, part: ModelChoices, given: Given) -> FitResult:
-        """One model of all recordings, of what the backbone leaves where there is one.
+        """Return one model of all recordings, of what the backbone leaves where there is one.
 
         Raises DataError where recordings are not sampled alike, or too few samples have a history;
         FitError where the fit of the backbone failed.
@@ -98,8 +98,8 @@ class MemoryMaker(Maker):
         )
 
     def fit_together(self, part: ModelChoices, given: Given) -> tuple[FitResult, ...]:
-        """One model of all recordings for every output, with the terms of all of them; raises as
-        `fit`.
+        """Return one model of all recordings for every output, with the terms of all of them;
+        raises as `fit`.
         """
         records, recipe = _asked(part, given.dataset, None)
         recipes = [replace(recipe, target=one.target) for one in given.dataset.each]

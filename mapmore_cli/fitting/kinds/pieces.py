@@ -117,7 +117,9 @@ class PiecesMaker(Maker):
         return tuple(FitResult(PiecesFit(segments), backbone, notes) for segments in fits)
 
     def build(self, part: ModelChoices, given: Given, result: FitResult) -> Model:
-        """Fuse; on a backbone, keep as much of the residual as left-out training data support."""
+        """Fuse the segments; on a backbone, keep as much of the residual as left-out training data
+        support.
+        """
         from mapmore_cli.modelling.pieces import build as method
         from mapmore_cli.modelling.pieces.cross_validation import with_trusted_residual
         from mapmore_cli.modelling.pieces.shaped import shaped

@@ -13,8 +13,8 @@ from mapmore_cli.reporting.tables import bands_table
 
 
 def draw(inputs: ReportInputs) -> list[Drawing]:
-    """One figure for all models that lines are drawn of, on a logarithmic scale where the errors
-    differ much.
+    """Return one figure for all models that lines are drawn of, on a logarithmic scale where the
+    errors differ much.
     """
     sizes, unit = inputs.validation.bands, inputs.target.unit
     models = [model for model in inputs.lines if model not in inputs.failed]
@@ -48,5 +48,7 @@ def draw(inputs: ReportInputs) -> list[Drawing]:
 
 
 def _short(value: float) -> str:
-    """Three digits, and all that stand before the point of what is not long."""
+    """Return a number with three digits, and with all that stand before the point of what is not
+    long.
+    """
     return f"{value:.0f}" if 1000 <= abs(value) < 1e5 else f"{value:.3g}"

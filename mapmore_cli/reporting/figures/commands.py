@@ -19,7 +19,6 @@ from mapmore_cli.modelling.validation.intervals import half_widths_of
 from mapmore_cli.modelling.validation.shown import varying_input
 from mapmore_cli.reporting.figures import panels, style
 from mapmore_cli.reporting.figures.drawing import Drawing, Layout, Panel
-from mapmore_cli.reporting.inputs import FigureStyle
 
 HELD_OUT: dict[str, Any] = panels.DOT | {"markersize": 2, "color": style.GREY, "zorder": 0}
 
@@ -38,7 +37,7 @@ def drift_drawing(
             ax.plot(per_cent, color=colour, marker="o", markersize=3, label=label)
         ax.set_xticks(range(len(names)), panels.told_apart(names, 22))
 
-    what = FigureStyle().axis_label(Quantity(output.name, "% of the first"))
+    what = style.PLAIN.axis_label(Quantity(output.name, "% of the first"))
     caption = f"{output.name} at reference points over campaigns, in per cent of the first."
     return Drawing("drift", caption, (Panel("", on, "Campaign", (what,)),), Layout(2.6))
 
@@ -79,8 +78,8 @@ def draw_model(
         line(ordered, f"{curve.id}, held out", "--")
         ax.plot(ordered[along], ordered[model.output.name], **HELD_OUT)
     quantity = next(quantity for quantity in model.inputs if quantity.name == along)
-    ax.set_xlabel(FigureStyle().axis_label(quantity))
-    ax.set_ylabel(FigureStyle().axis_label(model.output))
+    ax.set_xlabel(style.PLAIN.axis_label(quantity))
+    ax.set_ylabel(style.PLAIN.axis_label(model.output))
     ax.legend()
 
 

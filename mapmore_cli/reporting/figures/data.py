@@ -20,8 +20,8 @@ MOST_RECORDINGS = 5
 
 
 def draw(inputs: ReportInputs) -> list[Drawing]:
-    """One panel a recording, an axis for each quantity, over time or over the number of the sample
-    where no time was recorded.
+    """Return one panel a recording, an axis for each quantity, over time or over the number of the
+    sample where no time was recorded.
     """
     recordings = [recording for recording in inputs.dataset.recordings if recording.rows_kept]
     shown = [recordings[i] for i in places(inputs, [one.id for one in recordings], MOST_RECORDINGS)]

@@ -24,7 +24,7 @@ from mapmore_cli.domain import plugins
 from mapmore_cli.domain.errors import UsageError
 from mapmore_cli.domain.foreign import xml_text
 from mapmore_cli.reporting.figures.panels import titles
-from mapmore_cli.reporting.figures.style import figure_style
+from mapmore_cli.reporting.figures.style import PLAIN, figure_style
 from mapmore_cli.reporting.inputs import SINGLE, FigureStyle, ReportInputs
 from mapmore_cli.reporting.table import title_of
 
@@ -177,8 +177,8 @@ class RenderedFigure:
     width: float
 
 
-def render_figure(drawing: Drawing, style: FigureStyle | None = None) -> RenderedFigure:
-    """All panels of a figure as one SVG."""
+def render_figure(drawing: Drawing, style: FigureStyle = PLAIN) -> RenderedFigure:
+    """Draw all panels of a figure as one SVG."""
     with figure_style(style):
         figure = compose(drawing, style)
         return RenderedFigure(
@@ -191,16 +191,16 @@ def render_figure(drawing: Drawing, style: FigureStyle | None = None) -> Rendere
 
 def compose(
     drawing: Drawing,
-    style: FigureStyle | None = None,
+    style: FigureStyle = PLAIN,
     panel: Panel | None = None,
     width: float | None = None,
 ) -> Figure:
-    """All panels of a figure in the grid of a page; or one `panel` alone, with the legend of the
-    figure, as wide as the style says.
+    """Draw all panels of a figure in the grid of a page; or one `panel` alone, with the legend of
+    the figure, as wide as the style says.
 
     With a `width`, in inches, all panels are as wide as that together, and fewer side by side.
     """
-    style, grid, stack = style or FigureStyle(), drawing.grid, len(drawing.grid.stack)
+    grid, stack = drawing.grid, len(drawing.grid.stack)
     panels = drawing.panels if panel is None else (panel,)
     columns = min(grid.columns or (2 if len(panels) == 4 else 3), len(panels))
     if panel is not None:

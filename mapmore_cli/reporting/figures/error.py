@@ -15,8 +15,8 @@ from mapmore_cli.reporting.inputs import ReportInputs
 
 
 def draw(inputs: ReportInputs) -> list[Drawing]:
-    """One panel a model, all with the same axes: all samples pooled, training samples as pale dots
-    under the held-out ones in the model's colour.
+    """Return one panel a model, all with the same axes: all samples pooled, training samples as
+    pale dots under the held-out ones in the model's colour.
     """
     target, unit, looks = inputs.target.name, inputs.target.unit, panels.looks_of(inputs)
     order = np.argsort(inputs.pooled(inputs.dataset.target), kind="stable")

@@ -117,8 +117,8 @@ class CurveFit:
 
 
 def curve_fit(inputs: ReportInputs, number: int, training: bool = False) -> CurveFit:
-    """Curve `number` of the dataset with the models that lines are drawn of, or only its training
-    samples with the run's own.
+    """Return curve `number` of the dataset with the models that lines are drawn of, or only its
+    training samples with the run's own.
     """
     curve, timed, ends = inputs.dataset.curves[number], inputs.timed, inputs.interval(number)
     x = curve.columns[_axis(inputs).name]
@@ -165,8 +165,8 @@ def _plateaus(curve: Curve) -> list[tuple[float, float]]:
 
 
 def curve_figures(inputs: ReportInputs, name: str, numbers: Sequence[int]) -> list[Drawing]:
-    """One pair of axes a curve of these numbers: what is predicted above, the errors below; no
-    figure where there is none.
+    """Return one pair of axes a curve of these numbers: what is predicted above, the errors below;
+    no figure where there is none.
     """
     shown = panels.some_curves(inputs, numbers)
     if not shown:
@@ -254,8 +254,8 @@ def curve_data(inputs: ReportInputs, curve: CurveFit) -> dict[str, Values]:
 
 
 def training_figures(inputs: ReportInputs) -> list[Drawing]:
-    """One figure for the training curves, or for some of them where they are many: measured samples
-    coloured by curve with the model's lines over them, and the errors in the same colours.
+    """Return one figure for the training curves, or for some of them where they are many: measured
+    samples coloured by curve with the model's lines over them, and the errors in the same colours.
     """
     numbers = [i for i, curve in enumerate(inputs.dataset.curves) if not curve.held_out.all()]
     shown = [numbers[i] for i in panels.evenly(len(numbers), MOST_CURVES)]

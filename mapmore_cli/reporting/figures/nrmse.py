@@ -29,15 +29,14 @@ FLOOR: dict[str, Any] = {"color": GREY, "linestyle": (0, (3, 2)), "linewidth": 0
 
 
 def draw(inputs: ReportInputs) -> list[Drawing]:
-    """One figure for all models: a pair of bars of their pooled scores in per cent, solid for
-    held-out and hatched for training data, values at the right, published ones as diamonds.
+    """Return one figure for all models: a pair of bars of their pooled scores in per cent, solid
+    for held-out and hatched for training data, values at the right, published ones as diamonds.
 
     A model whose fit failed has no bar. A dashed line is what repeated measurements differ by.
     """
     pooled = [s for s in inputs.validation.scores if s.curve == "all"]
     errors = {(s.model, s.split): 100 * s.nrmse for s in pooled if math.isfinite(s.nrmse)}
-    present = {split for model, split in errors if model != REPEATABILITY}
-    splits = [split for split in SPLITS if split in present]
+    splits = [split for split in SPLITS if any((m, split) in errors for m in inputs.models)]
     if not splits:
         return []
     paper, published = inputs.published, dict[str, float]()
@@ -46,7 +45,9 @@ def draw(inputs: ReportInputs) -> list[Drawing]:
     floor, looks = errors.get((REPEATABILITY, splits[0])), looks_of(inputs)
     rows = [
         (
-            *(model, split, errors.get((model, split), math.nan)),
+            model,
+            split,
+            errors.get((model, split), math.nan),
             published.get(model, "") if split == "validate" else "",
         )
         for model in inputs.models
@@ -54,15 +55,15 @@ def draw(inputs: ReportInputs) -> list[Drawing]:
     ]
 
     def on(ax: Axes) -> None:
-        for model, split, error, printed in rows:
-            solid, beside = split == splits[0], splits.index(split) - (len(splits) - 1) / 2
-            at = inputs.models.index(model) + beside * BAR
+        for number, (model, split, error, printed) in enumerate(rows):
+            row, place = divmod(number, len(splits))
+            at = row + (place - (len(splits) - 1) / 2) * BAR
             text = "failed" if math.isnan(error) else f"{error:.2f}"
             if printed != "":
                 ax.plot(printed, at, zorder=5, clip_on=False, **DIAMOND)
                 text += f" (published {printed:.3g})"
             if math.isfinite(error):
-                look = _bar_look(looks[model].colour, solid)
+                look = _bar_look(looks[model].colour, split == splits[0])
                 ax.barh(at, error, BAR * 0.9, linewidth=0.8, **look)
             write_beside(ax, at, text)
         if floor is not None:

@@ -93,7 +93,9 @@ def zero_line(ax: Axes) -> None:
 
 
 def cloud(y: Array, limit: int) -> IntArray:
-    """Row numbers of at most `limit` finite samples, evenly spread, and the extremes among them."""
+    """Return row numbers of at most `limit` finite samples, evenly spread, and the extremes among
+    them.
+    """
     rows = np.flatnonzero(np.isfinite(y))
     if len(rows) <= limit:
         return rows
@@ -102,8 +104,8 @@ def cloud(y: Array, limit: int) -> IntArray:
 
 
 def band(x: Array, y: Array) -> tuple[Array, Array, Array, Array]:
-    """Places, means, least and greatest values of `y` over sorted `x`, (m,) each: one for every
-    equal stretch of x that holds samples.
+    """Return places, means, least and greatest values of `y` over sorted `x`, (m,) each: one for
+    every equal stretch of x that holds samples.
     """
     rows = np.flatnonzero(np.isfinite(y))
     edges = np.linspace(x[0], x[-1], STRETCHES + 1)[1:-1]
@@ -115,7 +117,9 @@ def band(x: Array, y: Array) -> tuple[Array, Array, Array, Array]:
 
 
 def evenly(count: int, limit: int) -> list[int]:
-    """At most `limit` of `count` numbers, evenly spread, the first and the last among them."""
+    """Return at most `limit` of `count` numbers, evenly spread, the first and the last among
+    them.
+    """
     return sorted({int(i) for i in np.linspace(0, count - 1, min(count, limit)).round()})
 
 
@@ -209,8 +213,8 @@ def titles(names: Sequence[str], length: int) -> list[str]:
 
 
 def places(inputs: ReportInputs, ids: Sequence[str], most: int = MOST_PANELS) -> list[int]:
-    """Which of the curves or recordings of these ids are drawn: those that were asked for, else at
-    most so many, evenly spread.
+    """Return which of the curves or recordings of these ids are drawn: those that were asked for,
+    else at most so many, evenly spread.
     """
     if inputs.asked:
         return [place for place, one in enumerate(ids) if one in inputs.asked]
@@ -218,7 +222,7 @@ def places(inputs: ReportInputs, ids: Sequence[str], most: int = MOST_PANELS) ->
 
 
 def some_curves(inputs: ReportInputs, numbers: Sequence[int], most: int = MOST_PANELS) -> list[int]:
-    """Which of the curves of these numbers in the dataset are drawn, likewise."""
+    """Return which of the curves of these numbers in the dataset are drawn, likewise."""
     ids = [inputs.dataset.curves[i].id for i in numbers]
     return [numbers[i] for i in places(inputs, ids, most)]
 

@@ -30,7 +30,7 @@ GRID = 401
 
 
 def draw(inputs: ReportInputs) -> list[Drawing]:
-    """One figure a segmented variable, and one of the model over the levels."""
+    """Return one figure a segmented variable, and one of the model over the levels."""
     pieces = inputs.model.pieces
     if pieces is None or not pieces.segments:
         return []
@@ -125,8 +125,8 @@ def draw_segments(top: Axes, bottom: Axes, curve: SegmentCurve, fusion: Fusion) 
 
 
 def level_figures(inputs: ReportInputs, pieces: Pieces) -> list[Drawing]:
-    """One figure of what the model says over the levels, at three places in the range that all
-    curves have in common, other inputs in the middle of their ranges; none where there are no
+    """Return one figure of what the model says over the levels, at three places in the range that
+    all curves have in common, other inputs in the middle of their ranges; none where there are no
     levels to interpolate between, or weights depend on the curves' values.
     """
     if pieces.level is None or len(pieces.curves) < 2 or pieces.fusion.levels != "linear":
@@ -171,7 +171,7 @@ def level_figures(inputs: ReportInputs, pieces: Pieces) -> list[Drawing]:
 
 
 def _level_grid(pieces: Pieces, levels: Array) -> Array:
-    """Values of the level quantity, a little beyond the outer levels where the model is
+    """Return values of the level quantity, a little beyond the outer levels where the model is
     extrapolated, the levels among them.
     """
     sides = pieces.fusion.extrapolation[str(pieces.level)]

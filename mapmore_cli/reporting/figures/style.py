@@ -37,15 +37,18 @@ RC: dict[Any, Any] = {
 }
 
 
+PLAIN = FigureStyle()
+"""The look of figures of which the user says nothing."""
+
+
 @contextmanager
-def figure_style(style: FigureStyle | None = None) -> Iterator[None]:
+def figure_style(style: FigureStyle = PLAIN) -> Iterator[None]:
     """Set the look of all figures over Matplotlib's own defaults: a user's matplotlibrc must not
     change a report.
 
     A character that the layout font lacks is no fault: as text in SVG, it is drawn with the
     reader's fonts. Nor is an absent font here, of which the user has been told once.
     """
-    style = style or FigureStyle()
     sizes: dict[Any, Any] = dict.fromkeys(("axes.labelsize", "font.size"), style.size)
     small = ("axes.titlesize", "legend.fontsize", "xtick.labelsize", "ytick.labelsize")
     sizes |= dict.fromkeys(small, style.size - 1.0)
@@ -63,7 +66,7 @@ def figure_style(style: FigureStyle | None = None) -> Iterator[None]:
 
 
 def has_font(name: str) -> bool:
-    """Whether this machine has a font of that name."""
+    """Tell whether this machine has a font of that name."""
     return name in {font.name for font in fontManager.ttflist}
 
 
@@ -136,8 +139,8 @@ _OTHERS = (
 
 
 def model_styles(models: Sequence[str], palette: Sequence[str] = ()) -> dict[str, ModelStyle]:
-    """One style a model: the first, the run's own, always the same; the others in turn, names that
-    come again left out.
+    """Return one style a model: the first, the run's own, always the same; the others in turn,
+    names that come again left out.
 
     A `palette` replaces the colours, that of the run's own model first.
     """
@@ -150,7 +153,7 @@ def model_styles(models: Sequence[str], palette: Sequence[str] = ()) -> dict[str
 
 
 def level_colours(count: int) -> list[Any]:
-    """Blues for ordered curves, from pale (but not too pale for white paper) to dark: they stay
-    apart from the model's own colour.
+    """Return blues for ordered curves, from pale (but not too pale for white paper) to dark: they
+    stay apart from the model's own colour.
     """
     return list(colormaps["Blues"](np.linspace(1.0, 0.45, count)))[::-1]

@@ -52,8 +52,8 @@ def whole_curves(fits: Sequence[SegmentFit], most: int) -> list[SegmentFit]:
 
 
 def draw(inputs: ReportInputs) -> list[Drawing]:
-    """One figure for all segments, a row each: a filled dot for every chosen term, an open one for
-    its runner-up, the names at the right; none where the model has no segments.
+    """Return one figure for all segments, a row each: a filled dot for every chosen term, an open
+    one for its runner-up, the names at the right; none where the model has no segments.
     """
     every = inputs.fit.pieces
     fits = [fit for fit in whole_curves(every, MOST_SEGMENTS) if fit.terms]

@@ -21,6 +21,7 @@ from mapmore_cli.domain.declared import (
 )
 from mapmore_cli.study.fields import PathOrName, Quantity, Row, Section, SignedSeconds, Uncertainty
 from mapmore_cli.study.sections.logs import FileEntry, Join, Keep, Logs
+from mapmore_cli.study.tree import quoted
 
 OfLevel = Annotated[float, of_sibling("of")]
 
@@ -234,8 +235,8 @@ class Split(Section):
             "leave_one_group_out": self.leave_one_group_out,
         }
         keys = [key for key, is_chosen in ways.items() if is_chosen]
-        both = " and ".join(f"`{key}`" for key in keys)
-        return [(len(keys) > 1, f"both {both} are given", "choose one", *keys[-1:])]
+        both = f"both {quoted(keys, ' and ')} are given"
+        return [(len(keys) > 1, both, "choose one", *keys[-1:])]
 
 
 class Groups(Section):

@@ -15,7 +15,7 @@ from mapmore_cli.modelling.expressions import ExpressionError, parse, state
 from mapmore_cli.modelling.expressions.operator import Operator
 from mapmore_cli.modelling.expressions.operators import families
 from mapmore_cli.study.fields import Row, Section
-from mapmore_cli.study.tree import Loc
+from mapmore_cli.study.tree import Loc, quoted
 
 Of = Annotated[list[str], Field(min_length=1)]
 """Names of quantities, or of states as `play(pressure, 0.16)`."""
@@ -32,8 +32,8 @@ class OperatorFamily(Section):
 
     def _contradictions(self) -> Sequence[Row]:
         keys = [key for key in type(self).model_fields if getattr(self, key) is not None]
-        either = " or ".join(f"`{key}`" for key in keys[1:])
-        return [(len(keys) > 2, f"give either {either}", "remove one of them", *keys[:0:-1])]
+        either = f"give either {quoted(keys[1:], ' or ')}"
+        return [(len(keys) > 2, either, "remove one of them", *keys[:0:-1])]
 
 
 def _forms() -> Iterator[tuple[str, type[OperatorFamily]]]:
@@ -304,9 +304,9 @@ class Families(Section):
         return next(iter(self._given().items()))
 
     def _contradictions(self) -> Sequence[Row]:
-        low, high = self.bounds or (0.0, 0.0)
+        low, high = self.bounds or (0.0, 1.0)
         count = "two families" if self._given() else "no family"
-        names = [f"`{name}`" for name in type(self).model_fields if name not in LIMITS]
+        names = quoted(name for name in type(self).model_fields if name not in LIMITS)
         return [
             (
                 self.sign is not None and self.bounds is not None,
@@ -318,7 +318,7 @@ class Families(Section):
             (
                 len(self._given()) != 1,
                 f"this entry has {count} of terms",
-                f"give one of {', '.join(names)}; further families are entries of their own",
+                f"give one of {names}; further families are entries of their own",
             ),
         ]
 
@@ -344,7 +344,9 @@ else:
 def entries_of(
     entries: Sequence[str | DictionaryEntry], loc: Loc = ("dictionary",)
 ) -> Iterator[tuple[Loc, str, Family]]:
-    """Place, name and settings of every family of a dictionary, those inside products included."""
+    """Return place, name and settings of every family of a dictionary, those inside products
+    included.
+    """
     for place, entry in enumerate(entries):
         if isinstance(entry, DictionaryEntry):
             name, family = entry.family
@@ -375,7 +377,7 @@ def texts_in(loc: Loc, family: Family) -> Iterator[tuple[Loc, str, bool]]:
 
 
 def remembers(dictionary: Sequence[DictionaryEntry]) -> bool:
-    """Whether any term needs more of a recording than the sample itself."""
+    """Tell whether any term needs more of a recording than the sample itself."""
     return any(
         name not in ("polynomial", "terms", "products", "spline", "ends", "steps")
         or getattr(family, "window", None)
@@ -385,7 +387,7 @@ def remembers(dictionary: Sequence[DictionaryEntry]) -> bool:
 
 
 def feeds_back(dictionary: Sequence[DictionaryEntry], target: str) -> bool:
-    """Whether any term is made of the target."""
+    """Tell whether any term is made of the target."""
     return any(
         state(used).quantity == target
         for loc, _, family in entries_of(dictionary)

@@ -7,7 +7,7 @@ samples are kept.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from datetime import datetime
 from typing import TYPE_CHECKING, Annotated, Literal
 from warnings import catch_warnings
@@ -25,6 +25,7 @@ from mapmore_cli.domain.declared import (
 from mapmore_cli.storage.readers import READERS
 from mapmore_cli.storage.tables.cells import FORMAT, THOUSANDS
 from mapmore_cli.study.fields import InColumnUnit, Quantity, Row, Section, SignedSeconds, SpecPath
+from mapmore_cli.study.tree import quoted
 
 OfQuantity = Annotated[float, of_sibling("quantity")]
 Interval = Annotated[tuple[OfQuantity, OfQuantity], Field(strict=False)]
@@ -51,13 +52,13 @@ class Keep(Section):
     def _contradictions(self) -> Sequence[Row]:
         conditions = [name for name in type(self).model_fields if name != "quantity"]
         used = [name for name in conditions if getattr(self, name) is not None]
-        count = f"two conditions at once: {_quoted(used)}" if used else "no condition"
+        count = f"two conditions at once: {quoted(used)}" if used else "no condition"
         ends = {name: getattr(self, name) or (0.0, 1.0) for name in ("between", "outside")}
         return [
             (
                 len(used) != 1,
                 f"`keep` has {count}",
-                f"give one of {_quoted(conditions)}",
+                f"give one of {quoted(conditions)}",
                 *[*used[1:], "quantity"],
             ),
             *(
@@ -70,11 +71,6 @@ class Keep(Section):
                 for name, (low, high) in ends.items()
             ),
         ]
-
-
-def _quoted(names: Iterable[str], between: str = ", ") -> str:
-    """Return names as a message lists them."""
-    return between.join(f"`{name}`" for name in names)
 
 
 def _is_encoding(name: str) -> bool:
@@ -221,7 +217,7 @@ class Logs(Section):
                 (
                     key not in reader.keys,
                     f"reader `{self.reader}` has no use for `{key}`",
-                    f"remove it: it belongs to {_quoted(READERS_OF[key], ' and ')}",
+                    f"remove it: it belongs to {quoted(READERS_OF[key], ' and ')}",
                     place,
                 )
                 for key, place in unused
@@ -356,7 +352,7 @@ class Join(Logs):
             (
                 self.match is not None and second not in self.quantities,
                 f"the second log has no quantity `{second}`",
-                f"name one of {_quoted(self.quantities)}",
+                f"name one of {quoted(self.quantities)}",
                 "match",
             ),
             (

@@ -1,0 +1,60 @@
+"""What the scores of a run depend on beyond its model."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from mapmore_cli.fitting.kinds.choices import ModelChoices, model_choices, with_definitions
+from mapmore_cli.modelling.selection import Fit
+from mapmore_cli.study.experiment import Competitor, ExperimentSpec
+
+
+@dataclass(frozen=True)
+class ScoresSlice:
+    """What the scores depend on beyond the model.
+
+    `target` is what is scored, `seen_as` the same where it is not what the model predicts, so that
+    this is inverted. `static` is the spec of the needed static run, `lengths` are the muscle's in
+    m, `cycles_of` is the quantity whose cycles are held out, `robust` the section `fit` with a
+    robust loss, and `folds` has the choices that models are made by where every level is left out
+    in turn. `structure_seen` says with what the structure was chosen, where that is held out.
+    """
+
+    target: str
+    seen_as: str | None
+    against: list[str | Competitor]
+    simple: bool
+    static: str | None
+    lengths: dict[str, float | None]
+    normaliser: str
+    cycles_of: str | None
+    folds: ModelChoices | None
+    groups: str | None
+    without_groups: bool
+    structure_seen: str
+    robust: Fit | None
+
+
+def scores_slice(spec: ExperimentSpec) -> ScoresSlice:
+    """Return the stage's slice of the spec; what only composites and load-cycle formulas need is in
+    it where they may stand.
+    """
+    spec = with_definitions(spec)
+    target = spec.target if isinstance(spec.target, str) else spec.target.column
+    moving, split, groups = target in ("damping", "dynamic"), spec.data.split, spec.data.groups
+    every = "groups" if split.leave_one_group_out else "levels" if split.leaves_out else "data"
+    return ScoresSlice(
+        target=spec.validation.as_ or target,
+        seen_as=spec.validation.as_,
+        against=spec.validation.against,
+        simple=spec.validation.simple,
+        static=spec.needs.static if moving else None,
+        lengths=spec.muscle.lengths,
+        normaliser=spec.validation.normaliser,
+        cycles_of=split.hold_out.of if split.hold_out is not None else None,
+        folds=model_choices(spec) if split.leaves_out else None,
+        groups=groups.of if groups is not None else None,
+        without_groups=split.leave_one_group_out,
+        structure_seen=every if split.structure_seen else "",
+        robust=None if spec.fit.loss == "squares" else spec.fit,
+    )

@@ -1,0 +1,231 @@
+"""Score a run's model and its competitors on the same samples: the work of the stage `validate`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from mapmore_cli.domain.arrays import Array, BoolArray, Columns, by_blocks, row_by_row
+from mapmore_cli.domain.compared import Normaliser
+from mapmore_cli.domain.errors import SpecError
+from mapmore_cli.domain.fits import FormulaFit
+from mapmore_cli.domain.models import Model
+from mapmore_cli.domain.recording import Curve, Dataset
+from mapmore_cli.domain.results import Forecast, Validation
+from mapmore_cli.domain.scores import OWN, REPEATABILITY, STRUCTURE_SEEN, Score
+from mapmore_cli.fitting.competitors import Contest, Forecasts, Rival
+from mapmore_cli.fitting.kinds.choices import ModelChoices
+from mapmore_cli.fitting.left_out import Said, left_out, trained_on, was_searched
+from mapmore_cli.fitting.stage import Progress, Warn, Workspace
+from mapmore_cli.modelling.forecast import forecast_each
+from mapmore_cli.modelling.kinds import outside_range, parameters
+from mapmore_cli.modelling.validation.intervals import INTERVAL, half_widths_of
+from mapmore_cli.modelling.validation.metrics import divisor, on_common_rows, score_rows
+from mapmore_cli.modelling.validation.outliers import outliers
+from mapmore_cli.modelling.validation.repeatability import repeated_cycles, repeats
+from mapmore_cli.modelling.validation.residuals import alarms
+from mapmore_cli.modelling.validation.shown import for_report
+from mapmore_cli.pipeline.scores_slice import ScoresSlice
+from mapmore_cli.reporting.sections import shown_by
+from mapmore_cli.reporting.tables import rival_minima
+from mapmore_cli.storage.artefacts import write_validation
+from mapmore_cli.storage.run_folder import VALIDATION
+from mapmore_cli.storage.run_record import write_scores
+
+
+def score(part: ScoresSlice, workspace: Workspace) -> None:
+    """Fit the competitors to the same training data, predict every sample, and score; outputs one
+    by one.
+    """
+    dataset, model = workspace.files.dataset(), workspace.files.model()
+    validations = [
+        _scored(
+            replace(part, target=curves.target) if dataset.also else part, workspace, curves, own
+        )
+        for curves, own in zip(dataset.each, model.each, strict=True)
+    ]
+    validation = replace(validations[0], others=tuple(validations[1:]))
+    write_validation(workspace.out / VALIDATION, validation)
+    write_scores(workspace.out, validation.table, model.name)
+
+
+def _scored(part: ScoresSlice, workspace: Workspace, measured: Dataset, model: Model) -> Validation:
+    """Return predictions and scores of one output."""
+    dataset = measured if part.seen_as is None else scored_as(part.seen_as, measured, model)
+    static_run = workspace.needed[part.static] if part.static is not None else None
+    contest = Contest(
+        dataset, model, workspace.needed, static_run, part.lengths, workspace.spec_dir
+    )
+    rivals = _fit_rivals(contest, part, workspace.progress, workspace.warn)
+    forecasts = {OWN: _own_forecasts(part, model, dataset)}
+    forecasts |= {rival.name: rival.forecasts for rival in rivals}
+    formulas = {name: fit for rival in rivals for name, fit in rival.formulas.items()}
+    _warn_of_fits(workspace.warn, formulas, forecasts, dataset)
+    failed = {rival.name for rival in rivals if rival.failed}
+    judged = dataset, {name: every for name, every in forecasts.items() if name not in failed}
+    in_turn = None
+    if part.folds is not None:
+        in_turn = _left_out(part.folds, contest, part, workspace, measured.target)
+    scale = divisor((in_turn or judged)[0], part.normaliser)
+    scores = [*_rows(part, model, *judged, scale)]
+    if in_turn is None:
+        scores = _with_seen(scores, rivals, dataset)
+    else:
+        scores += _rows(part, model, *in_turn, scale)
+    scores += _repeatability_scores(part, model, dataset, scale)
+    predictions = {name: tuple(one.values for one in every) for name, every in forecasts.items()}
+    warnings = alarms(model, dataset, predictions[OWN], scores)
+    if part.structure_seen and not (part.folds and was_searched(workspace.run_dir)):
+        chosen = f"{STRUCTURE_SEEN}{part.structure_seen}: errors on new ones are likely larger"
+        warnings = (chosen, *warnings)
+    far = () if part.robust is None else outliers(dataset, forecasts[OWN], part.robust)
+    if far:
+        worst = f"the farthest is {far[0].file}:{far[0].place}"
+        workspace.warn(f"{len(far)} training samples far from the fit are listed; {worst}")
+    validation = Validation(
+        predictions,
+        formulas,
+        tuple(scores),
+        {part.target: dataset.unit(dataset.target)},
+        {one.name: one.own_fit for one in rivals if one.own_fit and shown_by(one.own_fit)},
+        warnings,
+        outliers=far,
+    )
+    return for_report(validation, model, dataset)
+
+
+def _rows(
+    part: ScoresSlice, model: Model, dataset: Dataset, forecasts: Said, scale: Normaliser
+) -> Iterator[Score]:
+    """Yield the score rows of every model, on the samples that all of them predict."""
+    for name, every in on_common_rows(forecasts).items():
+        free = parameters(model) if name == OWN else 0
+        yield from score_rows(
+            name, part.target, every, dataset, scale, group=part.groups, free=free
+        )
+
+
+def _with_seen(scores: list[Score], rivals: list[Rival], dataset: Dataset) -> list[Score]:
+    """Return the rows, of which those of runs that were trained on held-out samples are `seen`."""
+    saw = {one.name for one in rivals if one.run is not None and trained_on(one.run, dataset)}
+    return [
+        replace(row, split="seen") if row.model in saw and row.split == "validate" else row
+        for row in scores
+    ]
+
+
+def _warn_of_fits(
+    warn: Warn, formulas: Mapping[str, FormulaFit], forecasts: Said, dataset: Dataset
+) -> None:
+    """Warn of minima that fit nearly as well, and of free runs that diverge."""
+    for name, fit in formulas.items():
+        for sentence in rival_minima(name, fit):
+            warn(sentence)
+    for name, every in forecasts.items():
+        for curve, output in zip(dataset.curves, every, strict=True):
+            for row in output.diverged:
+                warn(_diverged(name, curve, row, dataset))
+
+
+def _own_forecasts(part: ScoresSlice, model: Model, dataset: Dataset) -> Forecasts:
+    """Return what the run's own model says of every curve, with intervals where it has some."""
+    every = forecast_each(model, dataset.curves, dataset.target)
+    if model.left_out is None or part.seen_as is not None:
+        return every
+    curves = zip(dataset.curves, every, strict=True)
+    return tuple(_with_interval(model, curve, output) for curve, output in curves)
+
+
+def _with_interval(model: Model, curve: Curve, output: Forecast) -> Forecast:
+    """Add the half widths of the intervals to what a model says of the held-out samples of a
+    curve.
+    """
+
+    def half(columns: Columns) -> Array:
+        widths = half_widths_of(model, columns, INTERVAL)
+        return np.where(outside_range(model, columns), np.nan, widths)
+
+    def known(values: Array, where: BoolArray) -> Array:
+        return np.where(where, values, np.nan)
+
+    widths = row_by_row(half, curve.columns)
+    return replace(output, half=by_blocks(known, widths, curve.held_out))
+
+
+def _diverged(name: str, curve: Curve, row: int, dataset: Dataset) -> str:
+    """Say where a free run left all bounds: its scores are empty."""
+    log = next(number for number, rows in enumerate(curve.logs) if row in rows)
+    at = f"sample {int(np.searchsorted(curve.logs[log], row))}"
+    if "time" in curve.columns:
+        at += f" ({curve.columns['time'][row]:g} {dataset.unit('time')})"
+    return (
+        f"{name}: its free run diverges on {curve.recordings[log]} at {at}; it has no scores there"
+    )
+
+
+def scored_as(name: str, dataset: Dataset, model: Model) -> Dataset:
+    """Return the dataset with an input of the model as what is measured and scored; SpecError where
+    the model has no such input.
+    """
+    inputs = [quantity.name for quantity in model.inputs]
+    if name not in inputs:
+        raise SpecError(
+            f"validate.as: the model of {model.output.name} cannot be inverted for `{name}`",
+            f"the model is a function of {', '.join(inputs)}: name one of these, or put "
+            f"`{name}` into the dictionary",
+        )
+    return replace(dataset, target=name)
+
+
+def _fit_rivals(contest: Contest, part: ScoresSlice, progress: Progress, warn: Warn) -> list[Rival]:
+    """Return every competitor, fitted to the training samples of the contest."""
+    named = {one if isinstance(one, str) else one.label for one in part.against}
+    wanted = [*part.against, *(contest.simple_beside(named) if part.simple else ())]
+    rivals = []
+    for competitor in wanted:
+        rivals.append(contest.rival(competitor))
+        progress("competitors", len(rivals), len(wanted))
+    for one in rivals:
+        if one.failed:
+            reasons = "; ".join(note for fit in one.formulas.values() for note in fit.notes)
+            warn(f"{one.name}: the fit failed, its rows are left out: {reasons}")
+    return rivals
+
+
+def _left_out(
+    choices: ModelChoices, contest: Contest, part: ScoresSlice, workspace: Workspace, fitted_to: str
+) -> tuple[Dataset, Said]:
+    """Return the dataset with all samples held out, and what models of the other levels say of
+    them.
+    """
+
+    def compare(fold: Contest) -> tuple[Said, list[str]]:
+        warnings: list[str] = []
+        rivals = _fit_rivals(fold, part, lambda _what, _done, _total: None, warnings.append)
+        return {one.name: one.forecasts for one in rivals if not one.failed}, warnings
+
+    group = part.groups if part.without_groups else None
+    whole, outputs, warnings = left_out(choices, contest, compare, workspace, fitted_to, group)
+    for warning in warnings:
+        workspace.warn(warning)
+    return whole, outputs
+
+
+def _repeatability_scores(
+    part: ScoresSlice, model: Model, dataset: Dataset, scale: Normaliser
+) -> Iterator[Score]:
+    """Yield rows of the repeatability: of held-out cycles, or where measurements at one level,
+    coordinate and direction were repeated.
+    """
+    data = (dataset.curves, dataset.target)
+    if part.cycles_of is not None:
+        others = repeated_cycles(*data, part.cycles_of, dataset.logs)
+    else:
+        known = [quantity.name for quantity in (model.output, *model.inputs)]
+        along = [name for name in known if name not in (dataset.target, dataset.level)]
+        others = repeats(*data, along, dataset.logs)
+    if others is not None:
+        repeated = [Forecast(values, np.isfinite(values)) for values in others]
+        yield from score_rows(REPEATABILITY, part.target, repeated, dataset, scale, partial=True)
