@@ -74,8 +74,8 @@ class CampaignScores:
 
 
 def campaign_tables(scores: CampaignScores) -> tuple[Table, ...]:
-    """Every table of the page; those without rows are left out. Runs that have few models in common
-    are listed one after the other.
+    """Return every table of the page; those without rows are left out. Runs that have few models in
+    common are listed one after the other.
     """
     first = models_table if scores.sparse else nrmse_table
     return tuple(table for table in (first(scores), published_table(scores)) if table.rows)
@@ -162,8 +162,8 @@ def _ratios(scores: CampaignScores, model: str, relative_to: str) -> tuple[Cell,
 
 
 def _won(won: int, count: int, tied: int) -> str:
-    """`3 of 5, 1 tied`: runs in which a model is strictly better, and in which it is exactly as
-    good.
+    """Return `3 of 5, 1 tied`: the runs in which a model is strictly better, and in which it is
+    exactly as good.
     """
     return f"{won} of {count}{f', {tied} tied' if tied else ''}"
 
@@ -185,7 +185,7 @@ def _wins(scores: CampaignScores, model: str) -> Cell:
 
 
 def published_table(scores: CampaignScores) -> Table:
-    """RMSE and NRMSE of held-out data, of every model that a publication reports, beside its
+    """Return RMSE and NRMSE of held-out data, of every model that a publication reports, beside its
     numbers; columns without any are left out.
     """
     rows: list[tuple[Cell, ...]] = []

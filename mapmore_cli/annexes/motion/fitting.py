@@ -175,7 +175,7 @@ def joined(motion: Motion, pieces: Sequence[Piece], reach: float) -> Motion:
 
 
 def _poles(place: Array, reach: float) -> Array:
-    """P1 and P2 of every section, (s, 2)."""
+    """Return P1 and P2 of every section, (s, 2)."""
     return np.array([of_angles(pair, reach) for pair in place.reshape(-1, 2)])
 
 
@@ -188,8 +188,8 @@ def _knots(motion: Motion) -> tuple[Array, int]:
 
 
 def _heights_of(motion: Motion, run: Piece) -> Array:
-    """Drives (n, knots x lines) that give a steady output of one at each knot; straight on beyond
-    the ends.
+    """Return drives (n, knots x lines) that give a steady output of one at each knot; straight on
+    beyond the ends.
 
     With a load, a second set that is multiplied with it.
     """
@@ -214,7 +214,7 @@ def _with_heights(motion: Motion, poles: Array, heights: Array) -> Motion:
     knots, lines = _knots(motion)
 
     def straight(heights_of_one: Array) -> list[Array]:
-        """Slopes and constants of the straight pieces, (sections,) each."""
+        """Return slopes and constants of the straight pieces, (sections,) each."""
         table = heights_of_one.reshape(len(knots), lines)
         slopes = np.diff(table, axis=0) / np.diff(knots)[:, None]
         return [slopes.ravel(), (table[:-1] - slopes * knots[:-1, None]).ravel()]

@@ -154,8 +154,8 @@ class MotionVerbs(Verbs):
         return Run(values)
 
     def equations(self, model: Model, units: Mapping[str, float]) -> tuple[Equation, ...]:
-        """`y[k] = P2 y[k-1] + P1 y[k-2] + sum_m w_m d_m[k-2]` of every section; `units` as for
-        `kinds.equations`.
+        """Return `y[k] = P2 y[k-1] + P1 y[k-2] + sum_m w_m d_m[k-2]` of every section; `units` as
+        for `kinds.equations`.
         """
         motion = _motion(model)
         delayed = {
@@ -192,7 +192,7 @@ class MotionVerbs(Verbs):
         )
 
     def parameters(self, model: Model) -> int:
-        """P1, P2 and the weights of every section."""
+        """Return how many P1, P2 and weights all sections have."""
         return sum(2 + len(section.weights) for section in _motion(model).sections)
 
     def write(self, m: Writer, model: Model, inputs: Inputs) -> Expression:

@@ -51,8 +51,8 @@ def least_squares(problem: Problem, _recipe: MotionRecipe) -> Found:
 
 
 def linear_start(pieces: tuple[Piece, ...], stride: int) -> tuple[float, float] | None:
-    """P1 and P2 by linear regression of `y[k + 2s] = a y[k + s] + b y[k] + sum_m c_m d_m[k]`, its
-    poles brought back to one sample.
+    """Return P1 and P2 by linear regression of `y[k + 2s] = a y[k + s] + b y[k] + sum_m c_m
+    d_m[k]`, its poles brought back to one sample.
 
     Only where the section holds at all three samples; None where these are too few. Noise in y
     makes the regression wrong (it is one step ahead): it is only where to begin.

@@ -75,8 +75,8 @@ def folds_of(
 
 
 def _block_masks(curve: Curve, along: str | None) -> list[BoolArray]:
-    """Contiguous blocks of the training samples: along a quantity, or of each recording in the
-    order of time.
+    """Return contiguous blocks of the training samples: along a quantity, or of each recording in
+    the order of time.
     """
     if along is None:
         parts = [log[curve.training[log]] for log in curve.logs]
@@ -87,8 +87,8 @@ def _block_masks(curve: Curve, along: str | None) -> list[BoolArray]:
 
 
 def errors_of(folds: Folds, remade: Callable[[Dataset], Model]) -> list[float]:
-    """NRMSE on each fold, of models that are `remade` without it; infinite where nothing finite was
-    predicted. Raises as the fits do.
+    """Return the NRMSE on each fold, of models that are `remade` without it; infinite where nothing
+    finite was predicted. Raises as the fits do.
     """
     nrmse = []
     target = folds.dataset.target

@@ -259,7 +259,7 @@ def _of_one_target(loaded: LoadedSpec) -> None:
 
 
 def _plannable(loaded: LoadedSpec) -> ModelChoices:
-    """How the model is made, where levels or points can be left out of it."""
+    """Return how the model is made, where levels or points can be left out of it."""
     _of_one_target(loaded)
     choices = model_choices(loaded.spec)
     if choices.over_time:

@@ -44,11 +44,11 @@ class MeasuredMap:
     y: Array
 
     def scaled(self, at: Array) -> Array:
-        """Points (m, d) in the unit square of the measured range."""
+        """Return points (m, d) in the unit square of the measured range."""
         return np.asarray((at - self.x.min(axis=0)) / np.ptp(self.x, axis=0))
 
     def grid(self, steps: int) -> Array:
-        """Points of a grid within the hull of what was measured, (m, d)."""
+        """Return the points of a grid within the hull of what was measured, (m, d)."""
         every = np.array(
             list(itertools.product(np.linspace(0.0, 1.0, steps), repeat=len(self.names)))
         )

@@ -67,7 +67,7 @@ def _cell(value: object) -> Cell:
 
 
 def of_search(search: Search, spec: str) -> View:
-    """Every structure that was tried, and where the spec with the one that was taken lies."""
+    """Return every structure that was tried, and where the spec with the one that was taken lies."""
     words = "the best itself" if search.chosen == search.best else "as good as the best"
     lines = (*search.notes, f"found: {search.found.words} ({words})", f"spec: {spec}")
     return View({**search_document(search), "spec": spec}, (search_table(search),), lines)

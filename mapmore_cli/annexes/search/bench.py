@@ -234,8 +234,8 @@ def _stretches(
 
 
 def _windows(logs: Sequence[IntArray], size: int, run: int) -> list[BoolArray]:
-    """Masks (size,) of five folds: short runs several times in each recording, or one long run,
-    which those of other folds may overlap.
+    """Return masks (size,) of five folds: short runs several times in each recording, or one long
+    run, which those of other folds may overlap.
     """
     masks = np.zeros((BLOCKS, size), dtype=np.bool_)
     for rows in logs:
@@ -260,7 +260,7 @@ def held_run(study: Dataset) -> int:
 
 
 def _bands(samples: Curve, held_out: Holdout | None, inputs: Sequence[str]) -> list[BoolArray]:
-    """Bands of an input that are as wide as those that the study holds out of it, about even
+    """Return bands of an input that are as wide as those that the study holds out of it, about even
     quantiles of what trains.
 
     Blocks in the order of time hold every value of an input that was swept more than once: left

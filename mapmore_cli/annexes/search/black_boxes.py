@@ -38,8 +38,8 @@ Left = tuple[Array, BoolArray]
 def black_boxes(
     dataset: Dataset, folds: Sequence[BoolArray], situation: Situation
 ) -> dict[str, list[Left]]:
-    """Errors of each black box on the left-out samples of every fold, by its name; without
-    scikit-learn of a Gaussian process alone.
+    """Return the errors of each black box on the left-out samples of every fold, by its name;
+    without scikit-learn of a Gaussian process alone.
 
     With a past it gets delayed inputs as well. The Gaussian process is that of `plan`: loading
     scikit-learn takes longer than all structures of a small table.

@@ -250,8 +250,8 @@ def _notes_of(result: Search, bench: Bench) -> list[str]:
 
 
 def _on_common_rows(predicted: Sequence[Sequence[Left]]) -> Array:
-    """RMSE of every structure on every fold, on the rows that all structures predict, (s, f);
-    infinite where a run diverged.
+    """Return the RMSE of every structure on every fold, on the rows that all structures predict,
+    (s, f); infinite where a run diverged.
     """
     rmse = []
     for fold in zip(*predicted, strict=True):

@@ -48,8 +48,8 @@ def behind_tendon(muscle: Model, tendon: TendonSettings | None) -> Model:
 
 
 def formula_parts(summands: Sequence[Summand], joint: FormulaFit, dataset: Dataset) -> list[Part]:
-    """Each formula of a joint fit as a model of its own inputs, with the range that they trained
-    on.
+    """Return each formula of a joint fit as a model of its own inputs, with the range that they
+    trained on.
     """
     training, parts = pooled_training(dataset.curves), []
     for number, (one, fit) in enumerate(zip(summands, split(joint, summands), strict=True), 1):
@@ -78,7 +78,7 @@ class SumMaker(Maker):
     """Adds models up, or fits formulas together."""
 
     def fit(self, part: ModelChoices, given: Given) -> FitResult:
-        """Formulas together; nothing where the summands are fitted by runs of their own.
+        """Fit formulas together; nothing is fitted where the summands come from runs of their own.
 
         Raises FitError where the formulas did not converge to anything usable.
         """

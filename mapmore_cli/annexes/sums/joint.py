@@ -142,7 +142,7 @@ def own_inputs(part: Summand, columns: Columns) -> Columns:
 def fit_jointly(
     summands: Sequence[Summand], columns: Columns, y: Array, method: str | None = None
 ) -> FormulaFit:
-    """Least squares of `y`, `(n,)`, by `sum_i sign_i f_i`, all parameters at once.
+    """Fit `y`, `(n,)`, by `sum_i sign_i f_i`, with least squares of all parameters at once.
 
     A parameter `F` of the second summand is called `F_2`. Where the sum alone does not tell
     parameters apart, as the constants of both, the rank is deficient and the notes name them.

@@ -58,7 +58,7 @@ def _whole(model: Model) -> Equation:
 
 
 def _parts(parts: Sequence[Part], columns: Columns) -> Iterator[tuple[Part, Columns]]:
-    """Each part, with its inputs by the names that it knows them by."""
+    """Yield each part, with its inputs by the names that it knows them by."""
     n = row_count(columns)
     for part in parts:
         renamed = {
