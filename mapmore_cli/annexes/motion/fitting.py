@@ -77,8 +77,10 @@ def fit_motion(
     sections: list[MotionSection] = []
     searches: list[SectionSearch] = []
     for number, section in enumerate(outline.sections):
-        own = [replace(piece, counts=piece.counts & (piece.holds == number)) for piece in pieces]
-        samples = int(sum(piece.counts.sum() for piece in own))
+        own_pieces = [
+            replace(piece, counts=piece.counts & (piece.holds == number)) for piece in pieces
+        ]
+        samples = int(sum(piece.counts.sum() for piece in own_pieces))
         if samples <= (needed := 2 + len(outline.drives)):
             place, (low, high) = extent(outline.boundaries, section.place), outline.limits
             raise DataError(
@@ -88,11 +90,13 @@ def fit_motion(
                 "move the boundaries of `model.sections` to where the input has been, or "
                 "train on records that go there",
             )
-        problem = Problem(own, reach, recipe.start, (recipe.seed, number))
-        found = SOLVERS[recipe.solver](problem, recipe)
-        sections.append(replace(section, p1=found.p1, p2=found.p2, weights=found.weights))
+        problem = Problem(own_pieces, reach, recipe.start, (recipe.seed, number))
+        solution = SOLVERS[recipe.solver](problem, recipe)
+        sections.append(replace(section, p1=solution.p1, p2=solution.p2, weights=solution.weights))
         searches.append(
-            SectionSearch(section.id, samples, found.rmse, found.evaluations, found.history)
+            SectionSearch(
+                section.id, samples, solution.rmse, solution.evaluations, solution.history
+            )
         )
         progress(number + 1, len(outline.sections))
     model = replace(outline, sections=tuple(sections))
@@ -219,11 +223,11 @@ def _with_heights(motion: Motion, poles: Array, heights: Array) -> Motion:
         slopes = np.diff(table, axis=0) / np.diff(knots)[:, None]
         return [slopes.ravel(), (table[:-1] - slopes * knots[:-1, None]).ravel()]
 
-    own, *loaded = (straight(part) for part in heights.reshape(-1, len(knots) * lines))
-    weights = np.column_stack([*own, *(column for part in loaded for column in part[::-1])])
-    found = zip(motion.sections, poles.tolist(), weights, strict=True)
+    unloaded, *loaded = (straight(part) for part in heights.reshape(-1, len(knots) * lines))
+    weights = np.column_stack([*unloaded, *(column for part in loaded for column in part[::-1])])
+    parts = zip(motion.sections, poles.tolist(), weights, strict=True)
     sections = (
         replace(section, p1=p1, p2=p2, weights=(1.0 - p1 - p2) * drives)
-        for section, (p1, p2), drives in found
+        for section, (p1, p2), drives in parts
     )
     return replace(motion, sections=tuple(sections))

@@ -143,13 +143,13 @@ class MotionVerbs(Verbs):
             *(quantity.name for quantity in model.inputs),
             *(["time"] if "time" in columns else []),
         ]
-        given = {name: np.asarray(columns[name], dtype=np.float64) for name in names}
-        known = np.logical_and.reduce([np.isfinite(column) for column in given.values()])
+        numbers = {name: np.asarray(columns[name], dtype=np.float64) for name in names}
+        known = np.logical_and.reduce([np.isfinite(column) for column in numbers.values()])
         values = np.full(len(known), np.nan)
         for rows in np.split(np.arange(len(known)), np.flatnonzero(np.diff(known)) + 1):
             if len(rows) and known[rows[0]]:
                 values[rows] = simulated(
-                    _motion(model), {name: column[rows] for name, column in given.items()}
+                    _motion(model), {name: column[rows] for name, column in numbers.items()}
                 )
         return Run(values)
 

@@ -147,8 +147,10 @@ def _along(columns: Columns, motion: Motion) -> Array:
         return shared(poles, np.sum(drives * weights[holds], axis=1), holds, motion.start)
     values = np.empty(len(drives))
     for number in np.unique(holds):
-        section, own = motion.sections[number], holds == number
-        values[own] = response(section.p1, section.p2, drives @ section.weights, motion.start)[own]
+        section, rows = motion.sections[number], holds == number
+        values[rows] = response(section.p1, section.p2, drives @ section.weights, motion.start)[
+            rows
+        ]
     return values
 
 

@@ -59,11 +59,13 @@ def linear_start(pieces: tuple[Piece, ...], stride: int) -> tuple[float, float] 
     """
     rows, targets = [], []
     for piece in pieces:
-        own = np.flatnonzero(
+        samples = np.flatnonzero(
             piece.counts[: -2 * stride] & piece.counts[stride:-stride] & piece.counts[2 * stride :]
         )
-        rows.append(np.column_stack([piece.y[own + stride], piece.y[own], piece.drives[own]]))
-        targets.append(piece.y[own + 2 * stride])
+        rows.append(
+            np.column_stack([piece.y[samples + stride], piece.y[samples], piece.drives[samples]])
+        )
+        targets.append(piece.y[samples + 2 * stride])
     matrix, y = np.concatenate(rows), np.concatenate(targets)
     if len(y) < matrix.shape[1] and stride > 1:
         return None

@@ -95,7 +95,10 @@ def errors_of(folds: Folds, remade: Callable[[Dataset], Model]) -> list[float]:
     for masks in folds.masks:
         every = left_out_of(folds.dataset, masks, remade)
         errors = np.concatenate(
-            [(said.values - curve.columns[target])[out & said.ready] for curve, out, said in every]
+            [
+                (predicted.values - curve.columns[target])[out & predicted.ready]
+                for curve, out, predicted in every
+            ]
         )
         error = float(np.sqrt(np.mean(errors**2))) / folds.scale if len(errors) else np.inf
         nrmse.append(error if np.isfinite(error) else float("inf"))

@@ -70,8 +70,8 @@ def _unit(text: str, dataset: Dataset) -> str:
     """
     source = parse(text)
     names = sorted(source.names)
-    plain = len(names) == 1 and source in (Name(names[0]), parse(f"-{names[0]}"))
-    return dataset.unit(names[0]) if plain else "1"
+    is_plain = len(names) == 1 and source in (Name(names[0]), parse(f"-{names[0]}"))
+    return dataset.unit(names[0]) if is_plain else "1"
 
 
 class SumMaker(Maker):
@@ -85,12 +85,12 @@ class SumMaker(Maker):
         formulas = part.model.sum or []
         if not formulas or formulas[0].formula is None:
             return FitResult(None)
-        found, _ = self.fit_and_predict(formulas, given.dataset, None)
-        if found.failed:
+        joint, _ = self.fit_and_predict(formulas, given.dataset, None)
+        if joint.failed:
             raise FitError(
-                f"the fit of {found.name} failed: {'; '.join(found.notes)}", "take other formulas"
+                f"the fit of {joint.name} failed: {'; '.join(joint.notes)}", "take other formulas"
             )
-        return FitResult(found)
+        return FitResult(joint)
 
     def build(self, part: ModelChoices, given: Given, result: FitResult) -> Model:
         """Return the sum: static plus damping, the models of runs that the spec names, or formulas
