@@ -1,6 +1,8 @@
 """The core holds without any annex: a study runs, and a part that is missing is named."""
 
+import ast
 import shutil
+from collections import defaultdict
 from functools import partial
 from pathlib import Path
 
@@ -24,6 +26,9 @@ KEYS = {
 }
 
 
+ANNEXES = [*COMMANDS, *KEYS]
+
+
 @pytest.fixture(scope="module")
 def example(tmp_path_factory):
     folder = tmp_path_factory.mktemp("example") / "example"
@@ -42,7 +47,7 @@ def without(annex, folder):
     return partial(mapmore, cwd=folder, env={"PYTHONPATH": str(copy.parent)}, timeout=120)
 
 
-@pytest.mark.parametrize("annex", [*COMMANDS, *KEYS])
+@pytest.mark.parametrize("annex", ANNEXES)
 def test_an_annex_can_be_removed(annex, example, tmp_path):
     folder = tmp_path / "study"
     shutil.copytree(example, folder)
@@ -67,3 +72,26 @@ def test_an_annex_can_be_removed(annex, example, tmp_path):
         missing = run("run", "other.yaml", "-q")
         assert missing.returncode in (2, 3)
         assert f"`{name}` is not installed" in missing.stderr
+
+
+def imported_by(path):
+    """The names `module` and `module.name` that a file of the package imports."""
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.ImportFrom):
+            yield from (node.module, *(f"{node.module}.{one.name}" for one in node.names))
+        elif isinstance(node, ast.Import):
+            yield from (one.name for one in node.names)
+
+
+def test_no_module_of_the_core_serves_one_annex_alone():
+    users = defaultdict(set)
+    package = PROJECT / "mapmore_cli"
+    for path in package.rglob("*.py"):
+        place = path.relative_to(package).parts
+        for name in imported_by(path):
+            users[name].add(place[1] if place[0] == "annexes" else "core")
+    core = [path.relative_to(PROJECT) for path in package.rglob("*.py")]
+    # operators are found in their folder, by whoever parses a term
+    found = {"annexes", "operators"}
+    names = [".".join(path.with_suffix("").parts) for path in core if found.isdisjoint(path.parts)]
+    assert {name: users[name] for name in names if users[name] in [{one} for one in ANNEXES]} == {}

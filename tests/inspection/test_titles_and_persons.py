@@ -24,6 +24,7 @@ from mapmore_cli.annexes.drafting.columns import (
 )
 from mapmore_cli.annexes.drafting.draft import NamedColumn
 from mapmore_cli.annexes.drafting.names import numbers_in, told_by_names
+from mapmore_cli.annexes.drafting.preview import Preview
 from mapmore_cli.annexes.drafting.start import start
 from mapmore_cli.checking.names import read_label
 from mapmore_cli.domain.errors import UsageError
@@ -67,9 +68,14 @@ def test_any_name_of_a_column_or_a_file_can_be_read(name):
 
 
 def table_of(titles):
-    places = list(enumerate(titles.split(",")))
-    raw = {place: [T if not place else WAVES[place % 5]] for place, _ in places}
-    return read_titles(dict(places), raw)
+    titles = titles.split(",")
+    raw = {place: [T if not place else WAVES[place % 5]] for place in range(len(titles))}
+    return read_titles(laid_out(raw, titles), raw)
+
+
+def laid_out(columns, titles):
+    """The layout of a file with these columns."""
+    return Preview("csv", tuple(columns), tuple(titles), {}, (), ())
 
 
 @pytest.mark.parametrize(
@@ -101,7 +107,7 @@ def test_copies_constants_counters_and_computed_columns_are_left_out():
         "T": 21 + 0 * T,
     }
     raw = {name: [values] for name, values in columns.items()}
-    known, left_out = known_by_titles(read_titles({name: name for name in raw}, raw))
+    known, left_out = known_by_titles(read_titles(laid_out(raw, raw), raw))
     assert {name: one.column for name, one in known.items()} == {
         "force": "F [N]",
         "x": "x",

@@ -145,8 +145,8 @@ def batch(
             )
             for one in campaigns
         ]
-    taken = {names[number] for one in campaigns for number in one.jobs}
-    alone = {name: result for name, result in ordered.items() if name not in taken}
+    in_campaigns = {names[number] for one in campaigns for number in one.jobs}
+    alone = {name: result for name, result in ordered.items() if name not in in_campaigns}
     tables = [table for _, of_page in pages for table in of_page]
     if alone:
         tables += campaign_tables(scores_of(alone))

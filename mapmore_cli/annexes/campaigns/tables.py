@@ -98,9 +98,10 @@ def nrmse_table(scores: CampaignScores) -> Table:
     rows += [(name, *["failed", *[None] * len(models)][: len(models)]) for name in scores.failed]
     notes = [f"NRMSE in per cent, all curves pooled; normalised by {scores.normalisers}."]
     for group in dict.fromkeys(scores.groups.values()):
-        own = [run for name, run in runs.items() if scores.groups.get(name) == group]
+        group_runs = [run for name, run in runs.items() if scores.groups.get(name) == group]
         errors = [
-            [100 * _known(run[model].nrmse) for run in own if model in run] for model in models
+            [100 * _known(run[model].nrmse) for run in group_runs if model in run]
+            for model in models
         ]
         for word, of in (("median", median), ("worst", max)):
             rows.append((f"{group}: {word}", *(of(known) if known else None for known in errors)))
@@ -131,10 +132,10 @@ def models_table(scores: CampaignScores) -> Table:
 
     rows: list[tuple[Cell, ...]] = []
     for name, run in scores.pooled.items():
-        own = run[OWN].rmse if OWN in run else math.nan
+        own_rmse = run[OWN].rmse if OWN in run else math.nan
         for score in sorted(run.values(), key=place):
-            beside = own > 0 and score.model != OWN
-            ratio = _known(score.rmse) / own if beside else None
+            beside = own_rmse > 0 and score.model != OWN
+            ratio = _known(score.rmse) / own_rmse if beside else None
             rows.append((name, score.model, 100 * score.nrmse, ratio))
     rows += [(name, OWN, "failed", None) for name in scores.failed]
     columns = ("run", MODEL, "NRMSE [%] .3g", Column(f"RMSE in ratio to {OWN}", "", ".3g"))
@@ -162,8 +163,8 @@ def _ratios(scores: CampaignScores, model: str, relative_to: str) -> tuple[Cell,
 
 
 def _won(won: int, count: int, tied: int) -> str:
-    """Return `3 of 5, 1 tied`: runs in which a model is strictly better, and in which it is exactly
-    as good.
+    """Return `3 of 5, 1 tied`: the runs in which a model is strictly better, and in which it is
+    exactly as good.
     """
     return f"{won} of {count}{f', {tied} tied' if tied else ''}"
 

@@ -72,7 +72,7 @@ class Answers:
     like: str | None = None
 
 
-def answers_of(**said: str | None) -> Answers:
+def answers_of(**options: str | None) -> Answers:
     """Return what the options say, by their names; UsageError for what cannot be."""
     readers: dict[str, Callable[[str], Any]] = {
         **{name: partial(read_names, f"--{name}") for name in ("columns", "target", "inputs")},
@@ -82,8 +82,8 @@ def answers_of(**said: str | None) -> Answers:
         "length": read_length,
         "like": str,
     }
-    given = {name: readers[name](text) for name, text in said.items() if text is not None}
-    return Answers(**given)
+    values = {name: readers[name](text) for name, text in options.items() if text is not None}
+    return Answers(**values)
 
 
 def read_group(text: str) -> str | None:
@@ -114,23 +114,23 @@ def read_names(option: str, text: str) -> Named:
     Of `--columns`, as `time:ms,_,force:N`, a name without a column is that of the column at its
     place in the text. Raises UsageError for what is neither.
     """
-    told: Named = {}
+    columns: Named = {}
     for place, entry in enumerate(one.strip() for one in _COMMA.split(text)):
         if entry in ("", "_", "-"):
             continue
         name, column = _read_entry(option, entry)
-        if name in told:
+        if name in columns:
             raise UsageError(
                 f"{option}: {name} is said twice",
                 "give each column a name of its own, as `p1` and `p2`",
             )
         if column.column == "":
-            own = place if option == "--columns" else int(name) if name.isdigit() else name
-            column = replace(column, column=own)
-        told[name] = column
-    if not told:
+            address = place if option == "--columns" else int(name) if name.isdigit() else name
+            column = replace(column, column=address)
+        columns[name] = column
+    if not columns:
         raise UsageError(f"{option}: no column is named", f"name one, as `{option} force`")
-    return told
+    return columns
 
 
 def read_hold(text: str) -> Hold:
@@ -147,8 +147,8 @@ def _read_entry(option: str, entry: str) -> tuple[str, NamedColumn]:
     has to be one.
     """
     parts = _ENTRY.fullmatch(entry)
-    said, unit = (entry, "") if parts is None else parts.groups()
-    name, equals, where = (one.strip() for one in said.partition("="))
+    written, unit = (entry, "") if parts is None else parts.groups()
+    name, equals, where = (one.strip() for one in written.partition("="))
     match = _UNIT.fullmatch(unit.strip())
     assert match is not None  # everything matches
     try:

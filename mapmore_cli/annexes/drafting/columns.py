@@ -131,8 +131,8 @@ class TitledColumn:
         usual = default_unit(name) if name != "time" else _unit_of_clock(self.values)
         if usual == "1":
             return NamedColumn(self.column, usual, f"title; {range_of(self.values)}")
-        said = "its title says no unit" if self.title else "it rises all the time"
-        why = f"{said}: is it {usual}? {range_of(self.values)}"
+        reason = "its title says no unit" if self.title else "it rises all the time"
+        why = f"{reason}: is it {usual}? {range_of(self.values)}"
         return NamedColumn(self.column, usual, why, sure=False)
 
 
@@ -158,14 +158,14 @@ def _read_title(
     label = read_label(title)
     texts = [*_BRACKETS.findall(title), *_BEHIND.findall(title), line]
     unit = next((one for text in texts if (one := unit_of(text))), "")
-    quantity, plain = "", False
+    quantity, is_plain = "", False
     if label is not None:
         like = CANONICAL.get(label.quantity) if label.quantity != "input" else None
-        own = label.unit or next((one for text in texts if (one := unit_of(text, like))), "")
-        if own or not unit:
-            quantity, plain, unit = label.quantity, label.plain, own
+        own_unit = label.unit or next((one for text in texts if (one := unit_of(text, like))), "")
+        if own_unit or not unit:
+            quantity, is_plain, unit = label.quantity, label.plain, own_unit
     source = "" if not unit else "the file's units" if unit_of(line) else "title"
-    return TitledColumn(column, place, title, values, quantity, plain, unit, source)
+    return TitledColumn(column, place, title, values, quantity, is_plain, unit, source)
 
 
 def find(table: Table, wanted: Column, option: str) -> TitledColumn:
@@ -184,9 +184,11 @@ def find(table: Table, wanted: Column, option: str) -> TitledColumn:
         ]
     near = next(filter(None, ([*filter(rule, numbers)] for rule in rules)), [])
     if len(near) != 1:
-        what = "several columns are" if near else "no column of numbers is"
+        problem = "several columns are" if near else "no column of numbers is"
         several = ", ".join(one.called for one in near or numbers)
-        raise UsageError(f"{option}: {what} called {wanted}", f"say one of {several}, or its place")
+        raise UsageError(
+            f"{option}: {problem} called {wanted}", f"say one of {several}, or its place"
+        )
     return near[0]
 
 
@@ -273,8 +275,8 @@ def _plain_names(columns: Sequence[TitledColumn]) -> dict[Column, str]:
     """Return the quantity of each column whose title says it, where no other says it as plainly."""
     names: dict[Column, str] = {}
     for quantity in _KINDS:
-        said = {one.column: _plainness(one) if one.quantity == quantity else 0 for one in columns}
-        best = [column for column, rank in said.items() if rank == max(said.values()) > 0]
+        ranks = {one.column: _plainness(one) if one.quantity == quantity else 0 for one in columns}
+        best = [column for column, rank in ranks.items() if rank == max(ranks.values()) > 0]
         if len(best) == 1:
             names[best[0]] = quantity
     if "force" not in names.values():  # testers call the force a load
@@ -310,11 +312,11 @@ def named_by_person(said: Named, table: Table, option: str, known: Named) -> Nam
         titled = find(table, wanted, option)
         name = name if is_named else names.get(titled.column, titled.name)
         usual = titled.as_quantity(name) if is_named else known.get(name, titled.as_quantity(name))
-        told = one if is_named or one.unit else usual
-        unit = told.unit or usual.unit
+        chosen = one if is_named or one.unit else usual
+        unit = chosen.unit or usual.unit
         sure = usual.sure or bool(one.unit) or option == "--columns"
         why = f"you; {range_of(titled.values, unit)}" if sure else usual.why
-        columns[name] = replace(told, column=titled.column, unit=unit, sure=sure, why=why)
+        columns[name] = replace(chosen, column=titled.column, unit=unit, sure=sure, why=why)
     return columns
 
 
@@ -368,5 +370,5 @@ def refuse_choice(table: Table, where: str, path: str) -> UsageError:
         f"pressure={drive[-1] if drive else follow}:bar  (numbers of the list)"
     )
     rows = [f"  {place}  {one.described}" for place, one in listed(table).items()]
-    what = f"{where}: titles do not say what is to be predicted. Columns that move:"
-    return UsageError("\n".join([what, *rows]), f"complete this: {how}")
+    heading = f"{where}: titles do not say what is to be predicted. Columns that move:"
+    return UsageError("\n".join([heading, *rows]), f"complete this: {how}")

@@ -115,10 +115,10 @@ def init(
 
 def _refuse(files: Iterable[Path], force: bool) -> None:
     """Refuse files that exist already, unless they are to be replaced."""
-    taken = [str(path) for path in files if path.exists() and not force]
-    if taken:
+    existing = [str(path) for path in files if path.exists() and not force]
+    if existing:
         raise WriteError(
-            f"{', '.join(taken)}: exists already",
+            f"{', '.join(existing)}: exists already",
             "say --force to replace it, or -o to write elsewhere",
         )
 
@@ -131,7 +131,7 @@ def _write(files: Mapping[Path, tuple[str, Draft]], force: bool, reporter: Repor
     from mapmore_cli.study.schema import write_schema_beside
 
     free = {path: file for path, file in files.items() if force or not path.exists()}
-    taken = files.keys() - free.keys()
+    existing = files.keys() - free.keys()
     for path, (text, draft) in free.items():
         if draft.raw and not path.name.startswith("_"):
             write_text(path.with_suffix(".html"), draft_page(draft))
@@ -140,7 +140,7 @@ def _write(files: Mapping[Path, tuple[str, Draft]], force: bool, reporter: Repor
         print(path)
     first = next(iter(files))
     write_schema_beside(first)
-    _refuse(sorted(taken), force)
+    _refuse(sorted(existing), force)
     reporter.say(f"Next: mapmore {'batch' if files[first][1].of else 'check'} {first}")
 
 

@@ -28,7 +28,7 @@ Column = str | int
 Raw = Mapping[Column, Sequence[Array]]
 """Values of every column, one array `(n,)` for each file."""
 
-Told = Mapping[str, Sequence[float]]
+Conditions = Mapping[str, Sequence[float]]
 """Values of quantities that names of files tell, one for each recording."""
 
 Loc = tuple[str | int, ...]
@@ -57,8 +57,8 @@ class NamedColumn:
     def as_spec(self) -> Section:
         """Return the column as the spec describes it."""
         usual = {"unit": ("", "1"), "scale": (1.0,), "offset": (0.0,)}
-        told = {key: getattr(self, key) for key in usual}
-        changed = {key: value for key, value in told.items() if value not in usual[key]}
+        entry = {key: getattr(self, key) for key in usual}
+        changed = {key: value for key, value in entry.items() if value not in usual[key]}
         return {"column": self.column, **changed}
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mapmore_cli.annexes.drafting.answers import Hold
-from mapmore_cli.annexes.drafting.draft import Draft, Section, Told
+from mapmore_cli.annexes.drafting.draft import Conditions, Draft, Section
 from mapmore_cli.annexes.drafting.recordings import BREAK
 from mapmore_cli.checking.evidence import MUCH, settling, two_digits
 from mapmore_cli.domain.errors import DataError, UsageError
@@ -43,13 +43,13 @@ def find_held(
     recordings: Sequence[Recording],
     inputs: Sequence[str],
     hold: Hold | None,
-    told: Told,
+    conditions: Conditions,
 ) -> Held | None:
     """Return what was held while another input moved: what a person says; else the one quantity
     that names tell, or that stays at a value of its own in each recording; else, in a table without
     a clock, the one that takes few values again and again.
 
-    None where nothing was held, or at a single level. `told` are values by names of files.
+    None where nothing was held, or at a single level. `conditions` are values that names tell.
 
     Raises
     ------
@@ -61,14 +61,16 @@ def find_held(
         return None
     if asked not in (None, *inputs):
         raise UsageError(f"--hold: no input is called {asked}", f"say {', '.join(inputs)}, or none")
-    levels = {name: own for name in inputs if (own := _own_levels(recordings, name, told))}
+    levels = {
+        name: values for name in inputs if (values := _own_levels(recordings, name, conditions))
+    }
     is_table = "time" not in recordings[0].columns
     if asked is None and is_table and not levels:
-        levels = {name: own for name in inputs if (own := _set_values(recordings, name))}
+        levels = {name: values for name in inputs if (values := _set_values(recordings, name))}
     if asked is None and len(levels) != 1:
         return None
     of = asked or next(iter(levels))
-    swept = next((name for name in inputs if name not in (of, *levels, *told)), None)
+    swept = next((name for name in inputs if name not in (of, *levels, *conditions)), None)
     at, within = levels.get(of, []), None
     if not at:
         at = find_levels(np.concatenate([one.columns[of] for one in recordings])).tolist()
@@ -77,16 +79,18 @@ def find_held(
         return None
     is_one = is_table and len(recordings) == 1
     stays = "takes few values" if is_one else "one value in each recording"
-    why = "you" if asked else "names" if of in told else stays
+    why = "you" if asked else "names" if of in conditions else stays
     return Held(of, at, within, swept, why)
 
 
-def _own_levels(recordings: Sequence[Recording], name: str, told: Told) -> list[float] | None:
+def _own_levels(
+    recordings: Sequence[Recording], name: str, conditions: Conditions
+) -> list[float] | None:
     """Return the values of a quantity that stays near one in each recording: twice the gap between
     two is more than it moves at any. None where it moves more, or is one everywhere.
     """
-    if name in told:
-        levels = sorted(set(told[name]))
+    if name in conditions:
+        levels = sorted(set(conditions[name]))
         return levels if len(levels) > 1 else None
     series = [one.columns[name] for one in recordings if one.rows_kept]
     ends = np.array(sorted(np.quantile(values, (0.05, 0.95)).tolist() for values in series))
@@ -137,7 +141,7 @@ def with_experiment(
     recordings: Sequence[Recording],
     target: str,
     held: Held | None,
-    told: Told,
+    conditions: Conditions,
     held_out: str | None,
 ) -> Draft:
     """Return the draft with its target, static samples and levels, and what is held out: static
@@ -150,13 +154,13 @@ def with_experiment(
     is_static = held is not None and (held.why == "you" or target == "force")
     if not is_static and "time" in recordings[0].columns and samples >= FEWEST:
         draft = _as_memory_study(draft, recordings).with_section("target", target)
-        return _with_split(draft, recordings, told, held_out)
+        return _with_split(draft, recordings, conditions, held_out)
     if held is not None:
         draft = _with_levels(_with_static_samples(draft, recordings, held), held)
-    draft = _with_split(draft, recordings, told, held_out)
+    draft = _with_split(draft, recordings, conditions, held_out)
     if target != "force":
         return draft.with_section("target", target)
-    inputs = {*recordings[0].columns, *told}
+    inputs = {*recordings[0].columns, *conditions}
     known = {name: literature.get(name) for name in COMPETITORS}
     formulas = [
         name
@@ -206,7 +210,7 @@ def _with_levels(draft: Draft, held: Held) -> Draft:
 
 
 def _with_split(
-    draft: Draft, recordings: Sequence[Recording], told: Told, said: str | None
+    draft: Draft, recordings: Sequence[Recording], conditions: Conditions, wanted: str | None
 ) -> Draft:
     """Return the draft with something held out: what a person said; else inner levels; without
     levels inner values that names tell, else recordings; else the last samples of each.
@@ -214,13 +218,13 @@ def _with_split(
     Raises UsageError if nothing of what a person said can be held out.
     """
     levels, groups = draft.data.get("levels"), draft.data.get("groups", {})
-    values = {levels["of"]: levels["at"]} if levels else told
-    inside = {name: some for name, own in values.items() if (some := inner(sorted({*own})))}
+    values = {levels["of"]: levels["at"]} if levels else conditions
+    inside = {name: some for name, places in values.items() if (some := inner(sorted({*places})))}
     is_whole = len(recordings) > 2 and not levels and {"gain", "offset"}.isdisjoint(groups)
-    way = said or next(iter(inside), WHOLE if is_whole else LAST_SAMPLES)
+    way = wanted or next(iter(inside), WHOLE if is_whole else LAST_SAMPLES)
     names = [one.id for one in recordings]
     held_out: object = names[1:-1:3] or names[1:]
-    why = None if said is None else "you"
+    why = None if wanted is None else "you"
     if way == LAST_SAMPLES:
         held_out, why = LAST, "the last of every recording"
     elif way != WHOLE:
@@ -232,7 +236,7 @@ def _with_split(
     return draft.with_data("split", {"validate": {way: held_out}}, why)
 
 
-def _band(name: str, recordings: Sequence[Recording], values: Told) -> Section:
+def _band(name: str, recordings: Sequence[Recording], values: Conditions) -> Section:
     """Return the middle fifth of the samples of an input that moves on; nothing for one that has
     too few values.
     """

@@ -105,9 +105,10 @@ class Condition:
     def in_model_units(self) -> list[float]:
         """The values in the unit of the model."""
         unit = CANONICAL.get(self.quantity, self.unit)
-        own = self.unit or unit
+        written = self.unit or unit
         return [
-            float(f"{convert(value, own, unit):.12g}") if unit else value for value in self.values
+            float(f"{convert(value, written, unit):.12g}") if unit else value
+            for value in self.values
         ]
 
 
@@ -148,31 +149,31 @@ def told_by_names(
     asked = None
     if hold is not None and hold.name not in ("none", *known):
         asked = _asked_for(hold, every)
-    taken = {*known, *([hold.name] if hold is not None else [])}
+    named = {*known, *([hold.name] if hold is not None else [])}
     conditions: list[Condition] = []
     repeats: list[str] = []
-    for own in every:
-        first = next(iter(own.values()))
-        if own is asked and hold is not None:
-            conditions.append(_told_quantity(hold.name, hold.unit, own, names))
-        elif first.quantity in taken or len(_values(own)) == 1:
+    for numbers in every:
+        first = next(iter(numbers.values()))
+        if numbers is asked and hold is not None:
+            conditions.append(_told_quantity(hold.name, hold.unit, numbers, names))
+        elif first.quantity in named or len(_values(numbers)) == 1:
             continue
-        elif len(own) < len(names) or not first.quantity or _is_count(own):
+        elif len(numbers) < len(names) or not first.quantity or _is_count(numbers):
             repeats.append(f"{first.shown} ...")
         else:
-            taken.add(first.quantity)
-            conditions.append(_told_quantity(first.quantity, "", own, names))
+            named.add(first.quantity)
+            conditions.append(_told_quantity(first.quantity, "", numbers, names))
     return conditions, repeats
 
 
-def _values(own: Series) -> list[float]:
-    return sorted({one.value for one in own.values()})
+def _values(numbers: Series) -> list[float]:
+    return sorted({one.value for one in numbers.values()})
 
 
-def _is_count(own: Series) -> bool:
+def _is_count(numbers: Series) -> bool:
     """Return True for whole numbers without a unit, one after the other."""
-    values = _values(own)
-    has_unit = any(one.unit for one in own.values())
+    values = _values(numbers)
+    has_unit = any(one.unit for one in numbers.values())
     return not has_unit and values == [values[0] + place for place in range(len(values))]
 
 
@@ -189,15 +190,19 @@ def _series_of(names: Sequence[str]) -> list[Series]:
             kind = (number.word.casefold(), number.unit)
             series.setdefault((*kind, seen[kind]), {})[place] = number
             seen[kind] += 1
-    return [own for own in series.values() if len(_values(own)) > 1 or len(own) < len(names)]
+    return [
+        numbers
+        for numbers in series.values()
+        if len(_values(numbers)) > 1 or len(numbers) < len(names)
+    ]
 
 
-def _told_quantity(quantity: str, unit: str, own: Series, names: Sequence[str]) -> Condition:
+def _told_quantity(quantity: str, unit: str, numbers: Series, names: Sequence[str]) -> Condition:
     """Return numbers as a quantity; a name without one stands for zero."""
-    written = next(iter(own.values())).unit
+    written = next(iter(numbers.values())).unit
     unit = _UNITS[written][1] if written else unit
-    values = tuple(own[place].value if place in own else 0.0 for place in range(len(names)))
-    zero = next((name for place, name in enumerate(names) if place not in own), None)
+    values = tuple(numbers[place].value if place in numbers else 0.0 for place in range(len(names)))
+    zero = next((name for place, name in enumerate(names) if place not in numbers), None)
     why = f"{quantity} {' '.join(f'{value:g}' for value in sorted({*values}))} {unit}"
     why += f" (0 where {zero!r} has no number)" if zero is not None else ""
     return Condition(quantity, unit, values, why, sure=zero is None)
@@ -205,12 +210,14 @@ def _told_quantity(quantity: str, unit: str, own: Series, names: Sequence[str]) 
 
 def _asked_for(hold: Hold, series: Sequence[Series]) -> Series:
     """Return the numbers that a person names; UsageError, which lists the numbers, for none."""
-    asked = next((own for own in series if _is_named_by(hold, next(iter(own.values())))), None)
+    asked = next(
+        (numbers for numbers in series if _is_named_by(hold, next(iter(numbers.values())))), None
+    )
     if asked is None:
-        told = ", ".join(dict.fromkeys(next(iter(own.values())).shown for own in series))
+        listed = ", ".join(dict.fromkeys(next(iter(numbers.values())).shown for numbers in series))
         raise UsageError(
             f"--hold: no column and no number in the names is called {hold.name}",
-            f"the names have {told or 'no number that varies'}; name the word beside one, as "
+            f"the names have {listed or 'no number that varies'}; name the word beside one, as "
             f"`--hold {hold.name}=WORD:UNIT`, or say none",
         )
     return asked
@@ -228,9 +235,9 @@ def _is_named_by(hold: Hold, number: Number) -> bool:
 
 def numbered_groups(names: Sequence[str], group: str) -> Condition:
     """Return numbers of the groups, as a quantity that names tell."""
-    told = group_words(names, group)
-    apart = sorted({*told})
-    values = tuple(apart.index(word) + 1.0 for word in told)
+    groups = group_words(names, group)
+    apart = sorted({*groups})
+    values = tuple(apart.index(word) + 1.0 for word in groups)
     return Condition(group, "", values, f"{group} 1 is {apart[0]!r}, and so on")
 
 
@@ -243,7 +250,7 @@ def group_words(names: Sequence[str], group: str) -> list[str]:
     )
     marks = [match[1] if (match := behind.search(name)) else "" for name in names]
     bare = [_NUMBER.sub(_without_number, name) for name in names]
-    ways = (told for told in (marks, bare) if all(told) and len(set(told)) > 1)
+    ways = (texts for texts in (marks, bare) if all(texts) and len(set(texts)) > 1)
     return next(ways, list(names))
 
 
@@ -258,7 +265,7 @@ def _without_number(match: re.Match[str]) -> str:
 def tests_of(files: Sequence[Path]) -> list[str]:
     """Return the names of files that say `test` or `validation`, where all others say `train`."""
     tests, trains = (
-        {file for file in files if told & {*words(file.stem)}} for told in (_TESTS, _TRAINS)
+        {file for file in files if marks & {*words(file.stem)}} for marks in (_TESTS, _TRAINS)
     )
     divided = tests and trains and not tests & trains and len(tests) + len(trains) == len(files)
     return [file.name for file in files if divided and file in tests]

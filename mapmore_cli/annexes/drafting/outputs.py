@@ -23,35 +23,35 @@ def as_files(drafts: Sequence[Draft], output: Path | None) -> Files:
     studies: dict[str, list[Draft]] = {}
     for draft in drafts:
         studies.setdefault(draft.of or draft.name, []).append(draft)
-    for name, own in studies.items():
+    for name, outputs in studies.items():
         first = output or Path(f"{name}.yaml")
-        if len(own) == 1:
-            files[first] = own[0].text(), own[0]
+        if len(outputs) == 1:
+            files[first] = outputs[0].text(), outputs[0]
         else:
-            files |= _campaign(name, own, first)
+            files |= _campaign(name, outputs, first)
     return files
 
 
-def _campaign(name: str, own: Sequence[Draft], first: Path) -> Files:
+def _campaign(name: str, outputs: Sequence[Draft], first: Path) -> Files:
     shared = first.with_name(f"_{first.name}")
-    common, rests = _shared([draft.spec for draft in own])
+    common, rests = _shared([draft.spec for draft in outputs])
     specs = {
         first.with_name(f"{first.stem}{draft.name.removeprefix(name)}.yaml"): (
             replace(draft, spec={"extends": shared.name, **rest}).text(),
             draft,
         )
-        for draft, rest in zip(own, rests, strict=True)
+        for draft, rest in zip(outputs, rests, strict=True)
     }
     runs = [{"base": path.name} for path in specs]
     campaign = {"schema_version": 1, "campaign": name, "runs": runs}
     head = f"# Started by `mapmore init`: `mapmore batch {first}` runs all, with one page."
-    what = (
+    shared_head = (
         "# What the specs of all outputs share. One model of all, with the same terms: "
         "`target: [a, b]`, and the columns of both."
     )
     return {
-        first: (yaml_text(campaign, {}, head), own[0]),
-        shared: (yaml_text(common, own[0].notes, what), own[0]),
+        first: (yaml_text(campaign, {}, head), outputs[0]),
+        shared: (yaml_text(common, outputs[0].notes, shared_head), outputs[0]),
         **specs,
     }
 

@@ -73,8 +73,8 @@ def preview(path: Path) -> Preview:
     """
     reader = reader_of(path)
     if reader is None:
-        what = f"{path.name}: no reader takes {suffix_of(path) or 'files without a suffix'}"
-        raise DataError(unread(path) or f"{what}; save the table as CSV")
+        problem = f"{path.name}: no reader takes {suffix_of(path) or 'files without a suffix'}"
+        raise DataError(unread(path) or f"{problem}; save the table as CSV")
     remedy = f"write `columns` by hand, as `pressure: {{column: {reader.column}, unit: kPa}}`"
     if reader.peek is None:
         raise DataError(f"{path.name}: its arrays have to be named", remedy)
@@ -157,10 +157,10 @@ class _FoundTable:
         units = self.top.units or next(filter(_are_units, others), ())
         width = 1 + max([*self.numeric, *(place for place, title in enumerate(titles) if title)])
         titles = [*titles, *[""] * width][:width]
-        said = [_without_brackets(unit) for unit in (*units, *[""] * width)[:width]]
+        spelt = [_without_brackets(unit) for unit in (*units, *[""] * width)[:width]]
         for place in self.numeric:
-            if not said[place] and stamp_of(str(self.columns[place][0]).strip()) is not None:
-                said[place] = "s"  # as stamps are read
+            if not spelt[place] and stamp_of(str(self.columns[place][0]).strip()) is not None:
+                spelt[place] = "s"  # as stamps are read
         header, skipped = 0, self.first
         if titled is not None and len(self.rows[titled]) <= self.wide:
             header, skipped = max(lines) - titled + 1, titled
@@ -175,7 +175,7 @@ class _FoundTable:
             self.top.addresses or tuple(columns),
             tuple(titles) if titled is not None else (),
             settings,
-            tuple(said) if any(said) else (),
+            tuple(spelt) if any(spelt) else (),
             self.numeric,
         )
 

@@ -103,10 +103,10 @@ def _target(asked: Asked) -> Question | None:
             return None
 
     def take(reply: str) -> Answers:
-        said = read_names("the target", reply)
-        for one in said.values():
+        chosen = read_names("the target", reply)
+        for one in chosen.values():
             find(asked.table, one.column, "the target")
-        return replace(asked.answers, target=said)
+        return replace(asked.answers, target=chosen)
 
     return Question(
         "What is to be predicted?",
@@ -125,14 +125,14 @@ def _inputs(asked: Asked) -> Question | None:
     def take(reply: str) -> Answers:
         if not reply:
             return answers
-        said = read_names("the inputs", reply.lstrip("- "))
-        columns = [find(asked.table, one.column, "the inputs").column for one in said.values()]
+        chosen = read_names("the inputs", reply.lstrip("- "))
+        columns = [find(asked.table, one.column, "the inputs").column for one in chosen.values()]
         if any(column in columns for column in targets):
             raise UsageError("the inputs: the target is no input", "leave it out")
         if reply.startswith("-"):
             rest = {name: known.columns[name] for name in known.inputs}
-            said = {name: one for name, one in rest.items() if one.column not in columns}
-        inputs = replace(answers, inputs=said)
+            chosen = {name: one for name, one in rest.items() if one.column not in columns}
+        inputs = replace(answers, inputs=chosen)
         asked.view(inputs)
         return inputs
 

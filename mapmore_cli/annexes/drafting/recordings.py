@@ -17,7 +17,7 @@ from mapmore_cli.annexes.drafting.columns import (
     named_by_person,
     read_titles,
 )
-from mapmore_cli.annexes.drafting.draft import Column, Draft, Named, Section, Told
+from mapmore_cli.annexes.drafting.draft import Column, Conditions, Draft, Named, Section
 from mapmore_cli.annexes.drafting.sources import Study, started
 from mapmore_cli.annexes.drafting.understanding import Understood
 from mapmore_cli.checking.evidence import MUCH, two_digits
@@ -121,7 +121,7 @@ def _read_columns(
     raw: dict[Column, list[Array]] = {}
     for name, column in names.items():
         cells = [np.asarray(table.columns[name]) for table in tables]
-        values = [own[np.isfinite(own)] for own in cells]
+        values = [numbers[np.isfinite(numbers)] for numbers in cells]
         least = 0.0 if missing == "drop" else MUCH * sum(map(len, cells))
         if all(map(len, values)) and sum(map(len, values)) >= least:
             raw[column] = values
@@ -146,8 +146,10 @@ def with_columns(draft: Draft, known: Understood, target: str, table: Table) -> 
         for name, one in columns.items()
         if not is_canonical(name) and one.unit != "1"
     }
-    told = {one.quantity: one.unit for one in known.conditions if one.unit}
-    if units := units | {name: unit for name, unit in told.items() if not is_canonical(name)}:
+    units_in_names = {one.quantity: one.unit for one in known.conditions if one.unit}
+    if units := units | {
+        name: unit for name, unit in units_in_names.items() if not is_canonical(name)
+    }:
         draft = draft.with_section("units", units)
     if "time" in columns:
         draft = draft.without_data("sample_time")
@@ -214,10 +216,10 @@ def _with_losses_told(draft: Draft, dataset: Dataset) -> Draft:
         count = sum(one.dropped.get(reason, 0) for one in dataset.recordings)
         rule = draft.data[key]
         if isinstance(rule, dict):
-            told = ", ".join(map(repr, rule["tokens"]))
+            tokens = ", ".join(map(repr, rule["tokens"]))
             draft = draft.noted(
                 ("data", key),
-                f"{count} samples have a cell that is empty or holds {told}: taken as no value",
+                f"{count} samples have a cell that is empty or holds {tokens}: taken as no value",
                 False,
             )
         elif count:
@@ -227,23 +229,23 @@ def _with_losses_told(draft: Draft, dataset: Dataset) -> Draft:
     return draft
 
 
-def with_strain(draft: Draft, length: float, told: Told) -> tuple[Draft, str]:
+def with_strain(draft: Draft, length: float, conditions: Conditions) -> tuple[Draft, str]:
     """Return the draft with the strain that a length or a displacement makes of the muscle's own
     length in m, and which of them; empty where a column holds the strain, or there is none.
 
-    A displacement counts as contraction in the direction in which it mostly goes. `told` are
-    values by names of files.
+    A displacement counts as contraction in the direction in which it mostly goes. `conditions`
+    are values that names tell.
     """
     draft = draft.with_section("muscle", {"length": length})
     columns = draft.data["columns"]
-    known = {*columns, *told}
+    known = {*columns, *conditions}
     measured = next((one for one in ("length", "displacement") if one in known), None)
     if "strain" in known or measured is None:
         return draft, ""
     turned = ""
     if measured == "displacement":
         entry = columns.get(measured, {})
-        pooled = np.concatenate(draft.raw[entry["column"]] if entry else [told[measured]])
+        pooled = np.concatenate(draft.raw[entry["column"]] if entry else [conditions[measured]])
         pooled = pooled * entry.get("scale", 1.0) + entry.get("offset", 0.0)
         turned = "-" if abs(pooled.min()) > abs(pooled.max()) else ""
     rules = {
@@ -282,13 +284,13 @@ def with_second_log(draft: Draft, second: Study, folder: Path, target: str, said
     sure = columns["pressure"].sure
     try:
         notes = read_draft(lenient(draft.with_data("join", [entry])), folder, target).notes
-        told = next((note for note in notes if ": shift " in note), "").partition(": ")[2]
+        how_shifted = next((note for note in notes if ": shift " in note), "").partition(": ")[2]
     except DataError:  # nothing changes, or several shifts would do
         entry = {key: value for key, value in entry.items() if key != "match"} | {"shift": 0.0}
-        told, sure = "are both clocks one?", False
+        how_shifted, sure = "are both clocks one?", False
     return draft.with_data(
         "join",
         [entry],
-        f"the pressure is in a log of its own; {told}; {columns['pressure'].why}",
+        f"the pressure is in a log of its own; {how_shifted}; {columns['pressure'].why}",
         sure,
     )

@@ -174,9 +174,9 @@ def started(
         why = f"laid out in another way, and left out: {', '.join(map(repr, layout.left))}"
         draft = draft.noted(("data", "reader" if is_by_sheet else "sheet"), why)
     draft = draft.with_data("files", _file_entries(study, folder, conditions, is_by_sheet))
-    told = [f"names: {', '.join(one.why for one in conditions)}"] if conditions else []
-    if told or remark:
-        why = "; ".join(filter(None, [*told, remark]))
+    reasons = [f"names: {', '.join(one.why for one in conditions)}"] if conditions else []
+    if reasons or remark:
+        why = "; ".join(filter(None, [*reasons, remark]))
         draft = draft.noted(("data", "files"), why, all(one.sure for one in conditions))
     return draft
 
@@ -188,13 +188,13 @@ def _file_entries(
     values = [one.in_model_units for one in conditions]
     members: dict[tuple[str, tuple[float, ...]], list[Path]] = {}
     for place, (file, sheet) in enumerate(study.parts):
-        kind = (sheet if is_by_sheet else "", tuple(own[place] for own in values))
+        kind = (sheet if is_by_sheet else "", tuple(series[place] for series in values))
         members.setdefault(kind, []).append(file)
     entries: list[Any] = []
-    for (sheet, told), files in members.items():
+    for (sheet, numbers), files in members.items():
         more: Section = {"sheet": sheet} if sheet else {}
-        if told:
-            more["set"] = dict(zip((one.quantity for one in conditions), told, strict=True))
+        if numbers:
+            more["set"] = dict(zip((one.quantity for one in conditions), numbers, strict=True))
         paths = patterns(list(dict.fromkeys(files)), folder)
         entries += [{"path": path, **more} for path in paths] if more else paths
     return entries

@@ -81,14 +81,14 @@ def propose(
         answers = interview(table, study.names, view, answers, ask)
     known = view(answers)
     if answers.validate not in (None, WHOLE, LAST_SAMPLES):
-        said = known.drive_called(answers.validate, table, "--validate")
-        answers = replace(answers, validate=said)
-    told, group = [*known.conditions], known.group
+        held_out = known.drive_called(answers.validate, table, "--validate")
+        answers = replace(answers, validate=held_out)
+    in_names, group = [*known.conditions], known.group
     if group is not None and group not in known.columns:
-        told.append(numbered_groups(study.names, group))
+        in_names.append(numbered_groups(study.names, group))
     drafts = []
     for target in known.targets:
-        draft = started(study, folder, told, known.remark)
+        draft = started(study, folder, in_names, known.remark)
         if group is not None:
             draft = draft.with_data("groups", {"of": group}, "you; each is scored by itself")
         if len(known.targets) > 1:
@@ -115,28 +115,28 @@ def _with_experiment(
     draft: Draft, study: Study, folder: Path, known: Understood, target: str, answers: Answers
 ) -> Draft:
     """Return the draft with what its recordings need to be read, and what was done."""
-    told = {one.quantity: one.in_model_units for one in known.conditions}
+    in_names = {one.quantity: one.in_model_units for one in known.conditions}
     hold, made = answers.hold, ""
     if answers.length is not None:
-        draft, made = with_strain(draft, answers.length, told)
+        draft, made = with_strain(draft, answers.length, in_names)
         target = "strain" if target == made else target
-        told.pop(made, None)
+        in_names.pop(made, None)
         hold = hold._replace(name="strain") if hold is not None and hold.name == made else hold
     draft, dataset = cleaned(draft, folder, target)
     ignored = ("time", target, known.group, made)
-    used = dict.fromkeys([*dataset.recordings[0].columns, *told])
+    used = dict.fromkeys([*dataset.recordings[0].columns, *in_names])
     inputs = [name for name in used if name not in ignored]
     draft = _with_sessions(draft, unequal(dataset.recordings, inputs, target), known.group)
-    held = find_held(dataset.recordings, inputs, hold, told)
-    whole = with_experiment(draft, dataset.recordings, target, held, told, answers.validate)
+    held = find_held(dataset.recordings, inputs, hold, in_names)
+    whole = with_experiment(draft, dataset.recordings, target, held, in_names, answers.validate)
     if answers.validate is None and (tests := tests_of(study.files)):
         held_out = {"validate": {"files": tests}}
         whole = whole.with_data("split", held_out, "the names of the files say so")
     if answers.like is not None:
         return checked(with_paper(whole, answers.like, held), (), folder)
-    plain = draft.with_section("target", whole.spec["target"])
+    simple = draft.with_section("target", whole.spec["target"])
     line = [{"polynomial": {"of": inputs[:1], "order": 1}}]
-    return checked(whole, (plain, plain.with_section("dictionary", line)), folder)
+    return checked(whole, (simple, simple.with_section("dictionary", line)), folder)
 
 
 def _with_sessions(draft: Draft, apart: Unequal | None, group: str | None) -> Draft:
@@ -186,14 +186,16 @@ def start(
     is_single = single or ask is not None
     drafts: list[Draft] = []
     refusal: UsageError | None = None
-    for study, second, own in zip(studies, seconds, _names_apart(studies), strict=True):
+    for study, second, label in zip(studies, seconds, _names_apart(studies), strict=True):
         if study in seconds:
             continue
         if drafts and is_single:
-            remarks.append(f"{own} ({study}): another study; give its files alone to `init`")
+            remarks.append(f"{label} ({study}): another study; give its files alone to `init`")
             continue
         is_only = is_single or len(studies) == 1
-        called = replace(study, name=own if name is None else name if is_only else f"{name}-{own}")
+        called = replace(
+            study, name=label if name is None else name if is_only else f"{name}-{label}"
+        )
         try:
             drafts += propose(called, folder, answers, second, ask, str(path))
         except (UsageError, DataError, SpecError) as fault:
@@ -201,11 +203,11 @@ def start(
                 if ask is not None:
                     raise
                 refusal = refusal or fault
-            remarks.append(f"{own} ({study}): {fault.message.splitlines()[0]}")
+            remarks.append(f"{label} ({study}): {fault.message.splitlines()[0]}")
     if drafts:
         return Start(tuple(drafts), tuple(remarks))
-    told = "\n  ".join(remarks) or "give a folder of recordings, as CSV files"
-    raise refusal or DataError(f"{path}: no usable recording was found", told)
+    reasons = "\n  ".join(remarks) or "give a folder of recordings, as CSV files"
+    raise refusal or DataError(f"{path}: no usable recording was found", reasons)
 
 
 def _names_apart(studies: Sequence[Study]) -> list[str]:

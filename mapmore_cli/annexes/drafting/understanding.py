@@ -160,12 +160,12 @@ def _free(
     for target in targets:
         wanted = table[columns[target].column]
         for name, column in list(free.items()):
-            own = table[column]
-            if own.kind not in ("", wanted.kind):
+            candidate = table[column]
+            if candidate.kind not in ("", wanted.kind):
                 continue
-            both = [np.concatenate(one.values) for one in (own, wanted)]
+            both = [np.concatenate(one.values) for one in (candidate, wanted)]
             is_copy = same_signals(both)
-            if is_copy or (len(free) > 1 and _is_filtered(own.values, wanted.values)):
+            if is_copy or (len(free) > 1 and _is_filtered(candidate.values, wanted.values)):
                 del free[name]
                 how = "is a copy of" if is_copy else "gives by a linear filter"
                 left_out[column] = f"{how} {target}: name it by --inputs to use it"

@@ -104,8 +104,10 @@ def c_source(model: Model, single: bool = False) -> CSource:
         "model": model,
         "name": name,
         "prefix": prefix,
-        "places": {one: code("{}_IN_{}", prefix, own.upper()) for one, own in names.items()},
-        "outputs": [code("{}_OUT_{}", prefix, own.upper()) for own in outputs.values()],
+        "places": {
+            one: code("{}_IN_{}", prefix, in_code.upper()) for one, in_code in names.items()
+        },
+        "outputs": [code("{}_OUT_{}", prefix, in_code.upper()) for in_code in outputs.values()],
         "into": [code("out[{}]", i) for i in range(len(outputs))] or [code("*out")],
         "notes": notes_of(model, names),
         "number": dialect.number,
@@ -161,14 +163,14 @@ def _inverses(words: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
     """Yield what the function that solves for an input needs, for every one whose training range is
     known.
     """
-    for name, own in names_of_inputs(words["model"].inputs).items():
+    for name, in_code in names_of_inputs(words["model"].inputs).items():
         try:
             places = knots(words["model"], name)
         except UsageError:
             continue
         parts = parts_between(places)
         yield {
-            "own": own,
+            "own": in_code,
             "place": words["places"][name],
             "knots": list(map(words["number"], places.tolist())),
             "parts": parts,
@@ -216,8 +218,8 @@ def simulink_files(model: Model, _wanted: Wanted) -> dict[str, str]:
             "export it as fmu, which Simulink imports",
         )
     source = c_source(model)
-    taken = [f"{source.name}_{one}" for one in ("eval", "valid", *names_of_inputs(model.outputs))]
-    names = names_of_inputs(model.inputs, [source.name, *taken, "out"])
+    used = [f"{source.name}_{one}" for one in ("eval", "valid", *names_of_inputs(model.outputs))]
+    names = names_of_inputs(model.inputs, [source.name, *used, "out"])
     words = source.words | {"output": name_of_output(model), "names": names.values()}
     words["parameters"] = [code("double {}", name) for name in names.values()]
     forms = ("simulink.h", "simulink.c")

@@ -75,9 +75,9 @@ class Dialect:
 
     def function(self, name: str) -> str:
         """Return what a function of expressions is called, in the library or among `helpers`."""
-        own = FUNCTIONS[name]
-        if own.is_in_library(self.language):
-            return self.library.format(own.texts[self.language])
+        entry = FUNCTIONS[name]
+        if entry.is_in_library(self.language):
+            return self.library.format(entry.texts[self.language])
         return HELPER.format(name)
 
     def helpers(self, *lines: str) -> dict[str, Code]:
@@ -86,9 +86,9 @@ class Dialect:
         """
         called = set(re.findall(r"\w+(?=\()", "\n".join(lines)))
         return {
-            helper: Code(own.texts[self.language])
-            for name, own in FUNCTIONS.items()
-            if (helper := HELPER.format(name)) in called and not own.is_in_library(self.language)
+            helper: Code(entry.texts[self.language])
+            for name, entry in FUNCTIONS.items()
+            if (helper := HELPER.format(name)) in called and not entry.is_in_library(self.language)
         }
 
 
@@ -198,15 +198,15 @@ def program_words(program: Program, dialect: Dialect, apart: bool = True) -> dic
     }
 
 
-def _function(program: Program, dialect: Dialect, own: Function) -> dict[str, Any]:
+def _function(program: Program, dialect: Dialect, function: Function) -> dict[str, Any]:
     body = Body(program, dialect)
-    used = names_used_in(own.body)
+    used = names_used_in(function.body)
     return {
-        "name": own.name,
-        "note": own.note,
-        "parameters": own.parameters,
-        "unused": [name for name in own.parameters if name not in used],
-        "results": body.block(own.body),
+        "name": function.name,
+        "note": function.note,
+        "parameters": function.parameters,
+        "unused": [name for name in function.parameters if name not in used],
+        "results": body.block(function.body),
         "lines": body.lines,
     }
 

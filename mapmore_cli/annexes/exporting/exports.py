@@ -73,7 +73,7 @@ def snippet(model: Model, to: str, files: Sequence[str]) -> str:
         name=identifier(model.name),
         files=files,
         output=name_of_output(model, names.values()),
-        places={own: places[name] for name, own in names.items()},
+        places={in_code: places[name] for name, in_code in names.items()},
         unit_inputs=input_names(model),
         step=kept.step,
         fed_back=bool(kept.fed_back),

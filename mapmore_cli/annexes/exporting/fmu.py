@@ -165,13 +165,13 @@ def _variables(written: CSource, taken: list[str]) -> Iterator[Variable]:
     measured = [
         Quantity(f"{name}_measured", model.output.unit) for name in written.program.kept.fed_back
     ]
-    given, told = (*model.inputs, *measured), training_ends(model)
-    names = identifiers([*(one.name for one in given), model.output.name], taken)
+    measurable, ends = (*model.inputs, *measured), training_ends(model)
+    names = identifiers([*(one.name for one in measurable), model.output.name], taken)
     changes = "discrete" if memory else "continuous"
-    for quantity, name in zip((*given, model.output), names, strict=True):
+    for quantity, name in zip((*measurable, model.output), names, strict=True):
         start: float | None = 0.0
         causality, about = "input", "An input"
-        low, high = told.get(quantity.name, ([], []))
+        low, high = ends.get(quantity.name, ([], []))
         if quantity is model.output:
             causality, about, start = "output", "The model's value", None
         elif quantity in measured:

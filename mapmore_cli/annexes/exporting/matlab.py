@@ -38,10 +38,10 @@ def matlab_file(model: Model, wanted: Wanted) -> dict[str, str]:
 def matlab_function(model: Model) -> tuple[Code, str]:
     """Return name and text of the function; raises as `c_source.c_source`."""
     name, functions = identifier(model.name), program_of(model).functions
-    taken = [*words_of("MATLAB", "Octave"), *OWN, *(one.name for one in functions), name]
+    used = [*words_of("MATLAB", "Octave"), *OWN, *(one.name for one in functions), name]
     names = {
-        one: own if own[0].isalpha() else f"u{own}"  # no name begins with `_`
-        for one, own in names_of_inputs(model.inputs, taken).items()
+        one: in_code if in_code[0].isalpha() else f"u{in_code}"  # no name begins with `_`
+        for one, in_code in names_of_inputs(model.inputs, used).items()
     }
     words = words_of_module(model, MATLAB, names)
     return name, rendered_template("function.m", **words, name=name, fed_back=fed_back(model))

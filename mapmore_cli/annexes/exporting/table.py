@@ -76,7 +76,7 @@ def table_files(model: Model, wanted: Wanted) -> dict[str, str | bytes]:
     }
     if len(grid.places) == 2:
         files[f"{stem}.txt"] = _combi_table(model, grid)
-        output = name_of_output(model)
+        output = str(name_of_output(model))  # its name is a text, too
         names = names_of_inputs(model.inputs, [*words_of("Modelica"), *OWN, output])
         files[f"{stem}.mo"] = rendered_template(
             "table.mo", model=model, name=stem, output=output, names=[*names.values()]
@@ -122,7 +122,9 @@ def _on_grid(model: Model, text: str | None) -> Grid:
 
 
 def _places_over_range(model: Model, name: str) -> Array:
-    """Even places over the training range of an input, and the levels of the model among them."""
+    """Return even places over the training range of an input, and the levels of the model among
+    them.
+    """
     ends = [place for side in training_ends(model)[name] for place in side]
     if not ends:
         raise UsageError(
@@ -159,8 +161,8 @@ def _mat(model: Model, grid: Grid) -> bytes:
 
 
 def _combi_table(model: Model, grid: Grid) -> str:
-    """Two tables, `<output>` and `valid`: the second input in the first row, the first input in the
-    first column.
+    """Return two tables, `<output>` and `valid`: the second input in the first row, the first input
+    in the first column.
     """
     rows, columns = grid.places.values()
     quantities = (*model.inputs, model.output)

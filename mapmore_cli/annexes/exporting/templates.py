@@ -50,8 +50,8 @@ class Code(str):
 def word(text: str) -> Code:
     """Return a text that is an identifier; raises DataError where it is none."""
     if not IDENTIFIER.fullmatch(text):
-        what = f"the model calls something {plain(text)[:60]!r}, which cannot be a name in code"
-        raise DataError(what, "make the model anew with names of letters, digits and _")
+        problem = f"the model calls something {plain(text)[:60]!r}, which cannot be a name in code"
+        raise DataError(problem, "make the model anew with names of letters, digits and _")
     return Code(text)
 
 
@@ -96,22 +96,22 @@ def identifier(name: str) -> Code:
     letter and no digit in it.
     """
     # with what is added, compilers tell 63 letters apart
-    found = re.sub(r"[^A-Za-z0-9]+", "_", name).strip("_")[:40].rstrip("_")
-    if not found:
+    letters = re.sub(r"[^A-Za-z0-9]+", "_", name).strip("_")[:40].rstrip("_")
+    if not letters:
         raise UsageError(
             f"the model is called `{name}`, which has no letter that C allows in a name",
             "give the study another name",
         )
-    first, taken = found.lower().partition("_")[0], TAKEN.union(map(str.lower, OWN))
-    hidden = found.lower() in taken or _FUNCTION.fullmatch(found.lower())
-    return word(f"model_{found}" if first[0].isdigit() or first == "x" or hidden else found)
+    first, reserved = letters.lower().partition("_")[0], TAKEN.union(map(str.lower, OWN))
+    hidden = letters.lower() in reserved or _FUNCTION.fullmatch(letters.lower())
+    return word(f"model_{letters}" if first[0].isdigit() or first == "x" or hidden else letters)
 
 
 def names_of_inputs(inputs: Sequence[Quantity], functions: Sequence[str] = ()) -> dict[str, str]:
     """Return what each input is called in code beside some `functions`, by its name."""
     names = [quantity.name for quantity in inputs]
-    taken = [*PYTHON, *functions, *(f"x_{name}" for name in names)]
-    return dict(zip(names, identifiers(names, taken), strict=True))
+    reserved = [*PYTHON, *functions, *(f"x_{name}" for name in names)]
+    return dict(zip(names, identifiers(names, reserved), strict=True))
 
 
 def name_of_output(model: Model, names: Iterable[str] | None = None) -> Code:
@@ -120,9 +120,9 @@ def name_of_output(model: Model, names: Iterable[str] | None = None) -> Code:
     """
     own = [*(names_of_inputs(model.inputs).values() if names is None else names)]
     functions = [function.name for function in program_of(model).functions]
-    taken = [*TAKEN, *OWN, *functions, identifier(model.name), *own]
-    taken += [f"invert_{name}" for name in own]
-    return word(identifiers([model.output.name], taken)[0].lstrip("_") or "output")
+    reserved = [*TAKEN, *OWN, *functions, identifier(model.name), *own]
+    reserved += [f"invert_{name}" for name in own]
+    return word(identifiers([model.output.name], reserved)[0].lstrip("_") or "output")
 
 
 def notes_of(model: Model, names: Mapping[str, str]) -> list[str]:
@@ -177,21 +177,21 @@ def templates(language: str) -> Environment:
         raise TypeError(f"not a text, and no number: {value!r}")
 
     loader = PackageLoader(__package__, "sources")
-    found = Environment(
+    environment = Environment(
         loader=loader,
         undefined=StrictUndefined,
         finalize=written,
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    found.keep_trailing_newline = True
-    found.filters |= {
+    environment.keep_trailing_newline = True
+    environment.filters |= {
         "word": word,
         "note": note,
         "listed": lambda parts: Code(", ".join(str(written(one)) for one in parts)),
     }
-    found.filters["unit"] = lambda quantity: note(f"{quantity.name} [{quantity.unit}]")
-    return found
+    environment.filters["unit"] = lambda quantity: note(f"{quantity.name} [{quantity.unit}]")
+    return environment
 
 
 def note(text: str) -> Code:

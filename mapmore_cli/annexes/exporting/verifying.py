@@ -92,8 +92,8 @@ def built(
     try:
         return _compiled(compiler, files, compiled, flags)
     except (OSError, subprocess.SubprocessError) as fault:
-        said = (getattr(fault, "stderr", "") or str(fault)).strip().splitlines()
-        why = f"the C compiler {compiler} failed: {said[0] if said else fault}"
+        lines = (getattr(fault, "stderr", "") or str(fault)).strip().splitlines()
+        why = f"the C compiler {compiler} failed: {lines[0] if lines else fault}"
     try:
         _compiled(compiler, {"empty.c": "int nothing;\n"}, ["empty.c"], LIBRARY)
     except (OSError, subprocess.SubprocessError) as fault:
@@ -168,23 +168,25 @@ def _verify(model: Model, command: Sequence[str], folder: Path, close: float = C
     columns, count = points(model), len(model.inputs)
     names = [*(quantity.name for quantity in model.inputs), *fed_back(model)]
     rows = np.column_stack([np.empty((POINTS, 0)), *(columns[name] for name in names)]).tolist()
-    given = "".join(" ".join(map(repr, row)) + "\n" for row in rows)
-    answers = _answers(model, command, given, folder).reshape(-1, len(model.each) + 1)
+    rows_as_text = "".join(" ".join(map(repr, row)) + "\n" for row in rows)
+    answers = _answers(model, command, rows_as_text, folder).reshape(-1, len(model.each) + 1)
     # one line where there is no input
     *values, bits = np.broadcast_to(answers, (POINTS, answers.shape[1])).T
     outside = bits.astype(int) & ((1 << count) - 1) != 0
     flags = outside != outside_range(model, columns)
-    for one, said in zip(model.each, values, strict=True):
+    for one, answered in zip(model.each, values, strict=True):
         with np.errstate(all="ignore"):
             expected = simulate(one, columns).values
             size = np.abs(expected[np.isfinite(expected)])
             least = 0.1 * np.median(size) if size.size else 0.0
-            equal = np.abs(said - expected) <= close * np.maximum(np.abs(expected), least)
-            equal |= (said == expected) | (np.isnan(said) & np.isnan(expected))
+            equal = np.abs(answered - expected) <= close * np.maximum(np.abs(expected), least)
+            equal |= (answered == expected) | (np.isnan(answered) & np.isnan(expected))
         for row in np.flatnonzero(~equal | flags)[:1]:
             where = ", ".join(f"{name} = {columns[name][row]:.6g}" for name in names[:count])
-            told = f"it is {said[row]:.9g} where `predict` has {expected[row]:.9g}, at {where}"
-            raise _unequal(model, told)
+            difference = (
+                f"it is {answered[row]:.9g} where `predict` has {expected[row]:.9g}, at {where}"
+            )
+            raise _unequal(model, difference)
 
 
 def _answers(model: Model, command: Sequence[str], given: str, folder: Path) -> Array:
@@ -252,8 +254,8 @@ def training_ends(model: Model) -> dict[str, tuple[list[float], list[float]]]:
     return ends
 
 
-def _unequal(model: Model, what: str) -> MapmoreError:
+def _unequal(model: Model, why: str) -> MapmoreError:
     return MapmoreError(
-        f"the exported code of {model.name} is not the model, and is not written: {what}",
+        f"the exported code of {model.name} is not the model, and is not written: {why}",
         "please report it; --no-verify writes it all the same",
     )

@@ -172,11 +172,11 @@ def identifiers(names: Iterable[str], taken: Collection[str] = ()) -> list[str]:
     wanted = [f"_{name}" if name[0].isdigit() else name for name in wanted]
     used = {*WORDS, *(word.lower() for word in taken)}
     kept = {name.lower() for name in wanted}
-    found: list[str] = []
+    unique: list[str] = []
     for name in wanted:
         free = name
         if name.lower() in used:
             free = next(f"{name}_{n}" for n in count(2) if f"{name}_{n}".lower() not in used | kept)
         used.add(free.lower())
-        found.append(free)
-    return found
+        unique.append(free)
+    return unique

@@ -24,10 +24,10 @@ def findings(spec: ExperimentSpec) -> Iterator[Finding]:
             "model.type", "type `state_space` needs the `input`", "add it, as `input: pressure`"
         )
     if not isinstance(spec.target, TargetColumn):
-        what = (
+        problem = (
             f"a state-space model predicts a measured quantity, not the component `{spec.target}`"
         )
-        yield Finding("target", what, "write `target: {column: displacement}`")
+        yield Finding("target", problem, "write `target: {column: displacement}`")
     for key, name in (("input", model.input), ("load", model.load)):
         if name is not None:
             yield from unknown_quantity(name, spec.data.quantities, ("model", key))
@@ -45,15 +45,15 @@ def findings(spec: ExperimentSpec) -> Iterator[Finding]:
             "model.sections", "the boundaries between the sections do not increase", remedy
         )
     if model.dead_band > 0 and not (model.direction and model.switching == "bumpless"):
-        what = (
+        problem = (
             "a dead band goes with `direction: true` and `switching: bumpless`; other "
             "switching goes by every change of the input"
         )
-        yield Finding("model.dead_band:", what, "remove it")
+        yield Finding("model.dead_band:", problem, "remove it")
     for key in ("begin", "seed") if model.solver != "swarm" else ():
         if getattr(model, key) != getattr(MotionSettings, key):
-            what = f"`solver: {model.solver}` has no particles, which `{key}` is for"
-            yield Finding(f"model.{key}:", what, f"remove `{key}`, or write `solver: swarm`")
+            problem = f"`solver: {model.solver}` has no particles, which `{key}` is for"
+            yield Finding(f"model.{key}:", problem, f"remove `{key}`, or write `solver: swarm`")
     if model.mask != "input" and not model.direction:
         yield Finding(
             "model.mask:",
@@ -63,12 +63,12 @@ def findings(spec: ExperimentSpec) -> Iterator[Finding]:
     if model.solver == "swarm" and (
         model.offset or model.load is not None or model.switching == "bumpless"
     ):
-        what = (
+        problem = (
             "`solver: swarm` looks for P1, P2 and P3 alone, which an offset, a load or "
             "bumpless switching are not"
         )
         yield Finding(
             "model.solver",
-            what,
+            problem,
             "use `least_squares`",
         )

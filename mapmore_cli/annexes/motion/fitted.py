@@ -18,7 +18,7 @@ class MotionMaker(Maker):
     """Fits models of motion."""
 
     def fit(self, part: ModelChoices, given: Given) -> FitResult:
-        """Every section, on all recordings.
+        """Fit every section to all recordings.
 
         Raises DataError where recordings are not sampled alike, the input never changes, or a
         section has too few samples; SpecError, FitError where the solver refuses the sections, or

@@ -77,8 +77,10 @@ def fit_motion(
     sections: list[MotionSection] = []
     searches: list[SectionSearch] = []
     for number, section in enumerate(outline.sections):
-        own = [replace(piece, counts=piece.counts & (piece.holds == number)) for piece in pieces]
-        samples = int(sum(piece.counts.sum() for piece in own))
+        own_pieces = [
+            replace(piece, counts=piece.counts & (piece.holds == number)) for piece in pieces
+        ]
+        samples = int(sum(piece.counts.sum() for piece in own_pieces))
         if samples <= (needed := 2 + len(outline.drives)):
             place, (low, high) = extent(outline.boundaries, section.place), outline.limits
             raise DataError(
@@ -88,11 +90,13 @@ def fit_motion(
                 "move the boundaries of `model.sections` to where the input has been, or "
                 "train on records that go there",
             )
-        problem = Problem(own, reach, recipe.start, (recipe.seed, number))
-        found = SOLVERS[recipe.solver](problem, recipe)
-        sections.append(replace(section, p1=found.p1, p2=found.p2, weights=found.weights))
+        problem = Problem(own_pieces, reach, recipe.start, (recipe.seed, number))
+        solution = SOLVERS[recipe.solver](problem, recipe)
+        sections.append(replace(section, p1=solution.p1, p2=solution.p2, weights=solution.weights))
         searches.append(
-            SectionSearch(section.id, samples, found.rmse, found.evaluations, found.history)
+            SectionSearch(
+                section.id, samples, solution.rmse, solution.evaluations, solution.history
+            )
         )
         progress(number + 1, len(outline.sections))
     model = replace(outline, sections=tuple(sections))
@@ -175,7 +179,7 @@ def joined(motion: Motion, pieces: Sequence[Piece], reach: float) -> Motion:
 
 
 def _poles(place: Array, reach: float) -> Array:
-    """P1 and P2 of every section, (s, 2)."""
+    """Return P1 and P2 of every section, (s, 2)."""
     return np.array([of_angles(pair, reach) for pair in place.reshape(-1, 2)])
 
 
@@ -188,8 +192,8 @@ def _knots(motion: Motion) -> tuple[Array, int]:
 
 
 def _heights_of(motion: Motion, run: Piece) -> Array:
-    """Drives (n, knots x lines) that give a steady output of one at each knot; straight on beyond
-    the ends.
+    """Return drives (n, knots x lines) that give a steady output of one at each knot; straight on
+    beyond the ends.
 
     With a load, a second set that is multiplied with it.
     """
@@ -214,16 +218,16 @@ def _with_heights(motion: Motion, poles: Array, heights: Array) -> Motion:
     knots, lines = _knots(motion)
 
     def straight(heights_of_one: Array) -> list[Array]:
-        """Slopes and constants of the straight pieces, (sections,) each."""
+        """Return slopes and constants of the straight pieces, (sections,) each."""
         table = heights_of_one.reshape(len(knots), lines)
         slopes = np.diff(table, axis=0) / np.diff(knots)[:, None]
         return [slopes.ravel(), (table[:-1] - slopes * knots[:-1, None]).ravel()]
 
-    own, *loaded = (straight(part) for part in heights.reshape(-1, len(knots) * lines))
-    weights = np.column_stack([*own, *(column for part in loaded for column in part[::-1])])
-    found = zip(motion.sections, poles.tolist(), weights, strict=True)
+    unloaded, *loaded = (straight(part) for part in heights.reshape(-1, len(knots) * lines))
+    weights = np.column_stack([*unloaded, *(column for part in loaded for column in part[::-1])])
+    parts = zip(motion.sections, poles.tolist(), weights, strict=True)
     sections = (
         replace(section, p1=p1, p2=p2, weights=(1.0 - p1 - p2) * drives)
-        for section, (p1, p2), drives in found
+        for section, (p1, p2), drives in parts
     )
     return replace(motion, sections=tuple(sections))

@@ -140,19 +140,19 @@ class MotionVerbs(Verbs):
             *(quantity.name for quantity in model.inputs),
             *(["time"] if "time" in columns else []),
         ]
-        given = {name: np.asarray(columns[name], dtype=np.float64) for name in names}
-        known = np.logical_and.reduce([np.isfinite(column) for column in given.values()])
+        numbers = {name: np.asarray(columns[name], dtype=np.float64) for name in names}
+        known = np.logical_and.reduce([np.isfinite(column) for column in numbers.values()])
         values = np.full(len(known), np.nan)
         for rows in np.split(np.arange(len(known)), np.flatnonzero(np.diff(known)) + 1):
             if len(rows) and known[rows[0]]:
                 values[rows] = simulated(
-                    _motion(model), {name: column[rows] for name, column in given.items()}
+                    _motion(model), {name: column[rows] for name, column in numbers.items()}
                 )
         return SimulatedRun(values)
 
     def equations(self, model: Model, units: Mapping[str, float]) -> tuple[Equation, ...]:
-        """`y[k] = P2 y[k-1] + P1 y[k-2] + sum_m w_m d_m[k-2]` of every section; `units` as for
-        `kinds.equations`.
+        """Return `y[k] = P2 y[k-1] + P1 y[k-2] + sum_m w_m d_m[k-2]` of every section; `units` as
+        for `kinds.equations`.
         """
         motion = _motion(model)
         delayed = {
@@ -189,7 +189,7 @@ class MotionVerbs(Verbs):
         )
 
     def parameters(self, model: Model) -> int:
-        """P1, P2 and the weights of every section."""
+        """Return how many P1, P2 and weights all sections have."""
         return sum(2 + len(section.weights) for section in _motion(model).sections)
 
     def write(self, m: Writer, model: Model, inputs: Inputs) -> Expression:

@@ -94,8 +94,9 @@ def sections_table(fits: Mapping[str, MotionFit], unit: str) -> Table:
 
 
 def waveforms_table(inputs: ReportInputs, motion: Motion) -> Table:
-    """Errors of displacement and velocity over the last wavelength of every held-out recording, as
-    P table 3 has them; no rows where some samples alone are shown, which have no velocity.
+    """Return errors of displacement and velocity over the last wavelength of every held-out
+    recording, as P table 3 has them; no rows where some samples alone are shown, which have no
+    velocity.
     """
     unit = inputs.target.unit
     held_out = [

@@ -191,8 +191,8 @@ class Problem:
         )
 
     def rmse(self, p1: float, p2: float, weights: Array | None = None) -> float:
-        """Root mean squared error with these weights, or the best; large and finite for unstable
-        sections, or those beyond the reach.
+        """Return the root mean squared error with these weights, or the best; large and finite for
+        unstable sections, or those beyond the reach.
         """
         if not stable(p1, p2, self.reach if weights is None else 1.0):
             return PENALTY * self.size * max(abs(poles(p1, p2)[0]), 1.0)

@@ -25,13 +25,13 @@ EDGE = 1.0 - 1e-9
 
 
 def stable(p1: float, p2: float, reach: float = 1.0) -> bool:
-    """Whether both poles lie within the circle of radius `reach`."""
+    """Return whether both poles lie within the circle of radius `reach`."""
     p1, p2 = p1 / reach**2, p2 / reach
     return abs(p1) < 1.0 and abs(p2) < 1.0 - p1
 
 
 def of_angles(angles: Array, reach: float) -> tuple[float, float]:
-    """P1 and P2 of two coordinates that may have any value, the angles of two reflection
+    """Return P1 and P2 of two coordinates that may have any value, the angles of two reflection
     coefficients `k = tanh(angle)` (Levinson's recursion): `P1 = -k2 r^2`, `P2 = -k1 (1 + k2) r`.
 
     The square `|k1|, |k2| < 1` is all sections with both poles within the circle of radius r, the
@@ -51,7 +51,7 @@ def angles(p1: float, p2: float, reach: float, inmost: float = EDGE) -> list[flo
 
 
 def spread(u: Array, count: int) -> tuple[float, ...]:
-    """Boundaries between `count` sections with equal shares of the samples u (n,).
+    """Return boundaries between `count` sections with equal shares of the samples u (n,).
 
     Raises DataError where the input dwells so long at one value that a section would have no width.
     """
@@ -68,7 +68,7 @@ def spread(u: Array, count: int) -> tuple[float, ...]:
 
 
 def rising(u: Array, dead_band: float, *, latched: bool) -> BoolArray:
-    """Whether the input rises, (n,).
+    """Return whether the input rises, (n,).
 
     P eq 16: where `u[k] > u[k-1]`; an input that stands still falls, and so does the first sample.
     `latched`: the direction holds until the input has turned back by more than the dead band, and
@@ -108,7 +108,8 @@ def extent(boundaries: Sequence[float], place: int) -> str:
 
 
 def simulate(motion: Motion, columns: Columns) -> Array:
-    """Output (n,) along a recording with its `time`, or along one piece of a record without.
+    """Return the output (n,) along a recording with its `time`, or along one piece of a record
+    without.
 
     Every piece begins as `motion.start` says: in the steady state of its first input, or at zero.
     The measured output is not needed.
@@ -131,7 +132,7 @@ def simulate(motion: Motion, columns: Columns) -> Array:
 
 
 def driven(drives: tuple[str, ...], columns: Columns) -> Array:
-    """Values (n, m) of the drives."""
+    """Return the values (n, m) of the drives."""
     n = row_count(columns)
     return np.column_stack(
         [np.broadcast_to(evaluate(parse(text), columns, n), n) for text in drives]
@@ -146,8 +147,10 @@ def _along(columns: Columns, motion: Motion) -> Array:
         return shared(poles, np.sum(drives * weights[holds], axis=1), holds, motion.start)
     values = np.empty(len(drives))
     for number in np.unique(holds):
-        section, own = motion.sections[number], holds == number
-        values[own] = response(section.p1, section.p2, drives @ section.weights, motion.start)[own]
+        section, rows = motion.sections[number], holds == number
+        values[rows] = response(section.p1, section.p2, drives @ section.weights, motion.start)[
+            rows
+        ]
     return values
 
 
@@ -216,7 +219,7 @@ def last_wavelength(u: Array) -> int:
 
 
 def motion_errors(measured: Array, predicted: Array, u: Array, step: float) -> MotionErrors:
-    """Errors of one recording, samples (n,) at every `step` (s)."""
+    """Return the errors of one recording, samples (n,) at every `step` (s)."""
     tail, before = last_wavelength(u), predicted - measured
     error, before = before[-tail:], np.abs(before[:-tail])
     faster = np.zeros(tail)

@@ -51,19 +51,21 @@ def least_squares(problem: Problem, _recipe: MotionRecipe) -> Found:
 
 
 def linear_start(pieces: tuple[Piece, ...], stride: int) -> tuple[float, float] | None:
-    """P1 and P2 by linear regression of `y[k + 2s] = a y[k + s] + b y[k] + sum_m c_m d_m[k]`, its
-    poles brought back to one sample.
+    """Return P1 and P2 by linear regression of `y[k + 2s] = a y[k + s] + b y[k] + sum_m c_m
+    d_m[k]`, its poles brought back to one sample.
 
     Only where the section holds at all three samples; None where these are too few. Noise in y
     makes the regression wrong (it is one step ahead): it is only where to begin.
     """
     rows, targets = [], []
     for piece in pieces:
-        own = np.flatnonzero(
+        samples = np.flatnonzero(
             piece.counts[: -2 * stride] & piece.counts[stride:-stride] & piece.counts[2 * stride :]
         )
-        rows.append(np.column_stack([piece.y[own + stride], piece.y[own], piece.drives[own]]))
-        targets.append(piece.y[own + 2 * stride])
+        rows.append(
+            np.column_stack([piece.y[samples + stride], piece.y[samples], piece.drives[samples]])
+        )
+        targets.append(piece.y[samples + 2 * stride])
     matrix, y = np.concatenate(rows), np.concatenate(targets)
     if len(y) < matrix.shape[1] and stride > 1:
         return None

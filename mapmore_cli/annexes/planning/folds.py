@@ -75,8 +75,8 @@ def folds_of(
 
 
 def _block_masks(curve: Curve, along: str | None) -> list[BoolArray]:
-    """Contiguous blocks of the training samples: along a quantity, or of each recording in the
-    order of time.
+    """Return contiguous blocks of the training samples: along a quantity, or of each recording in
+    the order of time.
     """
     if along is None:
         parts = [log[curve.training[log]] for log in curve.logs]
@@ -87,15 +87,18 @@ def _block_masks(curve: Curve, along: str | None) -> list[BoolArray]:
 
 
 def errors_of(folds: Folds, remade: Callable[[Dataset], Model]) -> list[float]:
-    """NRMSE on each fold, of models that are `remade` without it; infinite where nothing finite was
-    predicted. Raises as the fits do.
+    """Return the NRMSE on each fold, of models that are `remade` without it; infinite where nothing
+    finite was predicted. Raises as the fits do.
     """
     nrmse = []
     target = folds.dataset.target
     for masks in folds.masks:
         every = left_out_of(folds.dataset, masks, remade)
         errors = np.concatenate(
-            [(said.values - curve.columns[target])[out & said.ready] for curve, out, said in every]
+            [
+                (predicted.values - curve.columns[target])[out & predicted.ready]
+                for curve, out, predicted in every
+            ]
         )
         error = float(np.sqrt(np.mean(errors**2))) / folds.scale if len(errors) else np.inf
         nrmse.append(error if np.isfinite(error) else float("inf"))

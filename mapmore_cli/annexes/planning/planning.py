@@ -143,18 +143,18 @@ def _ranked(name: str, folds: Folds, trials: Sequence[Trial]) -> Tuning:
     rank = simplest_of(
         [trials[i].parameters for i in usable], np.array([trials[i].errors for i in usable])
     )
-    told = list(trials)
+    ranked = list(trials)
     for place, number in enumerate(usable):
-        told[number] = replace(
+        ranked[number] = replace(
             trials[number], excess=float(rank.excess[place]), spread=float(rank.spread[place])
         )
     return Tuning(
         name,
         folds.left_out,
         folds.full_scale,
-        tuple(told),
-        told[usable[rank.best]],
-        told[usable[rank.chosen]],
+        tuple(ranked),
+        ranked[usable[rank.best]],
+        ranked[usable[rank.chosen]],
     )
 
 
@@ -259,7 +259,7 @@ def _of_one_target(loaded: LoadedSpec) -> None:
 
 
 def _plannable(loaded: LoadedSpec) -> ModelChoices:
-    """How the model is made, where levels or points can be left out of it."""
+    """Return how the model is made, where levels or points can be left out of it."""
     _of_one_target(loaded)
     choices = model_choices(loaded.spec)
     if choices.over_time:
@@ -377,7 +377,7 @@ def formulas_of(
     A formula that leaves the measured values by their range, as one of few points does, is no
     member.
     """
-    said = {"none": (np.zeros(len(measured.y)), np.zeros(len(places)))}
+    members = {"none": (np.zeros(len(measured.y)), np.zeros(len(places)))}
     for name in COMMITTEE:
         if set(literature.get(name).inputs) != set(measured.names) or dataset.target != "force":
             continue
@@ -391,5 +391,5 @@ def formulas_of(
                 literature.of(fit).predict(fit.parameters, inputs) for inputs in columns
             )
             if np.ptp(np.append(measured.y, at_places)) <= ASTRAY * np.ptp(measured.y):
-                said[name] = (at_measured, at_places)
-    return said
+                members[name] = (at_measured, at_places)
+    return members

@@ -44,11 +44,11 @@ class MeasuredMap:
     y: Array
 
     def scaled(self, at: Array) -> Array:
-        """Points (m, d) in the unit square of the measured range."""
+        """Return points (m, d) in the unit square of the measured range."""
         return np.asarray((at - self.x.min(axis=0)) / np.ptp(self.x, axis=0))
 
     def grid(self, steps: int) -> Array:
-        """Points of a grid within the hull of what was measured, (m, d)."""
+        """Return the points of a grid within the hull of what was measured, (m, d)."""
         every = np.array(
             list(itertools.product(np.linspace(0.0, 1.0, steps), repeat=len(self.names)))
         )
@@ -73,13 +73,13 @@ def spread_out(x: Array, y: Array) -> tuple[Array, Array]:
         return x, y
     span = np.ptp(x, axis=0)
     scaled = (x - x.min(axis=0)) / np.where(span > 0, span, 1.0)
-    taken, distance = [0], np.full(len(y), np.inf)
+    chosen, distance = [0], np.full(len(y), np.inf)
     for _ in range(MOST_MEASURED - 1):
-        distance = np.minimum(distance, np.sum((scaled - scaled[taken[-1]]) ** 2, axis=1))
+        distance = np.minimum(distance, np.sum((scaled - scaled[chosen[-1]]) ** 2, axis=1))
         if distance.max() <= 0:
             break
-        taken.append(int(np.argmax(distance)))
-    return x[taken], y[taken]
+        chosen.append(int(np.argmax(distance)))
+    return x[chosen], y[chosen]
 
 
 class Committee:
@@ -100,13 +100,15 @@ class Committee:
         self._own: list[GaussianProcess] = [
             most_likely(x, measured.y - here) for here, _ in formulas.values()
         ]
-        self.noise = float(np.mean([own.noise for own in self._own]))
+        self.noise = float(np.mean([process.noise for process in self._own]))
         self._update()
 
     def _update(self) -> None:
-        means, deviations = zip(*(own.predict(self.scaled) for own in self._own), strict=True)
-        said = np.add(self._base, means)
-        self.expected, self.spread = said.mean(axis=0), said.std(axis=0)
+        means, deviations = zip(
+            *(process.predict(self.scaled) for process in self._own), strict=True
+        )
+        predictions = np.add(self._base, means)
+        self.expected, self.spread = predictions.mean(axis=0), predictions.std(axis=0)
         self.deviation = np.sqrt(np.mean(np.square(deviations), axis=0))
 
     @property
@@ -137,8 +139,8 @@ class Committee:
         """Take a place as measured, with the value that is expected there."""
         expected = float(self.expected[number])
         self._own = [
-            own.joined(self.scaled[number], expected - float(base[number]))
-            for own, base in zip(self._own, self._base, strict=True)
+            process.joined(self.scaled[number], expected - float(base[number]))
+            for process, base in zip(self._own, self._base, strict=True)
         ]
         self._update()
 
@@ -157,15 +159,15 @@ def next_points(
     least, a point costs the lowest price. Only `free` places are taken, (m,), all without it.
     """
     before, places = committee.half, committee.places
-    next_ones, taken = list[Candidate](), list[int]()
+    next_ones, chosen = list[Candidate](), list[int]()
     each = np.array([prices.get(name, 1.0) for name in names])
     for _ in range(count):
-        known = zip(places.T, places[taken].T, strict=True)
-        new = np.column_stack([~np.isin(column, own) for column, own in known])
+        known = zip(places.T, places[chosen].T, strict=True)
+        new = np.column_stack([~np.isin(column, values) for column, values in known])
         cost = np.maximum(new @ each, each.min()) if prices else np.ones(len(places))
         worth = committee.score / cost
         number = int(np.argmax(worth if free is None else np.where(free, worth, -1.0)))
-        taken.append(number)
+        chosen.append(number)
         half, error = float(committee.half[number]), float(committee.error[number])
         committee.add(number)
         at = dict(zip(names, places[number].tolist(), strict=True))

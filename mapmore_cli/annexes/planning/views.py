@@ -67,7 +67,7 @@ def _cell(value: object) -> Cell:
 
 
 def of_search(search: Search, spec: str) -> View:
-    """Every structure that was tried, and where the spec with the one that was taken lies."""
+    """Return every structure that was tried, and where the spec with the chosen one lies."""
     words = "the best itself" if search.chosen == search.best else "as good as the best"
     lines = (*search.notes, f"found: {search.found.words} ({words})", f"spec: {spec}")
     return View({**search_document(search), "spec": spec}, (search_table(search),), lines)
@@ -85,7 +85,9 @@ def of_plan(plan: Plan) -> View:
     if levels := plan.candidates[0].kind == "between":
         columns.append(f"gap [{next(iter(quantities.values())).unit}] .4g")
     else:
-        columns += [f"{what} [{unit}] .3g" for what in ("half width", "after", "expected error")]
+        columns += [
+            f"{heading} [{unit}] .3g" for heading in ("half width", "after", "expected error")
+        ]
     columns += ["cost .3g"] if costs else []
     documents, rows = list[Document](), list[tuple[Cell, ...]]()
     for number, one in enumerate(plan.candidates, 1):

@@ -145,9 +145,9 @@ def searchable(dataset: Dataset) -> Dataset:
     for curve in dataset.curves:
         between = np.zeros(curve.size, dtype=np.bool_)
         for log in curve.logs:
-            own = np.flatnonzero(curve.training[log])
-            if len(own):
-                between[log[own[0] : own[-1] + 1]] = True
+            rows = np.flatnonzero(curve.training[log])
+            if len(rows):
+                between[log[rows[0] : rows[-1] + 1]] = True
         output = np.where(curve.held_out, np.nan, curve.columns[dataset.target])
         if between.any():
             columns = {**curve.columns, dataset.target: output}
@@ -214,8 +214,8 @@ def _stretches(
     samples = _pooled(dataset)
     training = samples.training
     if situation.timed:
-        told = f"each of {BLOCKS} stretches of the training samples of every recording"
-        return told, _windows([log[training[log]] for log in samples.logs], samples.size, run)
+        words = f"each of {BLOCKS} stretches of the training samples of every recording"
+        return words, _windows([log[training[log]] for log in samples.logs], samples.size, run)
     inputs = situation.moving or situation.inputs
     if bands := _bands(samples, held_out, inputs):
         return f"each of {len(bands)} bands of an input, as wide as those held out", bands
@@ -229,13 +229,13 @@ def _stretches(
                 end = math.ceil(len(rows) / (BLOCKS + 2))
                 inner.append(rows[end : len(rows) - end])
         folds += contiguous(inner, BLOCKS, len(x)) if inner else []
-    told = f"each of {BLOCKS} inner stretches of the training samples of every curve"
-    return told, [fold for fold in folds if fold.any()]
+    words = f"each of {BLOCKS} inner stretches of the training samples of every curve"
+    return words, [fold for fold in folds if fold.any()]
 
 
 def _windows(logs: Sequence[IntArray], size: int, run: int) -> list[BoolArray]:
-    """Masks (size,) of five folds: short runs several times in each recording, or one long run,
-    which those of other folds may overlap.
+    """Return masks (size,) of five folds: short runs several times in each recording, or one long
+    run, which those of other folds may overlap.
     """
     masks = np.zeros((BLOCKS, size), dtype=np.bool_)
     for rows in logs:
@@ -260,7 +260,7 @@ def held_run(study: Dataset) -> int:
 
 
 def _bands(samples: Curve, held_out: Holdout | None, inputs: Sequence[str]) -> list[BoolArray]:
-    """Bands of an input that are as wide as those that the study holds out of it, about even
+    """Return bands of an input that are as wide as those that the study holds out of it, about even
     quantiles of what trains.
 
     Blocks in the order of time hold every value of an input that was swept more than once: left
@@ -349,8 +349,8 @@ def _neighbours(
     at an end: as many at an end as it holds out beyond that end, where it does; else inner ones, as
     many as its longest row of them, or one by one. Two values stay at least.
     """
-    own, every = _values(dataset, of), _values(study, of)
-    values, trained = np.unique(every), np.unique(own)
+    at_curves, every = _values(dataset, of), _values(study, of)
+    values, trained = np.unique(every), np.unique(at_curves)
     most = len(trained) - 2
     if most < 1:
         return [], False
@@ -363,7 +363,7 @@ def _neighbours(
     if not ends:
         row = min(max(map(len, gaps), default=1), most)
         out += [*sliding_window_view(trained[1:-1], row)]
-    return [np.isin(own, some) for some in out], ends
+    return [np.isin(at_curves, some) for some in out], ends
 
 
 BEYOND, WIDEST = 1 / 4, 1 / 3

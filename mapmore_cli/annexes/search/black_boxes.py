@@ -13,6 +13,7 @@ import numpy as np
 from mapmore_cli.annexes.search.situation import Situation
 from mapmore_cli.domain.arrays import Array, BoolArray
 from mapmore_cli.domain.recording import Dataset
+from mapmore_cli.domain.results import Tried
 from mapmore_cli.fitting.baselines import DELAYS, features, learned
 from mapmore_cli.modelling.learners import LEARNERS
 from mapmore_cli.modelling.signals.sampling import even_share
@@ -31,23 +32,28 @@ says nothing of a smooth surface.
 MOST_INPUTS = 4
 """Inputs, delays included, up to which a Gaussian process is fitted: it takes long with more."""
 
+BLACK_BOX = "black box"
+"""The kind of those in the table."""
+
 Left = tuple[Array, BoolArray]
 """Errors of a structure on the samples of a fold, (n,), and which of them it predicts."""
+
+Outcome = tuple[Tried, Sequence[Left]]
+"""A structure with its left-out errors in every fold."""
 
 
 def black_boxes(
     dataset: Dataset, folds: Sequence[BoolArray], situation: Situation
-) -> dict[str, list[Left]]:
-    """Errors of each black box on the left-out samples of every fold, by its name; without
-    scikit-learn of a Gaussian process alone.
+) -> list[Outcome]:
+    """Return each black box with its errors on the left-out samples of every fold; without
+    scikit-learn the Gaussian process alone.
 
     With a past it gets delayed inputs as well. The Gaussian process is that of `plan`: loading
     scikit-learn takes longer than all structures of a small table.
     """
-
     curves, inputs = dataset.curves, situation.inputs
     if not inputs:
-        return {}
+        return []
     delays = DELAYS if situation.timed else (0,)
     known = np.concatenate([curve.training for curve in curves])
     x = np.concatenate([features(curve, inputs, delays) for curve in curves])
@@ -63,7 +69,7 @@ def black_boxes(
             learnt = even_share(rest, min(MOST_IN_A_FOLD, LEARNERS[name].most_samples // 2))
             missed = learner(x[learnt], y[learnt])(x[out]) - y[out]
             errors[name].append((missed, np.isfinite(missed)))
-    return errors
+    return [(Tried(BLACK_BOX, name.replace("_", " "), {}), left) for name, left in errors.items()]
 
 
 def smooth(x: Array, y: Array) -> Callable[[Array], Array]:

@@ -5,7 +5,7 @@ spec that it makes.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, partial
 from importlib.resources import files
@@ -24,7 +24,7 @@ from mapmore_cli.annexes.search.bench import (
     held_run,
     searchable,
 )
-from mapmore_cli.annexes.search.black_boxes import Left, black_boxes
+from mapmore_cli.annexes.search.black_boxes import BLACK_BOX, Left, Outcome, black_boxes
 from mapmore_cli.annexes.search.candidate import Structure, offered_structures
 from mapmore_cli.annexes.search.situation import situation_of
 from mapmore_cli.domain import plugins
@@ -78,9 +78,8 @@ BY_MEDIAN = (
 
 BY_ENDS = "; an end is held out, so that the folds that leave an end out decide alone"
 
-PLAIN, BLACK_BOX = ("simple", "formula"), "black box"
-"""Kinds that are found where they are as good as anything, and one of those that are never found.
-"""
+PLAIN = ("simple", "formula")
+"""Kinds that are found where they are as good as anything."""
 
 SHOWN = (BLACK_BOX, "papers")
 """Kinds that stand in the table and are not taken."""
@@ -127,18 +126,15 @@ def search(
     listed = [one for known in families for one in offered_structures(known, situation)]
     bench = Bench.of(training, situation, part, dataset)
     budget = Budget(part.model.budget)
-    jobs: list[Callable[[], Any]] = [partial(_try_structure, one, bench, budget) for one in listed]
-    jobs.append(partial(black_boxes, training, bench.folds, situation) if beside else dict)
-    *done, boxes = shared_out(call, jobs, partial(progress, "structures"))
-    outcomes: list[Outcome] = [one for ways in done for one in ways]
-    cut = done.count([])
+    jobs = [partial(_try_structure, candidate, bench, budget) for candidate in listed]
+    yardsticks = [partial(black_boxes, training, bench.folds, situation)] if beside else []
+    done = shared_out(call, [*jobs, *yardsticks], partial(progress, "structures"))
+    outcomes = [outcome for ways in done for outcome in ways]
+    cut = done[: len(jobs)].count([])
     ended = (
         f"the budget of {part.model.budget:g} s ended before {cut} of {len(listed)} structures "
         "were tried"
     )
-    outcomes += [
-        (Tried(BLACK_BOX, name.replace("_", " "), {}), left) for name, left in boxes.items()
-    ]
     most = None if situation.timed else max(MOST_PARAMETERS, comb(len(situation.inputs) + 3, 3))
     result = _choose_structure(outcomes, bench, most)
     notes = (*[ended] * bool(cut), *uneven, *_notes_of(result, bench))
@@ -171,10 +167,6 @@ class Budget:
         return self.worked > self.seconds
 
 
-Outcome = tuple[Tried, Sequence[Left]]
-"""A structure with its left-out errors in every fold."""
-
-
 def _choose_structure(outcomes: Sequence[Outcome], bench: Bench, most: int | None) -> Search:
     """Score all structures and black boxes on the rows that all of them predict, and take one
     structure.
@@ -199,8 +191,8 @@ def _choose_structure(outcomes: Sequence[Outcome], bench: Bench, most: int | Non
     rank = simplest_of(sizes.tolist(), errors[:, decide], weights, eligible, median=most is None)
     front = undominated(sizes, np.where(eligible, rank.excess, np.inf))
     as_good = front & (rank.excess <= WITHIN[0]) & (sizes <= sizes[rank.chosen])
-    plain = np.flatnonzero(as_good & np.isin(kinds, PLAIN)).tolist()
-    chosen = min(plain, key=lambda i: (sizes[i], rank.excess[i]), default=rank.chosen)
+    simple = np.flatnonzero(as_good & np.isin(kinds, PLAIN)).tolist()
+    chosen = min(simple, key=lambda i: (sizes[i], rank.excess[i]), default=rank.chosen)
     for place, number in enumerate(usable):
         blocks, parts = (
             float(np.sqrt(np.mean(of**2))) if of.size else np.nan
@@ -250,8 +242,8 @@ def _notes_of(result: Search, bench: Bench) -> list[str]:
 
 
 def _on_common_rows(predicted: Sequence[Sequence[Left]]) -> Array:
-    """RMSE of every structure on every fold, on the rows that all structures predict, (s, f);
-    infinite where a run diverged.
+    """Return the RMSE of every structure on every fold, on the rows that all structures predict,
+    (s, f); infinite where a run diverged.
     """
     rmse = []
     for fold in zip(*predicted, strict=True):
@@ -273,13 +265,13 @@ def _try_structure(candidate: Structure, bench: Bench, budget: Budget) -> list[O
         return []
     started = time.process_time()
     try:
-        found = _tried_ways(candidate, bench)
+        outcomes = _tried_ways(candidate, bench)
     except MapmoreError as fault:
-        found = [_outcome(candidate, None, failure=fault.message)]
+        outcomes = [_outcome(candidate, None, failure=fault.message)]
     seconds = time.process_time() - started
     budget.worked += seconds
-    each = round(seconds / len(found), 2)
-    return [(replace(one, seconds=each), left) for one, left in found]
+    each = round(seconds / len(outcomes), 2)
+    return [(replace(one, seconds=each), left) for one, left in outcomes]
 
 
 def _tried_ways(candidate: Structure, bench: Bench) -> list[Outcome]:
@@ -340,8 +332,12 @@ def _going_on(model: Model, way: str | None) -> Model:
 def _errors(model: Model, rest: Dataset, masks: Sequence[BoolArray]) -> Left:
     """Return the errors on what a fold leaves out of every curve, (n,), and which are known."""
     every = missed_by(model, rest, masks)
-    missed = [said.values[out] - curve.columns[rest.target][out] for curve, out, said in every]
-    return np.concatenate(missed), np.concatenate([said.ready[out] for _, out, said in every])
+    missed = [
+        predicted.values[out] - curve.columns[rest.target][out] for curve, out, predicted in every
+    ]
+    return np.concatenate(missed), np.concatenate(
+        [predicted.ready[out] for _, out, predicted in every]
+    )
 
 
 SWING = 0.1
@@ -392,14 +388,21 @@ def astray(model: Model, bench: Bench) -> bool:
 
 _CHOICES = TypeAdapter(ModelChoices)
 
+EMPTY: Mapping[str, Any] = {
+    "segment": {},
+    "dictionary": [],
+    "model": {"type": "mapmore"},
+    "fit": {},
+}
+"""The sections that make a structure, as they are where it has none of its own."""
+
 
 def choices_of(sections: Mapping[str, Any], part: Slice) -> ModelChoices:
     """Return the sections of a candidate as the spec would have them."""
     fused = {key.removeprefix("fuse."): v for key, v in sections.items() if key.startswith("fuse.")}
-    given = {"segment": {}, "dictionary": [], "model": {}, "fit": {}, **sections}
     choices = _CHOICES.validate_python(
         {
-            **{key: given[key] for key in ("segment", "dictionary", "model", "fit")},
+            **{key: sections.get(key, empty) for key, empty in EMPTY.items()},
             "levels": part.levels,
             "lengths": {},
             "name": "search",
@@ -411,8 +414,7 @@ def choices_of(sections: Mapping[str, Any], part: Slice) -> ModelChoices:
 
 def settings_of(result: Search) -> dict[str, Any]:
     """Return the sections that were found, as settings on top of the spec."""
-    empty = {"segment": {}, "dictionary": [], "model": {"type": "mapmore"}, "fit": {}}
-    return {**empty, **result.found.sections}
+    return {**EMPTY, **result.found.sections}
 
 
 def formulas_beside(result: Search, every: bool = False) -> list[str]:

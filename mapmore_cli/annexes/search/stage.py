@@ -93,12 +93,12 @@ def with_found(loaded: LoadedSpec, run_dir: Path) -> LoadedSpec:
         return loaded
     seen = loaded.spec.data.split.leaves_out
     rivals = [] if loaded.spec.validation.against else formulas_beside(result, seen)
-    found = {
+    settings = {
         **settings_of(result),
         **({"validate.against": rivals} if rivals else {}),
         **({"data.split.structure_seen": True} if seen else {}),
     }
-    return changed(loaded, as_overrides(found))
+    return changed(loaded, as_overrides(settings))
 
 
 _SLICE = TypeAdapter(Slice)

@@ -48,8 +48,8 @@ def behind_tendon(muscle: Model, tendon: TendonSettings | None) -> Model:
 
 
 def formula_parts(summands: Sequence[Summand], joint: FormulaFit, dataset: Dataset) -> list[Part]:
-    """Each formula of a joint fit as a model of its own inputs, with the range that they trained
-    on.
+    """Return each formula of a joint fit as a model of its own inputs, with the range that they
+    trained on.
     """
     training, parts = pooled_training(dataset.curves), []
     for number, (one, fit) in enumerate(zip(summands, split(joint, summands), strict=True), 1):
@@ -70,27 +70,27 @@ def _unit(text: str, dataset: Dataset) -> str:
     """
     source = parse(text)
     names = sorted(source.names)
-    plain = len(names) == 1 and source in (Name(names[0]), parse(f"-{names[0]}"))
-    return dataset.unit(names[0]) if plain else "1"
+    is_plain = len(names) == 1 and source in (Name(names[0]), parse(f"-{names[0]}"))
+    return dataset.unit(names[0]) if is_plain else "1"
 
 
 class SumMaker(Maker):
     """Adds models up, or fits formulas together."""
 
     def fit(self, part: ModelChoices, given: Given) -> FitResult:
-        """Formulas together; nothing where the summands are fitted by runs of their own.
+        """Fit formulas together; nothing is fitted where the summands come from runs of their own.
 
         Raises FitError where the formulas did not converge to anything usable.
         """
         formulas = part.model.sum or []
         if not formulas or formulas[0].formula is None:
             return FitResult(None)
-        found, _ = self.fit_and_predict(formulas, given.dataset, None)
-        if found.failed:
+        joint, _ = self.fit_and_predict(formulas, given.dataset, None)
+        if joint.failed:
             raise FitError(
-                f"the fit of {found.name} failed: {'; '.join(found.notes)}", "take other formulas"
+                f"the fit of {joint.name} failed: {'; '.join(joint.notes)}", "take other formulas"
             )
-        return FitResult(found)
+        return FitResult(joint)
 
     def build(self, part: ModelChoices, given: Given, result: FitResult) -> Model:
         """Return the sum: static plus damping, the models of runs that the spec names, or formulas

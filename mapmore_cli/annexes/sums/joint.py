@@ -81,11 +81,11 @@ def actuator(force: Model, pressure: Model) -> Model:
     """
     output, needed = pressure.output, {quantity.name: quantity for quantity in force.inputs}
     if needed.pop(output.name, None) != output:
-        found = (
+        problem = (
             f"{force.name} is no function of {output.name} in {output.unit}, which "
             f"{pressure.name} predicts"
         )
-        raise DataError(found, "fit it by that quantity, with the unit under `units`")
+        raise DataError(problem, "fit it by that quantity, with the unit under `units`")
     if rates := [signal.name for signal in force.signals if signal.of == output.name]:
         raise DataError(
             f"{force.name} needs {rates[0]}, which {pressure.name} does not predict",
@@ -101,13 +101,13 @@ def actuator(force: Model, pressure: Model) -> Model:
             f"{force.name} and {pressure.name} have {other[0]} in different units",
             "set it under `units`",
         )
-    given = tuple({**inputs, **needed}.values())
+    quantities = tuple({**inputs, **needed}.values())
     signals = tuple(dict.fromkeys((*pressure.signals, *force.signals)))
     notes = tuple(f"{one.name}: {note}" for one in (force, pressure) for note in one.notes)
     return Model(
         f"{force.name}-actuator",
         force.output,
-        given,
+        quantities,
         Sum((Part(force, fed=(Part(pressure),)),)),
         signals,
         notes,
@@ -120,9 +120,9 @@ def refuse_shared_names(inputs_of: Sequence[tuple[str, Sequence[str], Mapping[st
 
     `inputs_of` has for every part what it is called, its own inputs, and what is said of them.
     """
-    for (first, names, said), (second, others, of_other) in combinations(inputs_of, 2):
+    for (first, names, of_one), (second, others, of_other) in combinations(inputs_of, 2):
         if shared := [
-            name for name in names if name in others and not (name in said and name in of_other)
+            name for name in names if name in others and not (name in of_one and name in of_other)
         ]:
             name = shared[0]
             remedy = (
@@ -142,7 +142,7 @@ def own_inputs(part: Summand, columns: Columns) -> Columns:
 def fit_jointly(
     summands: Sequence[Summand], columns: Columns, y: Array, method: str | None = None
 ) -> FormulaFit:
-    """Least squares of `y`, `(n,)`, by `sum_i sign_i f_i`, all parameters at once.
+    """Fit `y`, `(n,)`, by `sum_i sign_i f_i`, with least squares of all parameters at once.
 
     A parameter `F` of the second summand is called `F_2`. Where the sum alone does not tell
     parameters apart, as the constants of both, the rank is deficient and the notes name them.
@@ -233,8 +233,8 @@ def split(fit: FormulaFit, summands: Sequence[Summand]) -> list[FormulaFit]:
     for i, one in enumerate(summands, 1):
         formula = literature.get(str(one.formula))
         parameters, errors = (
-            {name: found[f"{name}_{i}"] for name in formula.parameters}
-            for found in (fit.parameters, fit.errors)
+            {name: numbers[f"{name}_{i}"] for name in formula.parameters}
+            for numbers in (fit.parameters, fit.errors)
         )
         named = replace(fit, name=formula.name, definition=formula.definition)
         parts.append(replace(named, parameters=parameters, errors=errors))

@@ -44,21 +44,21 @@ def _whole(model: Model) -> Equation:
     terms, printed = [], []
     for part in _body(model).parts:
         sign = "-" if part.sign < 0 else "+"
-        given: dict[str, Expression] = {
+        sources: dict[str, Expression] = {
             q.name: parse(part.inputs.get(q.name, q.name)) for q in part.model.inputs
         }
-        given |= {one.model.output.name: Name(one.model.name) for one in part.fed}
-        told = ", ".join(f"{name} = {to_text(source)}" for name, source in given.items())
-        terms.append(f"{sign} {part.model.name}({told})")
+        sources |= {one.model.output.name: Name(one.model.name) for one in part.fed}
+        listed = ", ".join(f"{name} = {to_text(source)}" for name, source in sources.items())
+        terms.append(f"{sign} {part.model.name}({listed})")
         arguments = ", ".join(
-            f"{to_latex(Name(name))} = {to_latex(source)}" for name, source in given.items()
+            f"{to_latex(Name(name))} = {to_latex(source)}" for name, source in sources.items()
         )
         printed.append(rf"{sign} \text{{{tex_text(part.model.name)}}}\left({arguments}\right)")
     return Equation("sum", " ".join(terms).removeprefix("+ "), " ".join(printed).removeprefix("+ "))
 
 
 def _parts(parts: Sequence[Part], columns: Columns) -> Iterator[tuple[Part, Columns]]:
-    """Each part, with its inputs by the names that it knows them by."""
+    """Yield each part, with its inputs by the names that it knows them by."""
     n = row_count(columns)
     for part in parts:
         renamed = {
@@ -99,10 +99,10 @@ def _value(m: Writer, part: Part, inputs: Inputs) -> Expression:
         *limits,
         *(replace(limit, inputs=_own(part, limit.inputs) & inputs.keys()) for limit in m.limits),
     ]
-    own, m.knots = m.knots, knots
+    own_knots, m.knots = m.knots, knots
     # a renamed input is another expression of the sum's inputs
-    for name in own.keys() - renamed.keys():
-        m.knot(name, *own[name])
+    for name in own_knots.keys() - renamed.keys():
+        m.knot(name, *own_knots[name])
     return value
 
 
@@ -131,11 +131,11 @@ class SumVerbs(Verbs):
 
     def one_step(self, model: Model, columns: Columns) -> Array:
         """Return the sum from the measured past, (n,)."""
-        found = [
+        runs = [
             part.sign * kinds.one_step_ahead(part.model, inputs)
             for part, inputs in _parts(_body(model).parts, columns)
         ]
-        return np.asarray(np.sum(found, axis=0))
+        return np.asarray(np.sum(runs, axis=0))
 
     def outside_range(self, model: Model, columns: Columns) -> BoolArray:
         """Return True where any part, or what feeds it, is beyond its training range, (n,)."""
@@ -153,7 +153,7 @@ class SumVerbs(Verbs):
         )
         named = [(one.name, kinds.equations(one, units)) for part in parts for one in part.models]
         return whole + tuple(
-            replace(one, id=f"{name}: {one.id}") for name, found in named for one in found
+            replace(one, id=f"{name}: {one.id}") for name, of_part in named for one in of_part
         )
 
     def rules(self, model: Model) -> Iterator[str]:

@@ -23,7 +23,7 @@ from mapmore_cli.annexes.motion.fitting import fit_motion
 from mapmore_cli.annexes.motion.problem import Piece, Problem
 from mapmore_cli.annexes.motion.simulation import simulate, stable
 from mapmore_cli.annexes.motion.solvers import SOLVERS, fly
-from mapmore_cli.domain.errors import DataError, SpecError
+from mapmore_cli.domain.errors import DataError
 
 NOISE = 0.05
 
@@ -190,14 +190,6 @@ def test_a_section_is_no_slower_than_its_bound():
 def test_a_record_without_training_samples_is_refused():
     with pytest.raises(DataError, match="no training sample"):
         one([record(sine(), sine(), np.zeros(240, dtype=bool))])
-
-
-@pytest.mark.parametrize("settings", [{"offset": True}, {"load": "load"}, {"switching": BUMPLESS}])
-def test_the_published_swarm_has_three_parameters(settings):
-    u = sine()
-    columns = {**record(u, u).columns, "load": np.ones(240)}
-    with pytest.raises(SpecError, match="P1, P2 and P3 alone"):
-        one([replace(record(u, u), columns=columns)], solver="swarm", **settings)
 
 
 def test_a_boundary_at_the_end_of_the_input_cannot_be_joined():
