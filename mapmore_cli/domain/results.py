@@ -62,19 +62,6 @@ class FitResult:
         return self.segments if self.memory is None else (self.memory.piece,)
 
     @property
-    def constant_alone(self) -> tuple[str, ...]:
-        """A note where no term but the constant was chosen."""
-        if self.backbone is not None or {term for piece in self.pieces for term in piece.terms} != {
-            "1"
-        }:
-            return ()
-        left = max(piece.selection.sse / piece.selection.yy for piece in self.pieces)
-        share = f"all but {left:.2g} of the sum of squares"
-        return (
-            f"the constant alone is the model: it explains {share}, and nothing of what changes",
-        )
-
-    @property
     def segments(self) -> tuple[SegmentFit, ...]:
         """The segment functions, where the model consists of pieces."""
         return self.body.segments if isinstance(self.body, PiecesFit) else ()
