@@ -68,7 +68,7 @@ def polynomial_fit(
 
     def polynomial(*at: Array) -> Array:
         ends = zip(at, middle, half, strict=True)
-        return np.asarray(theta @ _monomials([(x - m) / h for x, m, h in ends], degree))
+        return theta @ _monomials([(x - m) / h for x, m, h in ends], degree)
 
     return [by_blocks(polynomial, *(one.columns[name] for name in names)) for one in dataset.curves]
 

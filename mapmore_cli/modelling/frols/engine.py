@@ -198,7 +198,7 @@ class BasisRemainders(Remainders):
     def _cleared(self, vectors: Array) -> Array:
         """Return a vector, or the columns of a matrix, without what lies in the basis."""
         basis = self.basis[:, : self.size]
-        return np.asarray(vectors - basis @ (basis.T @ vectors))
+        return vectors - basis @ (basis.T @ vectors)
 
 
 def _column_squares(P: Array) -> Array:

@@ -70,7 +70,7 @@ class Weighing:
         """Return what rows are divided by, (n,), with robust weights, (n,)."""
         if weights is None:
             return self.sigma
-        return np.asarray((1.0 if self.sigma is None else self.sigma) / np.sqrt(weights))
+        return (1.0 if self.sigma is None else self.sigma) / np.sqrt(weights)
 
     def in_unit(self, unit: float) -> Weighing:
         """Return the same for a target that is divided by a unit."""
@@ -172,7 +172,7 @@ def loss_weights(loss: str, residual: Array) -> Array:
     """
     size = np.abs(residual) / TUNING[loss]
     if loss == "huber":
-        return np.asarray(1 / np.maximum(size, 1.0))
+        return 1 / np.maximum(size, 1.0)
     return np.asarray(np.maximum(np.maximum(1 - size**2, 0.0) ** 2, LEAST_WEIGHT))
 
 

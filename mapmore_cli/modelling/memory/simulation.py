@@ -89,9 +89,7 @@ class ReadyPiece:
         rows = np.arange(self.size)
         if horizon is None:
             return np.zeros_like(rows)
-        return np.asarray(
-            np.maximum.accumulate(np.where((rows % horizon == 0) & self.restarts, rows, 0))
-        )
+        return np.maximum.accumulate(np.where((rows % horizon == 0) & self.restarts, rows, 0))
 
     def run(
         self,
@@ -139,7 +137,7 @@ class ReadyPiece:
     def recalled_at(self, sample: int) -> Array:
         """Return what the model recalls at a sample along the measured output, (q, depth)."""
         back = np.arange(-self.feedback.depth, 0) + self.start + sample
-        return np.asarray(self.history[:, np.maximum(back, 0)])
+        return self.history[:, np.maximum(back, 0)]
 
     def recalled(self, trajectory: Trajectory) -> dict[str, Value]:
         """Return every past value that a run needs, (n,) each by name: measured where it is from
