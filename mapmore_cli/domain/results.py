@@ -208,8 +208,10 @@ class Validation:
 
 @dataclass(frozen=True)
 class SimulatedRun:
-    """Predictions (n,), empty (NaN) before there is history and from a sample at which the run left
-    all bounds to the end of its piece.
+    """Predictions of one recording, (n,).
+
+    They are NaN as long as there is not enough history, and from the row at which a run diverges to
+    the end of its uninterrupted piece.
     """
 
     values: Array
@@ -236,7 +238,7 @@ class Forecast:
 
     @classmethod
     def of(cls, values: Array) -> Forecast:
-        """Predictions that need no history; what is NaN among them is none."""
+        """Return predictions that need no history; a value that is NaN is no prediction."""
         return cls(values, np.broadcast_to(np.True_, len(values)))
 
     @property

@@ -368,7 +368,9 @@ def reads_once(n: int, M: int, terms: int) -> bool:
 
 
 def _by_gram(blocks: Blocks, stopping: Stopping, sigma: Array | None = None) -> Selection:
-    """On the Gram matrix as long as it has the digits, otherwise on explicit remainders."""
+    """Select on the Gram matrix; on explicit remainders if it has lost the digits that the choice
+    needs.
+    """
     blocks = blocks if sigma is None else weighted(blocks, sigma)
     matrix, scale, samples = gram(blocks)
     rows, limit = divided(blocks, scale), stopping.limit(samples, len(scale) - 1)

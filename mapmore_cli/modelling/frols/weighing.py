@@ -67,7 +67,7 @@ class Weighing:
         return None if sigma is None else np.asarray(sigma * np.sqrt(np.mean(sigma**-2.0)))
 
     def by(self, weights: Array | None) -> Array | None:
-        """Return what rows are divided by, (n,), with robust weights, (n,)."""
+        """Return the divisors of the rows, (n,), that also count robust weights, (n,)."""
         if weights is None:
             return self.sigma
         return (1.0 if self.sigma is None else self.sigma) / np.sqrt(weights)

@@ -47,7 +47,8 @@ class ReadyPiece:
     - `inputs`: (n, k) input parts of the terms.
     - `measured`: (start + n,) output; NaN where it is not known.
     - `history`: (q, start + n) what the model recalls along the measured output, at rest before.
-    - `past`: of its states; where it has some, the piece goes on, and starts with its first row.
+    - `past`: the last values of its states; with them the piece continues an earlier one, and
+      starts with its first row.
     """
 
     def __init__(self, feedback: Feedback, columns: Columns, past: Past | None = None) -> None:

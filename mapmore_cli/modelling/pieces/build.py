@@ -324,8 +324,10 @@ def _selected_terms(
     outputs: Sequence[_Samples],
     recipe: Recipe,
 ) -> tuple[Selection, ...]:
-    """FROLS on the dictionary, which is never there as a whole where it need not be read more than
-    once or twice.
+    """Return the terms that FROLS chooses, for each output.
+
+    The dictionary is built block by block if one or two passes over it are enough, so that it never
+    lies in memory as a whole.
     """
     n, how = len(outputs[0].y), (recipe.fit.max_terms, recipe.fit.tolerance)
     weighings = [
