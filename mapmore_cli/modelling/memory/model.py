@@ -44,7 +44,7 @@ from mapmore_cli.modelling.program.statements import NOTHING, Queue
 from mapmore_cli.modelling.program.writing import Inputs, Writer, limit, product_as_written, total
 
 
-def build(
+def memory_model(
     name: str,
     memory: MemoryModel,
     backbone: FormulaFit | None,

@@ -179,7 +179,7 @@ def score_rows(
                 rows.setdefault(place, (name, []))[1].append(part)
         whole = [part for (kind, _), (_, parts) in rows.items() if kind == 0 for part in parts]
         for name, parts in [("all", whole), *(rows[place] for place in sorted(rows))]:
-            row = compared(parts, scale, free if split == "train" and parts is whole else 0)
+            row = row_of_samples(parts, scale, free if split == "train" and parts is whole else 0)
             if row.n:
                 yield Score.of(model, target, split, name, row)
 
@@ -236,7 +236,7 @@ def _where_equal(column: Array, value: float) -> BoolArray:
     return np.asarray(by_blocks(lambda part: part == value, column))
 
 
-def compared(parts: Sequence[ScoredSamples], scale: Normaliser, free: int = 0) -> Compared:
+def row_of_samples(parts: Sequence[ScoredSamples], scale: Normaliser, free: int = 0) -> Compared:
     """Return the samples of some parts as one row of the score table."""
 
     def blocks() -> Iterator[SampleBlock]:
