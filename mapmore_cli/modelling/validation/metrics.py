@@ -227,7 +227,8 @@ def _rows_of(
             yield (1, (number, place)), f"{curve.id};direction={word}", wanted & moving
     if group is not None:
         values = curve.columns[group]
-        for value in {one for part in blocks_where(values, wanted) for one in part.tolist()}:
+        parts = map(np.unique, blocks_where(values, wanted))
+        for value in {value for part in parts for value in part.tolist()}:
             same = _where_equal(values, value)
             yield (2, value), f"{group}={value:g}", wanted & same
 
