@@ -1,4 +1,4 @@
-"""The samples that a row of the score table is of, as arrays, and what is summed over them."""
+"""The samples of one row of the score table, as arrays, and the sums over them."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ class SampleBlock(NamedTuple):
 
 @dataclass(frozen=True)
 class Compared:
-    """All samples of a row: `blocks` yields them, as often as it is called.
+    """All samples of a row of the score table; each call of `blocks` yields them, block by block.
 
     - `scale`: what errors are divided by.
     - `free`: the numbers that were fitted to these samples.
@@ -67,8 +67,8 @@ class Compared:
         return self.total(lambda block: (of(block) - mean) ** 2)
 
     def median(self, of: Callable[[SampleBlock], Array]) -> float:
-        """Return the median of the known values, of many of an even share; NaN where there are
-        none.
+        """Return the median of the known values, of at most a million that are evenly taken; NaN if
+        there are none.
         """
         every = 1 + self.n // MOST_VALUES
         values = np.concatenate([of(block)[::every] for block in self.blocks()])

@@ -45,10 +45,11 @@ class MapmoreError(Exception):
 
 
 def explained(error: BaseException) -> BaseException:
-    """Return the error itself; for a file or folder that may not be read, wherever that turned out,
-    the one that says so.
+    """Return the error itself, or one that says what the user can do about it: a file or folder
+    that may not be read, a path that leads nowhere, too little memory.
 
-    An interruption within a function in C may come as a SystemError: then it is the interruption.
+    If Ctrl-C arrives inside a C function, Python may raise a SystemError. Its cause, the
+    interruption, is then returned.
     """
     if isinstance(error, SystemError) and isinstance(error.__cause__, KeyboardInterrupt):
         return error.__cause__

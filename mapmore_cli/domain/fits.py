@@ -116,8 +116,7 @@ class Selection:
         """Return the model's output at every row of a dictionary `P` with the same columns,
         (n,).
         """
-        predicted: Array = np.asarray(P, dtype=np.float64)[:, self.chosen] @ self.theta
-        return predicted
+        return np.asarray(P, dtype=np.float64)[:, self.chosen] @ self.theta
 
     @property
     def freedom(self) -> int:

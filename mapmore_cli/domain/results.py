@@ -62,19 +62,6 @@ class FitResult:
         return self.segments if self.memory is None else (self.memory.piece,)
 
     @property
-    def constant_alone(self) -> tuple[str, ...]:
-        """A note where no term but the constant was chosen."""
-        if self.backbone is not None or {term for piece in self.pieces for term in piece.terms} != {
-            "1"
-        }:
-            return ()
-        left = max(piece.selection.sse / piece.selection.yy for piece in self.pieces)
-        share = f"all but {left:.2g} of the sum of squares"
-        return (
-            f"the constant alone is the model: it explains {share}, and nothing of what changes",
-        )
-
-    @property
     def segments(self) -> tuple[SegmentFit, ...]:
         """The segment functions, where the model consists of pieces."""
         return self.body.segments if isinstance(self.body, PiecesFit) else ()
@@ -221,8 +208,10 @@ class Validation:
 
 @dataclass(frozen=True)
 class SimulatedRun:
-    """Predictions (n,), empty (NaN) before there is history and from a sample at which the run left
-    all bounds to the end of its piece.
+    """Predictions of one recording, (n,).
+
+    They are NaN as long as there is not enough history, and from the row at which a run diverges to
+    the end of its uninterrupted piece.
     """
 
     values: Array
@@ -249,7 +238,7 @@ class Forecast:
 
     @classmethod
     def of(cls, values: Array) -> Forecast:
-        """Predictions that need no history; what is NaN among them is none."""
+        """Return predictions that need no history; a value that is NaN is no prediction."""
         return cls(values, np.broadcast_to(np.True_, len(values)))
 
     @property

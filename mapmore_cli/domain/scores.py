@@ -218,7 +218,7 @@ class Limit:
 
     @property
     def kept(self) -> bool:
-        """False also where there is no number."""
+        """Whether the value keeps the limit; NaN never does."""
         return (
             self.value >= self.limit if MEASURES[self.metric].at_least else self.value <= self.limit
         )

@@ -85,10 +85,10 @@ def equation(
         exact = value(17)
         error = TOLERANCE * (np.ptp(exact) or np.abs(exact).max())
         digits = next((one for one in range(3, 17) if np.abs(value(one) - exact).max() <= error), 6)
-    return written(name, whole, digits, where, weight)
+    return as_equation(name, whole, digits, where, weight)
 
 
-def written(
+def as_equation(
     name: str,
     whole: Expression,
     digits: int,

@@ -297,7 +297,7 @@ def may_turn_twice(
         np.minimum(np.abs(left), np.abs(right)),
         np.maximum(np.abs(left), np.abs(right)),
     )
-    return np.asarray(bends & (reach > SAME * farther) & (nearer <= reach))
+    return bends & (reach > SAME * farther) & (nearer <= reach)
 
 
 def _bisected(f: Callable[[Array, IntArray], Array], low: Array, high: Array) -> Array:
@@ -310,7 +310,7 @@ def _bisected(f: Callable[[Array, IntArray], Array], low: Array, high: Array) ->
         middle = (low + high) / 2
         same = np.sign(f(middle, which)) == start
         low, high = np.where(same, middle, low), np.where(same, high, middle)
-    return np.asarray((low + high) / 2)
+    return (low + high) / 2
 
 
 def _picked(values: Array, rows: IntArray, n: int, rule: str) -> Array:

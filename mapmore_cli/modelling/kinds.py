@@ -56,8 +56,8 @@ class Verbs(Protocol):
         """Write the model as statements; return its output."""
 
     def running(self, model: Model) -> Callable[[Columns], SimulatedRun] | None:  # noqa: ARG002
-        """Return what simulates one recording block after block; None where the kind needs the
-        whole recording.
+        """Return a function that simulates one recording block after block; None if the kind needs
+        the whole recording at once.
         """
         return None
 
@@ -180,7 +180,9 @@ def settled(model: Model, columns: Columns) -> Array:
 
 
 def running(model: Model) -> Callable[[Columns], SimulatedRun] | None:
-    """Return what simulates one recording block after block; None of a kind that wants it whole."""
+    """Return a function that simulates one recording block after block; None if the kind needs the
+    whole recording at once.
+    """
     return verbs_of(model).running(model)
 
 

@@ -68,7 +68,7 @@ def polynomial_fit(
 
     def polynomial(*at: Array) -> Array:
         ends = zip(at, middle, half, strict=True)
-        return np.asarray(theta @ _monomials([(x - m) / h for x, m, h in ends], degree))
+        return theta @ _monomials([(x - m) / h for x, m, h in ends], degree)
 
     return [by_blocks(polynomial, *(one.columns[name] for name in names)) for one in dataset.curves]
 
@@ -122,14 +122,6 @@ def _monomials(x: Sequence[Array] | Array, degree: int) -> Array:
     return np.array([*values.values()])
 
 
-def _past(values: Array, order: int) -> Array:
-    """Return the values 0 to `order` samples before each, (n, order + 1); the first one stands for
-    what was before it.
-    """
-    places = np.arange(len(values))
-    return np.column_stack([values[np.maximum(places - step, 0)] for step in range(order + 1)])
-
-
 def _one_step_fit(dataset: Dataset, names: Sequence[str], order: int) -> Array | None:
     """Coefficients: the constant, `order` of the output, then `order + 1` of each input."""
     every, tables, outputs = _thinning(dataset), [], []
@@ -158,24 +150,27 @@ def _run(curve: Curve, target: str, names: Sequence[str], order: int, theta: Arr
     from scipy.signal import lfilter  # a fifth of the seconds of a run without any
 
     y = curve.columns[target]
-    a, b = theta[1 : order + 1], theta[order + 1 :]
+    a, weights = theta[1 : order + 1], theta[order + 1 :].reshape(len(names), order + 1)
     most = LARGEST * max(np.abs(x[np.isfinite(x)]).max(initial=1e-300) for (x,) in in_blocks(y))
 
+    def at_rest(coefficients: Array, first: float) -> Array:
+        """Return what values that were always the first one add to the samples 0, 1, ..."""
+        return np.array([coefficients[step:].sum() * first for step in range(order)])
+
     def along(rows: slice | IntArray) -> Iterator[list[Array]]:
-        # At rest at the first output before the record: what earlier outputs add to the samples 0,
-        # 1, ... of the filter
-        past = np.array([a[step:].sum() * y[rows][0] for step in range(order)])
-        first, lost = 0, False
-        for block in in_blocks(y[rows], *(curve.columns[x][rows] for x in names), overlap=order):
-            inputs = [_past(x, order)[first:] for x in block[1:]]
-            drive = theta[0] + (
-                np.hstack(inputs) @ b if inputs else np.zeros(len(block[0]) - first)
-            )
+        columns = [y[rows], *(curve.columns[name][rows] for name in names)]
+        past = at_rest(a, columns[0][0])
+        delayed = [at_rest(b[1:], x[0]) for b, x in zip(weights, columns[1:], strict=True)]
+        lost = False
+        for measured, *inputs in in_blocks(*columns):
+            drive = np.full(len(measured), theta[0])
             with np.errstate(over="ignore", invalid="ignore"):
+                for place, x in enumerate(inputs):
+                    part, delayed[place] = lfilter(weights[place], [1.0], x, zi=delayed[place])
+                    drive += part
                 values, past = lfilter([1.0], np.concatenate([[1.0], -a]), drive, zi=past)
             far = np.maximum.accumulate(~(np.abs(values) <= most)) | lost
-            values[far] = np.nan
-            first, lost = order, bool(far[-1:].any())
+            values[far], lost = np.nan, bool(far[-1:].any())
             yield [values]
 
     return curve.together([stacked(along(rows))[0] for rows in curve.stretches])

@@ -128,7 +128,7 @@ def fit(part: ModelChoices, workspace: Workspace) -> None:
     """Fit what the kind of model asks for: every segment, one model with memory, a formula, or
     nothing where models are added up.
     """
-    from mapmore_cli.modelling.frols.offsets import far_from_zero
+    from mapmore_cli.modelling.frols.offsets import constant_alone, far_from_zero
     from mapmore_cli.modelling.literature.backbone import pooled_training
     from mapmore_cli.storage.artefacts import write_fit
     from mapmore_cli.storage.artefacts.schema import units_of
@@ -136,7 +136,7 @@ def fit(part: ModelChoices, workspace: Workspace) -> None:
     dataset = workspace.files.dataset()
     given = Given(dataset, workspace.files.segmentation(), progress=workspace.progress)
     result = kinds.fit(part, given)
-    alone = dict.fromkeys(note for one in result.each for note in one.constant_alone)
+    alone = dict.fromkeys(note for one in result.each for note in constant_alone(one))
     for note in alone:
         workspace.warn(note)
     pieces = [piece for one in result.each for piece in one.pieces]

@@ -3,7 +3,7 @@
 LEARNERS = "modelling/learners.py"
 TABLE = "LEARNERS: Mapping[str, Learner]"
 ROW = '        "mlp": Learner('
-MADE = """def _nearest_neighbours(_inputs: int) -> Any:
+MADE = """def _nearest_neighbours(_inputs: int) -> Regressor:
     from sklearn.neighbors import KNeighborsRegressor
 
     return KNeighborsRegressor(n_neighbors=1)

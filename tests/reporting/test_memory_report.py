@@ -62,7 +62,7 @@ def report_of(dictionary, *, ridge=0.0, scale=False, held=0.5, free_run=False):
     )
     fit = fit_with_memory(records_of([curve], STEP), recipe)
     limits = {name: (float(x.min()), float(x.max())) for name, x in columns.items()}
-    model = memory.build(
+    model = memory.memory_model(
         "demo", fit.model, None, (SegmentedCurve("a", None, limits, (), (), ()),), QUANTITIES
     )
     forecasts = {"mapmore": (forecast(model, curve),), "flat": (Forecast.of(np.full(n, 12.0)),)}

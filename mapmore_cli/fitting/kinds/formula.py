@@ -42,7 +42,7 @@ class FormulaMaker(Maker):
         assert result.formula is not None
         quantities = given.dataset.quantities
         level = level_of(part.levels, part.segment)
-        model = formula.build(
+        model = formula.formula_model(
             part.name,
             quantities[given.dataset.target],
             result.formula,

@@ -110,7 +110,7 @@ class MemoryMaker(Maker):
         sign of its static gain where the spec asks for one.
         """
         assert result.memory is not None
-        model = memory.build(
+        model = memory.memory_model(
             part.name,
             result.memory.model,
             result.backbone,

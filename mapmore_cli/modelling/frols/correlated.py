@@ -146,7 +146,7 @@ class _Records:
         inner = self.basis.T @ turned
         own = self.pairs * np.power(kept, self.lags)
         lost = [np.sum((self.basis.T @ x) * inner.T) - 2 * np.sum(x * turned) for x in self.shifts]
-        return np.asarray(own + np.array(lost))
+        return own + np.array(lost)
 
 
 def _rows(lengths: Sequence[int]) -> Iterator[slice]:

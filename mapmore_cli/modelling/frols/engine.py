@@ -198,7 +198,7 @@ class BasisRemainders(Remainders):
     def _cleared(self, vectors: Array) -> Array:
         """Return a vector, or the columns of a matrix, without what lies in the basis."""
         basis = self.basis[:, : self.size]
-        return np.asarray(vectors - basis @ (basis.T @ vectors))
+        return vectors - basis @ (basis.T @ vectors)
 
 
 def _column_squares(P: Array) -> Array:
@@ -368,7 +368,9 @@ def reads_once(n: int, M: int, terms: int) -> bool:
 
 
 def _by_gram(blocks: Blocks, stopping: Stopping, sigma: Array | None = None) -> Selection:
-    """On the Gram matrix as long as it has the digits, otherwise on explicit remainders."""
+    """Select on the Gram matrix; on explicit remainders if it has lost the digits that the choice
+    needs.
+    """
     blocks = blocks if sigma is None else weighted(blocks, sigma)
     matrix, scale, samples = gram(blocks)
     rows, limit = divided(blocks, scale), stopping.limit(samples, len(scale) - 1)

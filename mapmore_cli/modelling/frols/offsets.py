@@ -1,4 +1,6 @@
-"""Whether inputs stand so far from zero that their powers and products cannot be told apart."""
+"""Notes on what was selected: inputs so far from zero that their powers and products cannot be told
+apart, and a model that is nothing but a constant.
+"""
 
 from __future__ import annotations
 
@@ -9,6 +11,7 @@ import numpy as np
 
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.fits import SegmentFit
+from mapmore_cli.domain.results import FitResult
 
 # times its spread that the mean of an input may be: the square of that, times the rounding error of
 # a number, is what a coefficient loses
@@ -36,3 +39,14 @@ def far_from_zero(pieces: Sequence[SegmentFit], samples: Mapping[str, Array]) ->
                 "write `fit: {scaling: unit_square}`, with memory `range`"
             )
     return notes
+
+
+def constant_alone(fit: FitResult) -> list[str]:
+    """Return a note if no term but the constant was chosen, and nothing else is in the model."""
+    if fit.backbone is not None or {term for one in fit.pieces for term in one.terms} != {"1"}:
+        return []
+    left = max(one.selection.sse / one.selection.yy for one in fit.pieces)
+    return [
+        "the constant alone is the model: it explains "
+        f"all but {left:.2g} of the sum of squares, and nothing of what changes"
+    ]

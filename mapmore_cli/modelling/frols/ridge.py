@@ -45,9 +45,7 @@ class Regularised:
 
     def coefficients(self, chosen: IntArray) -> Array:
         """`theta = G^-1 h` of some of the candidates, (k,)."""
-        return np.asarray(
-            cho_solve(cho_factor(self.gram[np.ix_(chosen, chosen)]), self.products[chosen])
-        )
+        return cho_solve(cho_factor(self.gram[np.ix_(chosen, chosen)]), self.products[chosen])
 
     def unexplained(self, chosen: IntArray, theta: Array) -> float:
         """`SSE / y'y` of the chosen terms on the samples, without the ridge's penalty."""

@@ -67,10 +67,10 @@ class Weighing:
         return None if sigma is None else np.asarray(sigma * np.sqrt(np.mean(sigma**-2.0)))
 
     def by(self, weights: Array | None) -> Array | None:
-        """Return what rows are divided by, (n,), with robust weights, (n,)."""
+        """Return the divisors of the rows, (n,), that also count robust weights, (n,)."""
         if weights is None:
             return self.sigma
-        return np.asarray((1.0 if self.sigma is None else self.sigma) / np.sqrt(weights))
+        return (1.0 if self.sigma is None else self.sigma) / np.sqrt(weights)
 
     def in_unit(self, unit: float) -> Weighing:
         """Return the same for a target that is divided by a unit."""
@@ -172,7 +172,7 @@ def loss_weights(loss: str, residual: Array) -> Array:
     """
     size = np.abs(residual) / TUNING[loss]
     if loss == "huber":
-        return np.asarray(1 / np.maximum(size, 1.0))
+        return 1 / np.maximum(size, 1.0)
     return np.asarray(np.maximum(np.maximum(1 - size**2, 0.0) ** 2, LEAST_WEIGHT))
 
 

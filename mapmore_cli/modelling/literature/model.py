@@ -15,7 +15,7 @@ from mapmore_cli.domain.models import Equation, Formula, Model
 from mapmore_cli.domain.recording import CurveRange, Quantity
 from mapmore_cli.domain.results import SimulatedRun
 from mapmore_cli.modelling import literature
-from mapmore_cli.modelling.equations import written
+from mapmore_cli.modelling.equations import as_equation
 from mapmore_cli.modelling.expressions import (
     Expression,
     Name,
@@ -32,7 +32,7 @@ DIGITS = 6
 """Digits of the printed numbers; model.h5 holds all of them."""
 
 
-def build(
+def formula_model(
     name: str,
     output: Quantity,
     fit: FormulaFit,
@@ -69,7 +69,7 @@ def formula_equations(fit: FormulaFit | None, units: Mapping[str, float]) -> tup
 
 def printed(name: str, expression: Expression) -> Equation:
     """Return an equation whose numbers have six digits, computed as far as they can be."""
-    return written(name, folded(expression), DIGITS)
+    return as_equation(name, folded(expression), DIGITS)
 
 
 def where_finite(

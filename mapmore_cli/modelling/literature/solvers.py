@@ -72,13 +72,13 @@ def descend(
     starts: Sequence[Array],
     bounds: Bounds = (-np.inf, np.inf),
     method: Literal["trf", "lm"] = "trf",
-    evaluations: int = EVALUATIONS,
+    evaluations: int | None = None,
 ) -> list[End]:
     """Return the nearest minimum of `|r(x)|^2` from every start in which it is finite, in their
     order, by SciPy's least squares.
 
     `bounds` are the lowest and the highest coordinates, each `(k,)`; `lm` takes none. Each start
-    has so many `evaluations`.
+    has so many `evaluations`, by default `EVALUATIONS`.
     """
     from scipy.optimize import least_squares
 
@@ -116,7 +116,7 @@ def descend(
                 xtol=TOLERANCE,
                 gtol=TOLERANCE,
                 x_scale="jac",
-                max_nfev=evaluations,
+                max_nfev=evaluations or EVALUATIONS,
             )
             ends.append(End(end.x, float(end.cost), end.status > 0))
     return ends

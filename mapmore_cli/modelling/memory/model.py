@@ -44,7 +44,7 @@ from mapmore_cli.modelling.program.statements import NOTHING, Queue
 from mapmore_cli.modelling.program.writing import Inputs, Writer, limit, product_as_written, total
 
 
-def build(
+def memory_model(
     name: str,
     memory: MemoryModel,
     backbone: FormulaFit | None,
@@ -179,7 +179,7 @@ class MemoryVerbs(Verbs):
         with suppress(NotFinite, RuntimeError), np.errstate(all="ignore"):
             rest = fixed_point(following, start) if self.fed_back(model) else following(start)
             if (np.clip(rest, *divergence_bounds(memory.limits)) == rest).all():
-                return np.asarray(base + rest)
+                return base + rest
         raise FitError(
             "fit.shape: with inputs that stand still, the fitted model comes to no rest",
             "use fewer delays of the output, or remove it",

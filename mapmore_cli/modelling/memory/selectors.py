@@ -28,9 +28,11 @@ from mapmore_cli.modelling.selection import MemoryRecipe, Stop
 
 @dataclass(frozen=True)
 class Regressors:
-    """States and output on the n training samples that have a history, (n,) each, in the order of
-    the recordings, of which each has so many (`lengths`); and the uncertainty of the output where
-    it is known, (n,).
+    """States and output of the n training samples that have a history, (n,) each, one recording
+    after the other.
+
+    `uncertainty`, (n,), is that of the output, if it is known; `lengths` are the numbers of samples
+    of the recordings.
     """
 
     terms: tuple[Expression, ...]

@@ -47,7 +47,8 @@ class ReadyPiece:
     - `inputs`: (n, k) input parts of the terms.
     - `measured`: (start + n,) output; NaN where it is not known.
     - `history`: (q, start + n) what the model recalls along the measured output, at rest before.
-    - `past`: of its states; where it has some, the piece goes on, and starts with its first row.
+    - `past`: the last values of its states; with them the piece continues an earlier one, and
+      starts with its first row.
     """
 
     def __init__(self, feedback: Feedback, columns: Columns, past: Past | None = None) -> None:
@@ -89,9 +90,7 @@ class ReadyPiece:
         rows = np.arange(self.size)
         if horizon is None:
             return np.zeros_like(rows)
-        return np.asarray(
-            np.maximum.accumulate(np.where((rows % horizon == 0) & self.restarts, rows, 0))
-        )
+        return np.maximum.accumulate(np.where((rows % horizon == 0) & self.restarts, rows, 0))
 
     def run(
         self,
@@ -139,7 +138,7 @@ class ReadyPiece:
     def recalled_at(self, sample: int) -> Array:
         """Return what the model recalls at a sample along the measured output, (q, depth)."""
         back = np.arange(-self.feedback.depth, 0) + self.start + sample
-        return np.asarray(self.history[:, np.maximum(back, 0)])
+        return self.history[:, np.maximum(back, 0)]
 
     def recalled(self, trajectory: Trajectory) -> dict[str, Value]:
         """Return every past value that a run needs, (n,) each by name: measured where it is from

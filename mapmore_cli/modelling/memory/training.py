@@ -47,8 +47,8 @@ Numbers = tuple[tuple[float, ...], ...]  # those of each state
 
 @dataclass(frozen=True)
 class Unknown:
-    """The m numbers that some terms leave open. One is searched by its logarithm where it is
-    positive.
+    """The m numbers of operators that some terms leave open; a number that has to be positive is
+    searched by its logarithm.
 
     - `states`: operators without their numbers, the innermost first, each once; those of fewer
       terms keep their order.

@@ -51,7 +51,6 @@ from mapmore_cli.modelling.expressions import (
 from mapmore_cli.modelling.expressions.ranged import placed
 from mapmore_cli.modelling.frols import (
     TIE_TOLERANCE,
-    Blocks,
     Regression,
     Weighing,
     frols,
@@ -181,42 +180,41 @@ def fit_together(
         raise DataError(what, f"{ways}, or set fit.max_terms below {max(2, n)}")
     variables = quantities_in(terms)
     outputs = [_samples_of(segment, columns, variables, one, origin) for one in recipes]
-    best, least = None, np.inf
     robust = recipe.fit.loss != "squares"
-    errs = "scale" if robust else "sse"  # weighted squares do not compare
-    inputs = outputs[0].inputs
-    ends = {name: np.array(extremes(x)) for name, x in zip(variables, inputs, strict=True)}
-    choosing = outputs if robust else [one.without_errors() for one in outputs]
+    missed = "scale" if robust else "sse"  # weighted squares do not compare
+    ends = {
+        name: np.array(extremes(x)) for name, x in zip(variables, outputs[0].inputs, strict=True)
+    }
+    best: tuple[SegmentFit, ...] | None = None
+    least = np.inf
     places = zip(*(one.placements(recipe, variables) for one in outputs), strict=True)
-    for place, found in enumerate(places):
-        scalings: Sequence[Scaling] = found
-        written = placed(
+    for place, of_outputs in enumerate(places):
+        scalings: Sequence[Scaling] = of_outputs
+        texts = placed(
             recipe.dictionary,
             tuple((name, *z.tolist()) for name, z in scaled_inputs(scalings[0], ends).items()),
         )
-        own = terms if written == recipe.dictionary else list(map(parse, written))
+        candidates = terms if texts == recipe.dictionary else list(map(parse, texts))
         try:
             if robust:
-                scalings, selections = _robust(own, scalings, outputs, recipe, place)
+                scalings, selections = _robust(candidates, scalings, outputs, recipe, place)
             else:
-                selections = _selected_terms(own, scalings, choosing, recipe)
+                selections = _selected_terms(candidates, scalings, outputs, recipe)
         except NotFinite as error:
             remedy = (
                 "terms are evaluated in the segment's scaled coordinates; set fit.scaling: "
                 "none, or leave the term out"
             )
             raise DataError(f"segment {segment.id}: {error}", remedy) from error
-        error_ = sum(getattr(one, errs) for one in selections)
-        if best is None or error_ < least * (1 - TIE_TOLERANCE):
-            least = error_
-            best = own, written, tuple(zip(scalings, selections, strict=True))
+        left = sum(getattr(selection, missed) for selection in selections)
+        if best is None or left < least * (1 - TIE_TOLERANCE):
+            least, head = left, (segment.id, segment.curve, segment.cell, texts)
+            best = tuple(
+                SegmentFit(*head, scaling, selection)
+                for scaling, selection in zip(scalings, selections, strict=True)
+            )
     assert best is not None  # there is at least one placement
-    own, written, found = best
-    head = (segment.id, segment.curve, segment.cell, written)
-    return tuple(
-        SegmentFit(*head, scaling, one if robust else output.with_errors(own, scaling, one))
-        for output, (scaling, one) in zip(outputs, found, strict=True)
-    )
+    return best
 
 
 # samples for each term of the fit by which outliers are found
@@ -239,25 +237,6 @@ class _Samples:
         if sigma is not None:
             weights = (1.0 if robust is None else robust) / sigma**2
         return placements(recipe.fit.scaling, self.inputs, self.y, variables, weights)
-
-    def without_errors(self) -> _Samples:
-        """Return the same for choosing a placement, which standard errors do not decide: those by
-        what goes together along a recording take longer than the choice of few terms.
-        """
-        alone = self.weighing.curves is None
-        return replace(self, weighing=replace(self.weighing, recorded=None)) if alone else self
-
-    def with_errors(
-        self, terms: Sequence[Expression], scaling: Scaling, found: Selection
-    ) -> Selection:
-        """Return what was chosen `without_errors` with its standard errors."""
-        if self.weighing.curves is not None:
-            return found
-
-        def only(chosen: IntArray) -> Blocks:
-            return partial(self.blocks, [terms[i] for i in chosen], scaling)
-
-        return self.weighing.with_errors(found, only, None)
 
     def blocks(
         self, terms: Sequence[Expression], scaling: Scaling
@@ -345,8 +324,10 @@ def _selected_terms(
     outputs: Sequence[_Samples],
     recipe: Recipe,
 ) -> tuple[Selection, ...]:
-    """FROLS on the dictionary, which is never there as a whole where it need not be read more than
-    once or twice.
+    """Return the terms that FROLS chooses, for each output.
+
+    The dictionary is built block by block if one or two passes over it are enough, so that it never
+    lies in memory as a whole.
     """
     n, how = len(outputs[0].y), (recipe.fit.max_terms, recipe.fit.tolerance)
     weighings = [
@@ -390,18 +371,18 @@ def fuse(
     }
     inputs = tuple(sorted(needed if level is None else {*needed, level}))
     training = {curve.id: curve for curve in training_curves(curves, level is not None)}
-    fits = dict[str, list[SegmentFit]]()
-    for fit in result.segments:
-        fits.setdefault(fit.curve, []).append(fit)
+    fits = {fit.id: fit for fit in result.segments}
     functions = []
-    for s in sorted(segmentation, key=lambda s: (s.level is not None, s.level)):
-        curve, rows = training[s.curve], {one.id: one.rows for one in s.segments}
+    for cut in sorted(segmentation, key=lambda cut: (cut.level is not None, cut.level)):
         segments = tuple(
-            _segment_function(f, samples_at(curve.columns, rows[f.id], s.variables))
-            for f in fits.get(s.curve, ())
+            _segment_function(
+                fits[one.id], samples_at(training[cut.curve].columns, one.rows, cut.variables)
+            )
+            for one in cut.segments
+            if one.id in fits
         )
         functions.append(
-            from_fields(CurveFunction, s.of(inputs), boundaries=s.boundaries, segments=segments)
+            from_fields(CurveFunction, cut.of(inputs), boundaries=cut.boundaries, segments=segments)
         )
     several = any(len(one.terms) > 1 for one in result.segments)
     sides = _extrapolation(recipe, inputs, "saturate" if several else "continue")

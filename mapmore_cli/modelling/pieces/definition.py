@@ -74,7 +74,7 @@ def across_levels(
     last = len(levels) - 1
 
     def counting(i: int) -> range:
-        """Between levels i and i + 1; with `pchip`, slopes there depend on the curves beside."""
+        """Return the curves that count between two levels; with `pchip` also those beside them."""
         reach = 0 if fusion.levels == "linear" else 1
         return range(max(i - reach, 0), min(i + 1 + reach, last) + 1)
 

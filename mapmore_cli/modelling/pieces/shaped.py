@@ -86,7 +86,7 @@ def _triangular_factor(
         P = dictionary_matrix([parse(text) for text in segment.terms], z, len(own))
         P = P / samples[unsure][:, None] if given else P
         blocks.append(np.linalg.qr(segment.scaling.y_slope * P, mode="r"))
-    return np.asarray(block_diag(*blocks))
+    return block_diag(*blocks)
 
 
 def _with_coefficients(body: Pieces, theta: Array) -> Pieces:
@@ -140,7 +140,7 @@ def _fused_output(model: Model, body: Pieces, count: int) -> Values:
     def value(theta: Array, columns: Columns) -> Array:
         n = row_count(columns)
         found = program({**columns, **dict(zip(names, theta, strict=True))})[0]
-        return np.asarray(found + backbone_values(body.backbone, columns, n))
+        return found + backbone_values(body.backbone, columns, n)
 
     return value
 

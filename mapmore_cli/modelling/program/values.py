@@ -276,7 +276,6 @@ def _first_that_holds(
     side: Literal["left", "right"] = "left" if comparison.endswith("=") else "right"
 
     def beyond(x: Array) -> IntArray:
-        found: IntArray = ends[np.searchsorted(reached, turn * x, side=side)]
-        return found
+        return ends[np.searchsorted(reached, turn * x, side=side)]
 
     return beyond

@@ -187,7 +187,7 @@ def _widened(axes: Mapping[str, Array], inside: BoolArray) -> BoolArray:
 
     shape = tuple(map(len, axes.values()))
     beside = np.ones((3,) * len(shape), dtype=np.bool_)
-    return np.asarray(binary_dilation(inside.reshape(shape), beside).ravel())
+    return binary_dilation(inside.reshape(shape), beside).ravel()
 
 
 def _grid_about(stencil: Stencils, steps: Mapping[str, float], region: Region) -> Stencils:

@@ -99,7 +99,7 @@ class Region:
         """Return the training output between the samples, (n,): linear, and that of the nearest
         beyond them.
         """
-        return np.asarray(self.between(columns) @ self.values)
+        return self.between(columns) @ self.values
 
     def holds(self, columns: Columns) -> BoolArray:
         """Return True at places in it, (n,)."""

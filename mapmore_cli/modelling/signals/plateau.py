@@ -123,7 +123,7 @@ def find_plateau(time: Array, pressure: Array, others: Mapping[str, Array]) -> t
 
 def _settled(signal: Array, later: IntArray, span: float) -> BoolArray:
     """Where a signal is within the band around its median over the samples `later`."""
-    return np.asarray(np.abs(signal - np.median(signal[later])) <= BAND * span)
+    return np.abs(signal - np.median(signal[later])) <= BAND * span
 
 
 def _first(mask: BoolArray) -> int:

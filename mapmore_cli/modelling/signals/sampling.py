@@ -60,8 +60,7 @@ def spread_repeated(time: Array) -> Array:
         return time.copy()
     steps = np.diff(stamps, append=2 * stamps[-1] - stamps[-2])
     first = np.cumsum(counts) - counts
-    spread: Array = time + steps[place] * (np.arange(len(time)) - first[place]) / counts[place]
-    return spread
+    return time + steps[place] * (np.arange(len(time)) - first[place]) / counts[place]
 
 
 # of a time step: more than this apart from an even grid, samples are not evenly spaced. Stamps are

@@ -31,7 +31,7 @@ class GaussianProcess:
 
     @property
     def covariance(self) -> Array:
-        """That of the values, (n, n)."""
+        """Covariance matrix of the values, noise included, (n, n)."""
         return np.asarray(
             self.deviation**2 * matern(self.x, self.x, self.lengths)
             + self.noise**2 * np.eye(len(self.y))
@@ -49,7 +49,7 @@ class GaussianProcess:
         return mean, np.sqrt(np.maximum(self.deviation**2 - np.sum(half**2, axis=0), 0.0))
 
     def joined(self, x: Array, y: float) -> GaussianProcess:
-        """Return the process with one more point; nothing is fitted anew."""
+        """Return the process with one more point; its lengths and deviations stay as they are."""
         return replace(self, x=np.vstack([self.x, x]), y=np.append(self.y, y))
 
 

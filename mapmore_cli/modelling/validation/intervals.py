@@ -260,7 +260,7 @@ def of_levels(left_out: LeftOut, at: Array, level: float) -> Array:
     squares = squares + stdtrit(found.freedom, 0.5 + level / 2) ** 2 * of_curves
     between = np.minimum(t, 1 - t) >= AT_LEVEL
     if count == 2:
-        return np.asarray(np.where(between, np.nan, np.sqrt(squares)))
+        return np.where(between, np.nan, np.sqrt(squares))
     least = np.zeros(len(at))
     if count >= MANY:
         least += np.quantile(left_out.sizes, level)

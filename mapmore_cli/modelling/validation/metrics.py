@@ -179,7 +179,7 @@ def score_rows(
                 rows.setdefault(place, (name, []))[1].append(part)
         whole = [part for (kind, _), (_, parts) in rows.items() if kind == 0 for part in parts]
         for name, parts in [("all", whole), *(rows[place] for place in sorted(rows))]:
-            row = compared(parts, scale, free if split == "train" and parts is whole else 0)
+            row = row_of_samples(parts, scale, free if split == "train" and parts is whole else 0)
             if row.n:
                 yield Score.of(model, target, split, name, row)
 
@@ -227,7 +227,8 @@ def _rows_of(
             yield (1, (number, place)), f"{curve.id};direction={word}", wanted & moving
     if group is not None:
         values = curve.columns[group]
-        for value in {one for part in blocks_where(values, wanted) for one in part.tolist()}:
+        parts = map(np.unique, blocks_where(values, wanted))
+        for value in {value for part in parts for value in part.tolist()}:
             same = _where_equal(values, value)
             yield (2, value), f"{group}={value:g}", wanted & same
 
@@ -236,7 +237,7 @@ def _where_equal(column: Array, value: float) -> BoolArray:
     return np.asarray(by_blocks(lambda part: part == value, column))
 
 
-def compared(parts: Sequence[ScoredSamples], scale: Normaliser, free: int = 0) -> Compared:
+def row_of_samples(parts: Sequence[ScoredSamples], scale: Normaliser, free: int = 0) -> Compared:
     """Return the samples of some parts as one row of the score table."""
 
     def blocks() -> Iterator[SampleBlock]:

@@ -74,7 +74,7 @@ def rising_samples(values: Array) -> BoolArray:
     if len(turns) < 2:
         return np.ones(len(values), dtype=np.bool_)
     run = np.searchsorted(turns[1:-1], np.arange(len(values)), side="right")
-    return np.asarray(np.diff(values[turns])[run] > 0)
+    return np.diff(values[turns])[run] > 0
 
 
 def _rows_by_recording(curve: Curve) -> Iterator[tuple[str, IntArray]]:

@@ -252,7 +252,7 @@ def _of_scores(row: Score) -> Iterator[str]:
 
 
 def _bare(model: Model, curves: Sequence[Curve], predictions: Sequence[Array]) -> Iterator[str]:
-    """Pieces that add nothing to their backbone."""
+    """Yield a sentence if the pieces add nothing to their backbone."""
     body = model.body
     if not isinstance(body, Pieces) or body.backbone is None:
         return

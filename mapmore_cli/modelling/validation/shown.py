@@ -26,7 +26,7 @@ def for_report(validation: Validation, model: Model, dataset: Dataset) -> Valida
     """
     predictions = validation.predictions
     own = next(iter(predictions.values()))
-    course = along(model, dataset)
+    course = course_quantity(model, dataset)
     order = model.output.name if is_turned(model, dataset) else course
     tests = residual_tests(model, dataset, own, None if in_time(model, dataset) else order)
     made = replace(
@@ -70,7 +70,7 @@ def is_turned(model: Model, dataset: Dataset) -> bool:
     return dataset.target in inputs and dataset.target != model.output.name
 
 
-def along(model: Model, dataset: Dataset) -> str:
+def course_quantity(model: Model, dataset: Dataset) -> str:
     """Return the quantity of the model that varies within a curve; of a model without inputs, any
     measured quantity.
     """

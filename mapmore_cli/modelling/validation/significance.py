@@ -155,7 +155,7 @@ def undominated(sizes: Array, scores: Array) -> BoolArray:
     [True, True, False, True]
     """
     beaten = (sizes <= sizes[:, None]) & (scores < scores[:, None])
-    return np.asarray(~beaten.any(axis=1) & np.isfinite(scores))
+    return ~beaten.any(axis=1) & np.isfinite(scores)
 
 
 def _total(values: Array) -> Array:

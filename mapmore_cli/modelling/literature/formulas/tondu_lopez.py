@@ -44,58 +44,36 @@ def braid(strain: str) -> str:
     return f"(3*(1 - {strain})^2/tan(theta)^2 - 1/sin(theta)^2)"
 
 
-def with_area(
+def braided(
     name: str,
     title: str,
     reference: str,
     strain: str,
     correction: tuple[Nonlinear, ...],
     about: str,
+    *,
+    of_diameter: bool = False,
 ) -> Formula:
-    """Return `area P braid(strain)` with the area fitted too."""
-    parameters = ("area", "theta", *(one.name for one in correction))
-    text = f"area*pressure*{braid(strain)}"
+    """Return `area P braid(strain)`, with the area fitted, or that of the muscle's diameter.
+
+    `of_diameter`, it is linear in h, since `y = 1 + h/3`; the angle follows as `atan(sqrt(3/h))`.
+    """
+    own = tuple(parameter.name for parameter in correction)
+    area, form = "area", None
+    if of_diameter:
+        area, printed = AREA, {"theta": "atan(sqrt(3/h))", **dict(zip(own, own, strict=True))}
+        form = LinearForm(f"{AREA}*pressure*(h*((1 - {strain})^2 - 1/3) - 1)", ("h",), printed)
     return Formula(
         name,
         reference,
         ("pressure", "strain"),
-        parameters,
-        text,
-        (ANGLE, *correction),
-        title=title,
-        about=about,
-    )
-
-
-def of_diameter(
-    name: str,
-    title: str,
-    reference: str,
-    strain: str,
-    correction: tuple[Nonlinear, ...],
-    about: str,
-) -> Formula:
-    """Return `AREA P braid(strain)` of a muscle's diameter.
-
-    It is linear in h, since `y = 1 + h/3`; the angle follows as `atan(sqrt(3/h))`.
-    """
-    own = tuple(one.name for one in correction)
-    parameters = ("diameter", "theta", *own)
-    printed = {"theta": "atan(sqrt(3/h))", **{one: one for one in own}}
-    form = LinearForm(f"{AREA}*pressure*(h*((1 - {strain})^2 - 1/3) - 1)", ("h",), printed)
-    text, dimensions = f"{AREA}*pressure*{braid(strain)}", ("diameter",)
-    inputs = ("pressure", "strain")
-    return Formula(
-        name,
-        reference,
-        inputs,
-        parameters,
-        text,
-        correction,
+        ("diameter" if of_diameter else "area", "theta", *own),
+        f"{area}*pressure*{braid(strain)}",
+        correction if of_diameter else (ANGLE, *correction),
         form,
         title=title,
         about=about,
-        dimensions=dimensions,
+        dimensions=("diameter",) if of_diameter else (),
     )
 
 
@@ -121,7 +99,7 @@ No dimension of the muscle is needed for the force. In kPa and N both are in 1e-
 c1 > 0 and c2 > c1/3 (b > L0); the fit does not ask for that, and `tondu_lopez`, which does, is then
 the same within its bounds.""",
     ),
-    with_area(
+    braided(
         "tondu_lopez",
         "Tondu and Lopez",
         "W eq 4",
@@ -135,7 +113,7 @@ in 1e-3 m^2), so that no dimension is needed and the bladder's diameter need not
 only fit better. It then is W eq 3 in
 other parameters, and equals `chou_hannaford` wherever that describes a braid.""",
     ),
-    of_diameter(
+    braided(
         "tondu_lopez_fixed_area",
         "Tondu and Lopez, fixed area",
         "W eq 4, as printed",
@@ -146,8 +124,9 @@ other parameters, and equals `chou_hannaford` wherever that describes a braid.""
 
 W eq 4 with eq 6-7. `tondu_lopez` is the same with the area fitted too, which then is one model with
 `chou_hannaford`.""",
+        of_diameter=True,
     ),
-    with_area(
+    braided(
         "tondu_lopez_corrected",
         "Tondu and Lopez, corrected",
         "W eq 8 with 10",
@@ -160,7 +139,7 @@ The factor depends on the pressure, which must be in kPa. As in `tondu_lopez`, t
 fitted; W fits theta, a_k and b_k alone.
 """,
     ),
-    of_diameter(
+    braided(
         "tondu_lopez_corrected_fixed_area",
         "Tondu and Lopez, corrected, fixed area",
         "W eq 8 with 10, as printed",
@@ -171,6 +150,7 @@ fitted; W fits theta, a_k and b_k alone.
 
 W eq 8 with eq 10; theta, a_k and b_k are fitted. `tondu_lopez_corrected` is the same with the area
 fitted too.""",
+        of_diameter=True,
     ),
     Formula(
         name="kerscher",
