@@ -15,7 +15,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING
 
 from mapmore_cli.domain.arrays import SCRATCH
 from mapmore_cli.domain.errors import DataError, WriteError
@@ -38,7 +38,6 @@ if TYPE_CHECKING:
     from mapmore_cli.domain.recording import Dataset
     from mapmore_cli.domain.results import FitResult, Validation
     from mapmore_cli.domain.scores import ScoreTable
-    from mapmore_cli.storage.artefacts.schema import SegmentationFile
 
 DATASET, SEGMENTATION, FIT, MODEL, VALIDATION = (
     "ingest.h5",
@@ -67,30 +66,35 @@ class RunFiles:
 
     folder: Path
 
-    def _read(self, kind: str, name: str) -> Any:
-        from mapmore_cli.storage.artefacts import latest
-
-        return latest(kind, self.folder / name)
-
     def dataset(self) -> Dataset:
         """Return what `ingest` handed on."""
-        return cast("Dataset", self._read("dataset", DATASET))
+        from mapmore_cli.storage.artefacts import DATASET_FILE
+
+        return DATASET_FILE.latest(self.folder / DATASET)
 
     def segmentation(self) -> tuple[SegmentedCurve, ...]:
         """Where the training curves are cut."""
-        return cast("SegmentationFile", self._read("segmentation", SEGMENTATION)).curves
+        from mapmore_cli.storage.artefacts import SEGMENTATION_FILE
+
+        return SEGMENTATION_FILE.latest(self.folder / SEGMENTATION).curves
 
     def fit(self) -> FitResult:
         """Return what was fitted."""
-        return cast("FitResult", self._read("fit", FIT))
+        from mapmore_cli.storage.artefacts import FIT_FILE
+
+        return FIT_FILE.latest(self.folder / FIT)
 
     def model(self) -> Model:
         """Return the model that stands alone."""
-        return cast("Model", self._read("model", MODEL))
+        from mapmore_cli.storage.artefacts import MODEL_FILE
+
+        return MODEL_FILE.latest(self.folder / MODEL)
 
     def validation(self) -> Validation:
         """Predictions and scores."""
-        return cast("Validation", self._read("validation", VALIDATION))
+        from mapmore_cli.storage.artefacts import VALIDATION_FILE
+
+        return VALIDATION_FILE.latest(self.folder / VALIDATION)
 
     def search(self) -> Search | None:
         """Return what a search tried; None where there was none."""

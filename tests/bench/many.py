@@ -63,7 +63,9 @@ def write_files(folder, count):
 
 
 def many_levels(folder, counts=(200, 500, 1000, 2000)):
-    """A study of so many levels of 20 samples each, with its page."""
+    """A study of so many levels of 20 samples each, with its page, and once more without figures on
+    it.
+    """
     took = {}
     for count in counts:
         place = Path(folder) / f"levels-{count}"
@@ -80,7 +82,60 @@ def many_levels(folder, counts=(200, 500, 1000, 2000)):
         text = SPEC.replace("LEVELS", ", ".join(map(str, levels)))
         spec.write_text(text.replace("[300]", "[110, 120]"), encoding="utf-8")
         took[str(count)] = mapmore("run", spec, "--runs", place)
+        plain = ("--set", "report.figures=[]", "--runs", place / "plain")
+        took[f"{count} without figures"] = mapmore("run", spec, *plain)
     return took
+
+
+def long_log(folder, rows=10_000_000):
+    """A study of one log of so many rows at five levels, with its page: seconds, and bytes of
+    memory at most.
+    """
+    place = Path(folder) / "long"
+    (place / "many").mkdir(parents=True)
+    rng = np.random.default_rng(8)
+    strain = 0.12 * (1 - np.cos(np.linspace(0, 2 * np.pi, 20_000)))
+    with (place / "many" / "log.csv").open("w", encoding="utf-8") as log:
+        log.write("P,eps,F\n")
+        for pressure in LEVELS:
+            force = pressure * (1 - 4 * strain) + 50 * strain + rng.normal(0, 1, len(strain))
+            lines = zip(strain.tolist(), force.tolist(), strict=True)
+            text = "".join(f"{pressure},{e:.6f},{f:.4f}\n" for e, f in lines)
+            for _ in range(rows // (len(LEVELS) * len(strain))):
+                log.write(text)
+    spec = place / "long.yaml"
+    levels = ", ".join(map(str, LEVELS))
+    spec.write_text(SPEC.replace("LEVELS", levels), encoding="utf-8")
+    seconds, memory = run_with_memory(spec, place)
+    return {"rows": rows, "run": seconds, "memory": memory}
+
+
+def sixty_inputs(folder, rows=4000):
+    """A study of products of two of sixty inputs, with its page: seconds, and bytes of memory at
+    most.
+    """
+    place = Path(folder) / "sixty"
+    place.mkdir()
+    names = [f"x{number}" for number in range(60)]
+    table = np.random.default_rng(9).normal(size=(rows, len(names)))
+    y = 3 * table[:, 0] + 2 * table[:, 1] * table[:, 2]
+    lines = [",".join(f"{x:.6f}" for x in row) for row in np.column_stack([table, y])]
+    (place / "table.csv").write_text("\n".join([",".join([*names, "y"]), *lines, ""]))
+    columns = ", ".join(f"{name}: {{column: {name}}}" for name in [*names, "y"])
+    spec = place / "sixty.yaml"
+    spec.write_text(
+        f"schema_version: 1\nname: sixty\ndata: {{files: [table.csv], columns: {{{columns}}}, "
+        "split: {validate: {fraction: 0.2, seed: 1}}}\ntarget: {column: y}\n"
+        f"dictionary: [{{polynomial: {{of: [{', '.join(names)}], order: 2}}}}]\n"
+        "fit: {max_terms: 5, scaling: none}\n"
+    )
+    seconds, memory = run_with_memory(spec, place)
+    return {"rows": rows, "run": seconds, "memory": memory}
+
+
+def run_with_memory(spec, place):
+    command = [sys.executable, "-m", "mapmore_cli", "run", str(spec), "--runs", str(place), "-q"]
+    return usage_of(command)
 
 
 def resumed(folder, count=20_000, made=20):

@@ -22,7 +22,15 @@ HERE = Path(__file__).parent
 def main():
     from exported import exported
     from ingest import ingest
-    from many import figures, many_files, many_levels, many_runs, resumed
+    from many import (
+        figures,
+        long_log,
+        many_files,
+        many_levels,
+        many_runs,
+        resumed,
+        sixty_inputs,
+    )
     from motion import motion
     from program import evaluation, small_table, start_up
     from regression import regression
@@ -40,6 +48,8 @@ def main():
             "exported": lambda: exported(folder),
             "many_files": lambda: many_files(folder, options.files),
             "many_levels": lambda: many_levels(folder),
+            "long_log": lambda: long_log(folder),
+            "sixty_inputs": lambda: sixty_inputs(folder),
             "resumed": lambda: resumed(folder, options.resumed),
             "many_runs": lambda: many_runs(folder, options.runs),
             "figures": lambda: figures(folder),

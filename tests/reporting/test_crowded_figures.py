@@ -9,6 +9,7 @@ import pytest
 from matplotlib.backend_bases import RendererBase
 from report_builder import build, of_pieces, surface
 
+from mapmore_cli.reporting.figures import data, residuals
 from mapmore_cli.reporting.figures.drawing import compose, drawings
 from mapmore_cli.reporting.figures.segments import level_figures
 from mapmore_cli.reporting.figures.style import figure_style
@@ -114,3 +115,28 @@ def test_a_number_beyond_the_levels_is_not_drawn(inputs):
         sides = {"pressure": (below, "saturate"), "strain": ("continue", "continue")}
         _, drawing = courses_of(inputs, extrapolation=sides)
         assert min(drawing.panels[0].data["pressure [kPa]"]) == pytest.approx(first)
+
+
+class TestManyInputs:
+    def test_the_target_and_the_first_quantities_have_a_panel(self, inputs, monkeypatch):
+        assert "every quantity" in drawing(inputs, "data").caption
+        count = len({*inputs.dataset.recordings[0].columns} - {"time", inputs.dataset.target})
+        monkeypatch.setattr(data, "MOST_QUANTITIES", 2)
+        few = drawing(inputs, "data")
+        assert f"the target and 1 of {count} other quantities" in few.caption
+        for panel in few.panels:
+            assert sum(label != "" for label in panel.y_labels) == 2
+            assert any(label.startswith("Force") for label in panel.y_labels)
+
+    def test_the_input_that_most_is_left_of_has_a_residual_panel(self, inputs, monkeypatch):
+        own, *_ = inputs.validation.residual_tests
+        first, second = (quantity.name for quantity in inputs.model.inputs)
+        tests = [
+            replace(own, name=name, x=np.arange(4.0), values=values, bounds=np.full(4, 0.5))
+            for name, values in ((first, np.zeros(4)), (second, np.ones(4)))
+        ]
+        validation = replace(inputs.validation, residual_tests=(own, *tests))
+        monkeypatch.setattr(residuals, "MOST_INPUTS", 1)
+        few = drawing(replace(inputs, validation=validation), "residuals")
+        assert [panel.key for panel in few.panels] == [own.name, second]
+        assert "The 1 worst inputs are drawn." in few.caption

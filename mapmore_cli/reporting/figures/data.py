@@ -16,7 +16,10 @@ from mapmore_cli.reporting.figures.panels import draw_trace, places, some_of
 from mapmore_cli.reporting.figures.style import BLUE
 from mapmore_cli.reporting.inputs import ReportInputs
 
-MOST_RECORDINGS = 5
+MOST_RECORDINGS, MOST_QUANTITIES = 5, 12
+"""Panels beside each other and below each other: the time to draw them grows with the square of
+their number.
+"""
 
 
 def draw(inputs: ReportInputs) -> list[Drawing]:
@@ -25,7 +28,12 @@ def draw(inputs: ReportInputs) -> list[Drawing]:
     """
     recordings = [recording for recording in inputs.dataset.recordings if recording.rows_kept]
     shown = [recordings[i] for i in places(inputs, [one.id for one in recordings], MOST_RECORDINGS)]
-    height = max((len(one.columns.keys() - {"time"}) for one in shown), default=0)
+    target = inputs.dataset.target
+    names = dict.fromkeys(
+        name for one in shown for name in (target, *one.columns) if name != "time"
+    )
+    drawn = {"time", *list(names)[:MOST_QUANTITIES]}
+    height = max((len(one.columns.keys() & drawn - {"time"}) for one in shown), default=0)
     if height == 0:
         return []
     unitless = {"time": Quantity("time", "s")}
@@ -36,6 +44,7 @@ def draw(inputs: ReportInputs) -> list[Drawing]:
                 inputs.dataset.quantities.get(name, unitless.get(name, Quantity(name, "")))
             ): values
             for name, values in sorted(recording.columns.items(), key=lambda one: one[0] != "time")
+            if name in drawn
         }
         if "time" not in recording.columns:
             columns = {"Sample (–)": np.arange(recording.rows_kept, dtype=float), **columns}
@@ -46,12 +55,19 @@ def draw(inputs: ReportInputs) -> list[Drawing]:
         on = partial(draw_columns, columns=columns)
         panels.append(Panel(recording.id, on, x_label, tuple(labels), columns, recording.id))
     caption = (
-        "The kept samples of every quantity."
+        f"The kept samples of {_which(len(names))}."
         f"{some_of(len(shown), len(recordings), 'recordings')}"
         " Long records are thinned for drawing to the lowest and highest sample of each short run."
     )
     grid = Layout(0.3 + 0.95 * height, (1.0,) * height, len(shown), common_y="row")
     return [Drawing("data", caption, tuple(panels), grid)]
+
+
+def _which(count: int) -> str:
+    """Return which of so many quantities are drawn, in words."""
+    if count <= MOST_QUANTITIES:
+        return "every quantity"
+    return f"the target and {MOST_QUANTITIES - 1} of {count - 1} other quantities"
 
 
 def draw_columns(*axes: Axes, columns: Mapping[str, Array]) -> None:

@@ -14,10 +14,13 @@ from mapmore_cli.reporting.figures.panels import draw_dots, looks_of, zero_line
 from mapmore_cli.reporting.figures.style import LIGHT
 from mapmore_cli.reporting.inputs import ReportInputs
 
+MOST_INPUTS = 11
+"""Inputs with a panel: the time to draw them grows with the square of their number."""
+
 
 def draw(inputs: ReportInputs) -> list[Drawing]:
-    """Return a panel for the autocorrelation and one for each input; none where nothing was
-    tested.
+    """Return a panel for the autocorrelation and one for each input, of many for those that most
+    is left of; none where nothing was tested.
     """
     if not inputs.validation.residual_tests:
         return []
@@ -34,7 +37,9 @@ def draw(inputs: ReportInputs) -> list[Drawing]:
 
     along, mean = inputs.in_curve.name, f"Mean error ({inputs.target.unit})"
     panels = []
-    for test in (own, *others):
+    worst = sorted(others, key=lambda test: -test.beyond / max(test.tested, 1))[:MOST_INPUTS]
+    names = {test.name for test in worst}
+    for test in (own, *(test for test in others if test.name in names)):
         if test is own:
             x_label = "Lag (samples)" if inputs.timed else f"Lag along {along} (samples)"
             y_label, title = "Autocorrelation (–)", "of the residuals"
@@ -49,6 +54,7 @@ def draw(inputs: ReportInputs) -> list[Drawing]:
     caption = (
         f"Residual tests of {inputs.own} on the {rows} samples. Grey: where 95 % lie if the "
         f"errors are noise. {_autocorrelation(inputs, own)} {_of_inputs(inputs, others)}"
+        f"{'' if len(worst) == len(others) else f' The {MOST_INPUTS} worst inputs are drawn.'}"
     )
     return [Drawing("residuals", caption, tuple(panels), Layout(1.9))]
 

@@ -55,6 +55,8 @@ from mapmore_cli.storage.artefacts.hdf5 import (
 from mapmore_cli.storage.artefacts.schema import (
     ARRAY,
     Invalid,
+    Numbers,
+    Reference,
     SegmentationFile,
     Units,
     encoded,
@@ -113,7 +115,7 @@ class FileKind(Generic[T]):
         with replacing(path) as place, interrupted_later(), steady(place.fileno()) as file:
             arrays: list[Waiting] = []
 
-            def put(path: str, value: Any, *label: str) -> dict[str, Any]:
+            def put(path: str, value: Numbers, *label: str) -> Reference:
                 value.setflags(write=False)  # a later stage may be given the record
                 arrays.append(Waiting({ARRAY: path}, value, label))
                 return arrays[-1].reference
@@ -158,6 +160,15 @@ class FileKind(Generic[T]):
             warn(f"{path}: {doubt}")
         return record
 
+    def latest(self, path: Path) -> T:
+        """Return the record in a file; the one in memory if this process wrote that file or read it
+        of late. Its arrays are read-only. Raises as `read`.
+        """
+        mark = _mark(path) if path.is_file() else ()
+        record: T = _latest.pop(mark) if mark in _latest else self.read(path)
+        _keep(mark, record)
+        return record
+
     def _record(self, file: h5py.File, size: int, newer: bool) -> tuple[T, str]:
         """Return what a file holds, and why its values may not be those that were written."""
         look_over(file, size, self.ratio)
@@ -169,7 +180,7 @@ class FileKind(Generic[T]):
         mapped = cache(lambda: np.memmap(file.filename, np.uint8, "r"))
 
         @cache
-        def take(path: str, dtype: str, ndim: int) -> Any:
+        def take(path: str, dtype: str, ndim: int) -> Numbers:
             address = address_of(file, path)
             if other := once.pop(address, None):
                 digest.update(as_link(path, other))
@@ -225,7 +236,8 @@ def checksum_of(path: Path, anew: bool = False) -> str | None:
         _as_written.pop(mark, None)
     with suppress(DataError):
         if mark not in _as_written:
-            _kind_named(kind_of(path)).read(path)
+            name = kind_of(path)
+            next(kind for kind in KINDS if kind.name == name).read(path)
     return _as_written.get(mark)
 
 
@@ -247,28 +259,14 @@ def write_segmentation(path: Path, curves: tuple[SegmentedCurve, ...], *units: U
     SEGMENTATION_FILE.write(path, SegmentationFile(tuple(curves)), *units)
 
 
-def read_segmentation(path: Path, *warn_and_unverified: Any) -> tuple[SegmentedCurve, ...]:
+def read_segmentation(
+    path: Path, warn: Warn = lambda _message: None, unverified: bool = False
+) -> tuple[SegmentedCurve, ...]:
     """Read where the training curves are cut."""
-    return SEGMENTATION_FILE.read(path, *warn_and_unverified).curves
+    return SEGMENTATION_FILE.read(path, warn, unverified).curves
 
 
-def latest(kind: str, path: Path) -> Any:
-    """Return the record in a file of a kind; the one in memory where this process wrote that file
-    or read it of late. Its arrays are read-only.
-
-    Raises as `read`.
-    """
-    mark = _mark(path) if path.is_file() else ()
-    known = mark in _latest
-    _keep(mark, _latest.pop(mark) if known else _kind_named(kind).read(path))
-    return _latest[mark]
-
-
-def _kind_named(kind: str) -> FileKind[Any]:
-    return next(one for one in KINDS if one.name == kind)
-
-
-def _keep(mark: tuple[int, ...], record: Any) -> None:
+def _keep(mark: tuple[int, ...], record: object) -> None:
     """Keep a record in memory, and forget the oldest one of too many."""
     _latest[mark] = record
     while len(_latest) > REMEMBERED:

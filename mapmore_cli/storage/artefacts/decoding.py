@@ -21,6 +21,7 @@ from mapmore_cli.storage.artefacts.schema import (
     Hint,
     Invalid,
     Letters,
+    Numbers,
     bodies,
     hints_of_members,
     shared_path,
@@ -32,7 +33,7 @@ from mapmore_cli.storage.artefacts.schema import (
 Sizes = dict[str, int]
 """Dimensions, and the lengths of those seen so far in an object."""
 
-Take = Callable[[str, str, int], Any]
+Take = Callable[[str, str, int], Numbers]
 """Returns the array under a path, of a type and number of dimensions."""
 
 
@@ -46,7 +47,7 @@ class Decoder:
     take: Take
     lenient: bool = False
 
-    def value(self, node: Any, hint: Any, path: str, letters: Letters, sizes: Sizes) -> Any:
+    def value(self, node: object, hint: object, path: str, letters: Letters, sizes: Sizes) -> Any:
         """Return the value of a type; `sizes` are lengths of dimensions seen so far in the
         object.
         """
@@ -68,7 +69,7 @@ class Decoder:
                 raise Invalid(path, wrong + (f": {found[:60]!r}" if isinstance(found, str) else ""))
         return found
 
-    def _plain(self, node: Any, own: Hint, path: str, letters: Letters, sizes: Sizes) -> Any:
+    def _plain(self, node: object, own: Hint, path: str, letters: Letters, sizes: Sizes) -> object:
         kind, many = own.kind, own.inner[1:] == (...,)
         if path.count("/") > DEEPEST:
             raise Invalid(path, f"lies more than {DEEPEST} fields deep")
@@ -90,6 +91,7 @@ class Decoder:
             return self._record(node, kind, path, sizes)
         if (
             kind is range
+            and isinstance(node, list)
             and [*map(type, node)] == [int, int]
             and 0 <= node[0] <= node[1] <= maxsize
         ):
@@ -115,7 +117,7 @@ class Decoder:
             }
         return _plain_value(node, own, path)
 
-    def _record(self, node: dict[str, Any], type_: Any, path: str, sizes: dict[str, int]) -> Any:
+    def _record(self, node: dict[str, Any], type_: Any, path: str, sizes: Sizes) -> object:
         known = stored_fields(type_)
         needed = {name for name, (_, default) in known.items() if default is MISSING}
         for name in (needed - node.keys()) | (
@@ -133,7 +135,14 @@ class Decoder:
             }
         )
 
-    def _array(self, node: Any, path: str, number: Any, letters: Letters, sizes: Sizes) -> Any:
+    def _array(
+        self,
+        node: dict[str, Any],
+        path: str,
+        number: type[np.generic],
+        letters: Letters,
+        sizes: Sizes,
+    ) -> Numbers:
         dimensions = max(1, len(letters))
         match node:
             case {"array": name} if node == {ARRAY: path}:
@@ -156,7 +165,7 @@ class Decoder:
         return values
 
 
-def _plain_value(node: Any, own: Hint, path: str) -> Any:
+def _plain_value(node: object, own: Hint, path: str) -> object:
     if own.kind is Literal and node not in own.inner:
         raise Invalid(path, f"is none of {', '.join(own.inner)}")
     if own.kind is float and (type(node) is int or node in ("nan", "inf", "-inf")):
@@ -177,7 +186,7 @@ def _compare_lengths(path: str, shape: tuple[int, ...], letters: Letters, sizes:
             raise Invalid(path, f"has {length} values, where others of ({name}) have {sizes[name]}")
 
 
-def wrong_with(value: Any, check: Any) -> str:
+def wrong_with(value: object, check: object) -> str:
     """Return what is wrong with a value by a mark of its type; nothing where no mark says so."""
     if isinstance(check, Interval):
         low, high = (

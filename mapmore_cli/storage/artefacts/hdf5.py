@@ -16,7 +16,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from io import FileIO
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import h5py
 import numpy as np
@@ -32,9 +32,14 @@ from mapmore_cli.storage.artefacts.schema import (
     SHAPE,
     TYPES,
     Invalid,
+    Numbers,
+    Reference,
     shared_path,
     stored_at,
 )
+
+if TYPE_CHECKING:
+    from _typeshed import ReadableBuffer
 
 LONG, HUGE = 4096, 1 << 17
 """Elements from which on an array is compressed, and from which on it is so no more. Shorter ones
@@ -52,8 +57,15 @@ DOCUMENT = 32_000_000
 """Bytes of the document, which takes twenty times as much in memory."""
 
 
+class Digest(Protocol):
+    """A checksum of what it takes in."""
+
+    def update(self, data: bytes | memoryview, /) -> None:
+        """Take in the bytes."""
+
+
 def put_array(
-    file: h5py.File, path: str, value: Any, digest: Any, description: str, unit: str
+    file: h5py.File, path: str, value: Numbers, digest: Digest, description: str, unit: str
 ) -> None:
     """Store an array under a path, and take it into a checksum; a huge one by blocks."""
     dtype = TYPES[value.dtype.type]
@@ -71,12 +83,12 @@ def put_array(
 class Waiting(NamedTuple):
     """An array that is to be stored, and how the document refers to it."""
 
-    reference: dict[str, Any]
-    value: Any
+    reference: Reference
+    value: Numbers
     label: tuple[str, ...]
 
 
-def put_arrays(file: h5py.File, arrays: Sequence[Waiting], digest: Any) -> None:
+def put_arrays(file: h5py.File, arrays: Sequence[Waiting], digest: Digest) -> None:
     """Store arrays, and take them into a checksum. A long one that is there twice, as a column of a
     recording and of its curve, is stored once and linked.
 
@@ -116,12 +128,12 @@ def put_text(file: h5py.File, path: str, text: str, description: str) -> None:
     dataset.attrs.update({"description": description, "unit": NO_UNIT})
 
 
-def head_of_array(path: str, value: Any, dtype: str) -> bytes:
+def head_of_array(path: str, value: Numbers, dtype: str) -> bytes:
     """Return what a checksum takes in before the values of an array."""
     return f"{path} {dtype} {value.shape}\n".encode()
 
 
-def add_to_hash(digest: Any, path: str, value: Any, dtype: str) -> None:
+def add_to_hash(digest: Digest, path: str, value: Numbers, dtype: str) -> None:
     """Take in an array, after its path, type and shape."""
     digest.update(head_of_array(path, value, dtype))
     for (block,) in in_blocks(np.atleast_1d(value), rows=WIDE):
@@ -133,7 +145,7 @@ def as_link(path: str, other: str) -> bytes:
     return f"{path} = {other}\n".encode()
 
 
-def address_of(file: h5py.File, path: str) -> Any:
+def address_of(file: h5py.File, path: str) -> int | None:
     """Return where in its file an object lies: two links to one object lead to one place; None
     where there is none.
     """
@@ -236,7 +248,7 @@ def look_over(file: h5py.File, size: int, ratio: int = RATIO) -> None:
             )
 
 
-def _check_attributes(found: Any, where: str) -> None:
+def _check_attributes(found: h5g.GroupID | h5d.DatasetID, where: str) -> None:
     """Raise Invalid for attributes that are more than a few numbers or one text; none is read."""
     with stored_at(where):
         count = h5a.get_num_attrs(found)
@@ -257,7 +269,7 @@ def _check_attributes(found: Any, where: str) -> None:
                 )
 
 
-def _bytes_of(dataset: Any, where: str) -> int:
+def _bytes_of(dataset: h5d.DatasetID, where: str) -> int:
     """Bytes of the values of a dataset; Invalid where they do not lie plainly in this file."""
     with stored_at(where):
         plist, kind = dataset.get_create_plist(), dataset.get_type()
@@ -307,15 +319,16 @@ class SteadyFile(FileIO):
 
     fault: OSError | None = None
 
-    def write(self, data: Any) -> int:
+    def write(self, data: ReadableBuffer) -> int:
         """Write, or do as if."""
         rest = memoryview(data)
+        size = rest.nbytes
         while len(rest) and self.fault is None:
             try:
                 rest = rest[super().write(rest) :]
             except OSError as fault:
                 self.fault = fault
-        return len(data)
+        return size
 
     def truncate(self, size: int | None = None) -> int:
         """Set the length, or do as if."""

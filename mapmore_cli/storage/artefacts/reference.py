@@ -30,7 +30,7 @@ def described() -> str:
     head = "| name | stored as | unit | what it is |\n|---|---|---|---|\n"
     sections: dict[str, str] = {}
 
-    def form(hint: Any) -> str:
+    def form(hint: object) -> str:
         """Return what a type is called; the sections of the types in it are written first."""
         own = taken_apart(hint)
         if own.kind is np.ndarray:

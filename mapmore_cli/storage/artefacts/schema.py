@@ -48,7 +48,13 @@ Letters = tuple[str, ...]
 Units = Mapping[str, str]
 """Units by the names of quantities."""
 
-Put = Callable[[str, Any, str, str], dict[str, Any]]
+Numbers = np.ndarray[Any, np.dtype[Any]]
+"""An array of one of the `TYPES`."""
+
+Reference = dict[str, Any]
+"""How the document refers to an array."""
+
+Put = Callable[[str, Numbers, str, str], Reference]
 """Stores an array under its path, with its description and unit; returns how the document refers to
 it.
 """
@@ -128,18 +134,19 @@ def stored_fields(type_: Any) -> dict[str, tuple[Any, Any]]:
 
 
 @cache
-def bodies(kind: Any) -> dict[str, type]:
+def bodies(kind: object) -> dict[str, type]:
     """Return what a model consists of (`Body`), or what was fitted (`Fit`), by its kind."""
     if kind not in (Body, Fit):
         return {}
     return {one.name: type_ for one in kinds() if (type_ := one.body if kind is Body else one.fit)}
 
 
-def step_to(key: Any, place: int) -> str:
+def step_to(key: object, place: int) -> str:
     """Return how a member is called in paths: its name, or its number where a name cannot be
     one.
     """
-    return key if re.fullmatch(r"[A-Za-z_][A-Za-z0-9_]*", str(key)) else f"{place:03d}"
+    name = str(key)
+    return name if re.fullmatch(r"[A-Za-z_][A-Za-z0-9_]*", name) else f"{place:03d}"
 
 
 def shared_path(path: str) -> str:
@@ -162,7 +169,7 @@ def hints_of_members(own: Hint, count: int) -> Sequence[Any]:
 # Writing ----------------------------------------------------------------------------------------
 
 
-def units_of(record: Any) -> Units:
+def units_of(record: object) -> Units:
     """Return the units that an object knows, by the names that stand in brackets."""
     match record:
         case Dataset():
@@ -195,8 +202,13 @@ def resolved(unit: str, units: Units) -> str:
 
 
 def encoded(
-    value: Any, hint: Any, put: Put, units: Units, path: str = "", outer: tuple[str, str] = ("", "")
-) -> Any:
+    value: object,
+    hint: object,
+    put: Put,
+    units: Units,
+    path: str = "",
+    outer: tuple[str, str] = ("", ""),
+) -> object:
     """Return a value as JSON has it; its arrays are `put` under their paths.
 
     `outer` are description and unit of the field that it is a part of.
@@ -212,7 +224,7 @@ def encoded(
     if is_dataclass(value):
         known = {"target": label[1] or "[target]", **units_of(value)}
         units = {**units, **{name: resolved(unit, units) for name, unit in known.items()}}
-        document: dict[str, Any] = {}
+        document: dict[object, object] = {}
         for word in (word for word, one in bodies(own.kind).items() if one is type(value)):
             document["kind"] = word
         for name, (inner, default) in stored_fields(type(value)).items():  # type: ignore[arg-type]
@@ -241,14 +253,14 @@ def encoded(
     raise TypeError(f"{path}: {type(value).__name__} cannot be stored")
 
 
-def _same(value: Any, default: Any) -> bool:
+def _same(value: object, default: object) -> bool:
     """Whether a value is the default; NaN is the same as NaN."""
     return not isinstance(value, np.ndarray) and bool(
         value == default or (value != value and default != default)
     )
 
 
-def _scalar(value: Any) -> Any:
+def _scalar(value: object) -> object:
     if isinstance(value, float) and not math.isfinite(value):
         return str(value)
     if isinstance(value, str) and not is_one_line(value):

@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.storage.tables import (
     BOMB_RATIO,
@@ -32,6 +33,7 @@ from mapmore_cli.storage.tables import (
 from mapmore_cli.storage.tables.members import (
     Member,
     Selection,
+    Values,
     array_of,
     group_of,
     size_in_words,
@@ -109,7 +111,7 @@ PACKING = ("scale_factor", "add_offset", *LIMITS, UNSIGNED, *MISSING)
 """Attributes by which netCDF says what the stored numbers mean."""
 
 
-def _attribute(node: h5py.HLObject, name: str) -> Any:
+def _attribute(node: h5py.HLObject, name: str) -> Values | str | None:
     """Return the numbers of an attribute, or its one text; None where there is none, or one that is
     too long.
     """
@@ -127,7 +129,7 @@ def _attribute(node: h5py.HLObject, name: str) -> Any:
     return text.decode(errors="replace") if isinstance(text, bytes) else str(text)
 
 
-def _meant(stored: Any, said: Mapping[str, Any]) -> Any:
+def _meant(stored: Values, said: Mapping[str, Any]) -> Array:
     """Return what stored numbers mean: NaN where they stand for missing values or are not valid,
     the others scaled.
     """
@@ -158,17 +160,17 @@ def _meant(stored: Any, said: Mapping[str, Any]) -> Any:
 EMPTY = Member("an empty array", values=lambda _: np.zeros(0))
 
 
-def _reader(dataset: h5py.Dataset, field: str | None = None) -> Callable[[Selection], Any]:
+def _reader(dataset: h5py.Dataset, field: str | None = None) -> Callable[[Selection], Values]:
     """Return what reads a selection of a dataset, or of a field of it."""
     import h5py
 
-    def read(selection: Selection) -> Any:
+    def read(selection: Selection) -> Values:
         _check_fit(selection, dataset.shape)
         kind = dataset.dtype if field is None else dataset.dtype[field]
         own = _own_values(dataset, selection)
         values = own if field is None else own.fields(field)
         if kind.kind != "O" or not dataset.shape:
-            return values[selection]
+            return np.asarray(values[selection])
         if h5py.check_string_dtype(kind):
             return _texts(dataset, values)[selection]
         return np.zeros(1, dtype="V1")
@@ -176,7 +178,7 @@ def _reader(dataset: h5py.Dataset, field: str | None = None) -> Callable[[Select
     return read
 
 
-def _texts(dataset: h5py.Dataset, values: Any) -> Any:
+def _texts(dataset: h5py.Dataset, values: h5py.Dataset) -> Values:
     """Return texts of any length. They are read in parts that cannot fill the memory, up to the
     limit of what a file may unpack to.
     """
@@ -240,7 +242,7 @@ def _matlab_array(dataset: h5py.Dataset) -> Member:
     if dataset.dtype.names:  # real and imag
         return Member("an array of complex numbers", values=lambda _: np.zeros(1, complex))
 
-    def read(selection: Selection) -> Any:
+    def read(selection: Selection) -> Values:
         _check_fit(selection, shape)
         whole = (*selection, *(slice(None),) * (len(shape) - len(selection)))[::-1]
         return np.transpose(_own_values(dataset, whole)[whole])
@@ -296,7 +298,7 @@ def _refuse_other_files(file: h5py.File, label: str) -> None:
     _read.set({})
 
 
-def _own_values(dataset: h5py.Dataset, selection: Selection = ()) -> Any:
+def _own_values(dataset: h5py.Dataset, selection: Selection = ()) -> h5py.Dataset:
     """Return the dataset, of which a selection is read next.
 
     Raises DataError where its values lie in other files (external storage, virtual datasets), and

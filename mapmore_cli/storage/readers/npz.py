@@ -7,13 +7,12 @@ import zipfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
 
 from numpy.lib import format as npy
 
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.storage.tables import TableRequest, reading, refuse_bombs
-from mapmore_cli.storage.tables.members import Member, array_of, group_of, table_of_fields
+from mapmore_cli.storage.tables.members import Member, Values, array_of, group_of, table_of_fields
 from mapmore_cli.storage.tables.overview import tree_reader
 
 
@@ -51,7 +50,7 @@ def _npz_array(archive: zipfile.ZipFile, part: zipfile.ZipInfo, size: int) -> Me
     if count * kind.itemsize > part.file_size or (count and not kind.itemsize):
         raise ValueError(f"'{name}' declares more values than it holds")
 
-    def values() -> Any:
+    def values() -> Values:
         with archive.open(part) as stream:
             return npy.read_array(stream, allow_pickle=False)
 

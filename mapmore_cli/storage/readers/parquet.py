@@ -6,7 +6,7 @@ import json
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.storage.tables import (
@@ -15,7 +15,7 @@ from mapmore_cli.storage.tables import (
     reading,
     refuse_bombs,
 )
-from mapmore_cli.storage.tables.members import Member, Selection, array_of
+from mapmore_cli.storage.tables.members import Member, Selection, Values, array_of
 from mapmore_cli.storage.tables.overview import tree_reader
 
 if TYPE_CHECKING:
@@ -59,8 +59,9 @@ def _parquet_column(file: ParquetFile, field: Field, size: int) -> Member:
     if types.is_decimal(kind):  # which are read as objects, of a hundred bytes each
         refuse_bombs(f"'{field.name}'", 100 * file.metadata.num_rows, size)
 
-    def values(selection: Selection) -> Any:
-        return file.read(columns=[field.name]).column(0).to_numpy()[selection]
+    def values(selection: Selection) -> Values:
+        column: Values = file.read(columns=[field.name]).column(0).to_numpy()
+        return column[selection]
 
     return array_of(values, (file.metadata.num_rows,), Noted(_unit_noted(file, field)))
 

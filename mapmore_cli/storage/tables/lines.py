@@ -27,6 +27,11 @@ from mapmore_cli.storage.tables.cells import holds_number
 LONGEST = 10_000_000
 """Characters of a line; a file of megabytes without a line end is no table."""
 
+PACKED_TEXT = 4_000_000
+"""Bytes of a packed text from which on it matters how well it was packed: its lines are read one by
+one where they are damaged, which takes seconds for a megabyte on a slow machine.
+"""
+
 CHUNK = 1 << 20
 """Bytes that are read at a time; where one of them is out of order, all of them are read record by
 record.
@@ -173,7 +178,7 @@ class Lines(Iterator[str]):
         self._held, self._at = rest + data, 0
         self._size += len(data)
         if self._packed is not None:
-            refuse_bombs(f"{self._label}: the file", self._size, self._packed)
+            refuse_bombs(f"{self._label}: the file", self._size, self._packed, PACKED_TEXT)
         return not self._ended
 
 

@@ -9,7 +9,7 @@ import math
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, NoReturn
 
 import numpy as np
 
@@ -26,6 +26,9 @@ from mapmore_cli.storage.tables import (
 )
 from mapmore_cli.storage.tables.cells import DATES, CellReader, NotANumber
 
+Values = np.ndarray[Any, np.dtype[Any]]
+"""Numbers, texts or stamps as they are in a file."""
+
 Selection = tuple[int | slice, ...]
 """An index in brackets, `:` being a whole axis."""
 
@@ -33,7 +36,7 @@ EVERY = "[*]"
 _STEP = re.compile(r"(?P<separator>[./]?)(?:(?P<name>[^./\[\]]+)|\[(?P<index>[^\[\]]*)\])")
 
 
-def _impossible(_: object) -> Any:
+def _impossible(_: object) -> NoReturn:
     raise TypeError("the member is of another kind")
 
 
@@ -56,7 +59,7 @@ class Member:
     member: Callable[[str], Member] = _impossible
     count: int | None = None
     element: Callable[[int], Member] = _impossible
-    values: Callable[[Selection], Any] = _impossible
+    values: Callable[[Selection], Values] = _impossible
     shape: tuple[int, ...] = ()
     noted: Noted = field(default_factory=Noted)
     breaks_off: Cut | None = None
@@ -74,7 +77,7 @@ class Member:
 
 
 def array_of(
-    values: Callable[[Selection], Any], shape: tuple[int, ...], noted: Noted | None = None
+    values: Callable[[Selection], Values], shape: tuple[int, ...], noted: Noted | None = None
 ) -> Member:
     """Return an array of that size."""
     return Member(
@@ -90,7 +93,7 @@ def size_in_words(shape: Iterable[int]) -> str:
 def table_of_fields(
     fields: Sequence[str],
     shape: tuple[int, ...],
-    values: Callable[[str], Callable[[Selection], Any]],
+    values: Callable[[str], Callable[[Selection], Values]],
 ) -> Member:
     """Return an array of records, whose fields are members; `values` gives what reads a field."""
     size = size_in_words(shape)
