@@ -204,7 +204,7 @@ def test_lists_of_entry_points_that_cannot_be_read_are_named_and_left_out(tmp_pa
 
 def test_a_family_of_structures_is_offered_to_the_search(folder, monkeypatch):
     monkeypatch.syspath_prepend(folder / "path")
-    for remembered in (plugins._installed, plugins.points, plugins.load):
+    for remembered in (plugins._installed, plugins.entry_points, plugins.load):
         monkeypatch.setattr(plugins, remembered.__name__, remembered.__wrapped__)
     (family,) = plugins.parts("families", Mapping)
     monkeypatch.undo()
