@@ -178,7 +178,7 @@ def test_a_plug_in_replaces_no_command_and_prints_into_no_document(folder):
 
 def test_a_family_of_structures_is_offered_to_the_search(folder, monkeypatch):
     monkeypatch.syspath_prepend(folder / "path")
-    for remembered in (plugins._installed, plugins.points, plugins.load):
+    for remembered in (plugins._installed, plugins.entry_points, plugins.load):
         monkeypatch.setattr(plugins, remembered.__name__, remembered.__wrapped__)
     (family,) = plugins.parts("families", Mapping)
     monkeypatch.undo()
