@@ -154,7 +154,7 @@ def _contradiction(
     between: csr_array,
 ) -> _Against | None:
     """Return the largest contradiction of a sign that noise alone makes in no more than `LEVEL` of
-    all cases, and that a plane through its cells confirms; None where there is none.
+    all cases, and that the slope over its cells confirms; None where there is none.
     """
     from scipy.sparse import csr_array
 
@@ -188,13 +188,16 @@ def _contradiction(
 
 
 def _confirmed(region: Region, asked: Asked, cells: IntArray) -> bool:
-    """Return whether the plane through some cells contradicts a sign by more than its error.
+    """Return whether the plane through some cells, which bends along the other inputs, contradicts
+    a sign by more than its error.
 
     The output between cells is linear in long and thin simplices, where these are scattered, and
     may fall there although the true output, which bends, rises. The residuals of a plane have the
-    bend in them.
+    rest of the bend in them.
     """
-    X = np.column_stack([np.ones(len(cells)), region.places[cells]])
+    others = [name != asked.quantity for name in region.names]
+    x = region.places[cells]
+    X = np.column_stack([np.ones(len(cells)), x, (x[:, others] - x[:, others].mean(axis=0)) ** 2])
     theta = np.linalg.lstsq(X, region.values[cells])[0]
     left, freedom = region.values[cells] - X @ theta, len(cells) - X.shape[1]
     variance = float(left @ left) / freedom if freedom > 0 else 0.0
