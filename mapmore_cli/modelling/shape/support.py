@@ -44,6 +44,7 @@ LEVEL = 0.01
 
 # runs of noise alone, and standard errors below which no contradiction is worth them
 RUNS, UNLIKELY = 199, 2.0
+CONFIRMED = 3.0  # standard errors by which a plane has to contradict a sign
 TRIED = 32  # of the largest contradictions over stretches of a length, which a plane may confirm
 # cells about a cell, beside those that a plane through it needs, by which its noise is told
 ABOUT, LOCAL = 3, 12
@@ -189,7 +190,7 @@ def _contradiction(
 
 def _confirmed(region: Region, asked: Asked, cells: IntArray) -> bool:
     """Return whether the plane through some cells, which bends along the other inputs, contradicts
-    a sign by more than its error.
+    a sign by more than `CONFIRMED` of its standard errors.
 
     The output between cells is linear in long and thin simplices, where these are scattered, and
     may fall there although the true output, which bends, rises. The residuals of a plane have the
@@ -203,7 +204,7 @@ def _confirmed(region: Region, asked: Asked, cells: IntArray) -> bool:
     variance = float(left @ left) / freedom if freedom > 0 else 0.0
     along = 1 + region.names.index(asked.quantity)
     against = theta[along] * (-1.0 if asked.word == "increasing" else 1.0)
-    return bool(against > UNLIKELY * parameter_errors(X, variance)[0][along])
+    return bool(against > CONFIRMED * parameter_errors(X, variance)[0][along])
 
 
 def _near(region: Region) -> IntArray:
