@@ -27,7 +27,7 @@ PAGES = (
 )
 FENCE = re.compile(r"^```(\w*)\n(.*?)^```", re.MULTILINE | re.DOTALL)
 INDENTED = re.compile(r"^    (mapmore .*[^\\])$", re.MULTILINE)
-COMMAND = re.compile(r"(?:\s*|\s*- run: |.*\$\()(mapmore .*)")
+COMMAND = re.compile(r"(?:\s*|\s*- run: |.*\$\(|\$ (?:.*\| )?)(mapmore .*)")
 
 
 def commands(page):
@@ -43,7 +43,7 @@ def commands_in(text, suffix=".md"):
         [
             line
             for name, block in FENCE.findall(text)
-            for line in block.splitlines()
+            for line in block.replace("\\\n", " ").splitlines()
             if name != "text"
         ]
         + INDENTED.findall(text)

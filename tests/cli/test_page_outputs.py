@@ -1,0 +1,63 @@
+"""What pages show below a command is what the command prints; see `page_outputs`."""
+
+import shutil
+from pathlib import Path
+
+import pytest
+from page_outputs import Call, difference, run_page, steps_of
+
+DOCS = Path(__file__).parents[2] / "docs"
+FIRST = "first-model"
+AFTER_FIRST = (
+    "how-mapmore-builds-a-model",
+    "how-good",
+    "beyond-the-data",
+    "from-model-to-paper",
+)
+"""Pages that go on with the example study, which has run already."""
+
+ALONE = ("install", "your-own-data", "models-with-memory")
+"""Pages that begin in an empty folder."""
+
+
+@pytest.fixture(scope="module")
+def after_first(tmp_path_factory, mapmore):
+    """The folder in which the commands of the first page have run."""
+    folder = tmp_path_factory.mktemp("first")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        run_page(DOCS / f"{FIRST}.md", mapmore)
+    return folder
+
+
+def test_the_first_page_shows_what_its_commands_print(after_first):
+    assert (after_first / "runs" / "muscle" / "model.h5").is_file()
+
+
+@pytest.mark.parametrize("page", AFTER_FIRST)
+def test_a_page_that_goes_on_with_the_example(page, after_first, mapmore, tmp_path):
+    shutil.copytree(after_first, tmp_path, dirs_exist_ok=True)
+    run_page(DOCS / f"{page}.md", mapmore)
+
+
+@pytest.mark.parametrize("page", ALONE)
+@pytest.mark.usefixtures("tmp_path")
+def test_a_page_that_begins_in_an_empty_folder(page, mapmore):
+    run_page(DOCS / f"{page}.md", mapmore)
+
+
+def test_a_session_is_read_from_top_to_bottom():
+    page = "```yaml\n# a/b.yaml\nx: 1\n```\n```console\n$ one \\\n    two\nout\n...\n$ three\n```\n"
+    named, first, second = steps_of(page)
+    assert named == ("a/b.yaml", "# a/b.yaml\nx: 1\n")
+    assert isinstance(first, Call)
+    assert first.command.split() == ["one", "two"]
+    assert first.shown == ("out", "...")
+    assert second.shown == ()
+
+
+def test_a_line_that_is_not_printed_is_found():
+    printed = ["a  1", "b  2", "c  3 and more"]
+    assert difference(["a 1", "...", "c 3 ..."], printed) == {}
+    assert difference(["b 3"], printed) == {"b 3": "b  2"}
+    assert difference(["b 2", "a 1"], printed).keys() == {"a 1"}  # in their order
