@@ -15,7 +15,7 @@ import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from textwrap import fill
+from textwrap import fill, indent
 from typing import Any
 
 from notebook import markdown, write_notebook
@@ -36,6 +36,13 @@ HELPER = "muscle"
 MADE = re.compile(r"(<!-- made: (\w+) -->\n).*?(<!-- end made -->)", re.DOTALL)
 
 
+COPY = re.compile(r"( *)<!-- copy: (\S+) -->\n.*?<!-- end copy -->", re.DOTALL)
+"""A place of a page that shows a whole file."""
+
+LANGUAGES = {".py": "python", ".sh": "sh"}
+"""Language of a shown file where it is not the suffix of its name."""
+
+
 def scripts() -> list[Path]:
     """Return the examples of the gallery in alphabetical order."""
     return [path for path in sorted(GALLERY.glob("*.py")) if path.stem != HELPER]
@@ -50,15 +57,25 @@ def texts() -> dict[Path, str]:
         GALLERY / "index.md": gallery(),
         **pages,
         **{
-            page: MADE.sub(
-                lambda part: f"{part[1]}\n{PARTS[part[2]]().strip()}\n\n{part[3]}",
-                page.read_text(encoding="utf-8"),
-            )
-            for page in (
-                DOCS / f"{name}.md" for name in ("spec", "formulas", "file-format", "python")
-            )
+            page: COPY.sub(copied, MADE.sub(made, page.read_text(encoding="utf-8")))
+            for page in DOCS.glob("*.md")
         },
     }
+
+
+def made(part: re.Match[str]) -> str:
+    """Return a part of a page that is made from the program, between its marks."""
+    return f"{part[1]}\n{PARTS[part[2]]().strip()}\n\n{part[3]}"
+
+
+def copied(place: re.Match[str]) -> str:
+    """Return a whole file as a block of code, indented as its marks are."""
+    margin, name = place.groups()
+    path = DOCS / name
+    language = LANGUAGES.get(path.suffix, path.suffix[1:])
+    block = f"```{language}\n{path.read_text(encoding='utf-8').rstrip()}\n```"
+    text = f"<!-- copy: {name} -->\n\n{block}\n\n<!-- end copy -->"
+    return indent(text, margin)
 
 
 def commands() -> str:
