@@ -202,7 +202,19 @@ def docstring(text: str) -> str:
     return "\n".join([*lines, "```"] if session else lines)
 
 
+def names() -> str:
+    """Return a table of the formulas' names, by what they predict."""
+    sections = re.findall(r"^## (.+)\n(.*?)(?=^## |\Z)", formulas(), re.MULTILINE | re.DOTALL)
+    rows = [
+        f"| {heading} | {', '.join(f'[`{name}`](#{name})' for name in found)} |"
+        for heading, text in sections
+        if (found := re.findall(r"^### (\w+)", text, re.MULTILINE))
+    ]
+    return "\n".join(["| what is predicted | formulas |", "|---|---|", *rows])
+
+
 PARTS: dict[str, Callable[[], str]] = {
+    "names": names,
     "keys": keys,
     "formulas": formulas,
     "files": files,
