@@ -28,10 +28,11 @@ import numpy as np
 import yaml
 from concept_diagrams import annotated_page, decision_tree
 from matplotlib.figure import Figure
-from pages import DOCS, write_rows
+from pages import DOCS, write_rows, write_tables
 
 import mapmore_cli as mm
 from mapmore_cli.pipeline.example import write_example
+from mapmore_cli.reporting.table import Column, Table
 
 FIGURES = DOCS / "figures"
 LOOK = {
@@ -240,22 +241,34 @@ def draw_band(numbers: dict[str, list[str]]) -> Figure:
 
 
 def candidates(folder: Path) -> Numbers:
-    """Search the example; return parameters and left-out error in per cent of each candidate."""
+    """Search the example; return parameters and errors in per cent of each candidate.
+
+    The held-out error is known for the chosen candidate and for those that are competitors too.
+    """
     example(folder)
     with warnings.catch_warnings(action="ignore"):
         run = mm.run(folder / "muscle" / "search.yaml", folder / "runs")
     found = json.loads((run.run_dir / "search.json").read_text(encoding="utf-8"))
-    rows = [
-        (row["words"], row["parameters"], 100 * row["error"], float(place == found["chosen"]))
-        for place, row in enumerate(found["tried"])
-        if row["family"] != "black box"
-    ]
-    return named("name parameters error chosen", rows)
+    held_out = {
+        row["model"]: row["nrmse"]
+        for row in run.scores
+        if (row["split"], row["curve"]) == ("validate", "all")
+    }
+    rows = []
+    for place, row in enumerate(found["tried"]):
+        chosen = place == found["chosen"]
+        model = "m2_settings" if row["family"] == "papers" else row["words"].split()[-1]
+        error = held_out.get("mapmore" if chosen else model, np.nan)
+        if row["family"] != "black box":
+            rows.append(
+                (row["words"], row["parameters"], 100 * row["error"], 100 * error, float(chosen))
+            )
+    return named("name parameters error held_out chosen", sorted(rows, key=lambda row: row[2]))
 
 
 def draw_candidates(numbers: dict[str, list[str]]) -> Figure:
     """Draw error over number of parameters; the chosen candidate is filled."""
-    parameters, errors, chosen = columns({k: numbers[k] for k in list(numbers)[1:]})
+    parameters, errors, _, chosen = columns({k: numbers[k] for k in list(numbers)[1:]})
     figure = Figure(figsize=(6.4, 3.3), layout="constrained")
     axes = figure.add_subplot()
     axes.semilogy(parameters, errors, "o", color=OURS, markerfacecolor="white")
@@ -310,6 +323,45 @@ PICTURES = {
 }
 
 
+def table_of_terms() -> Table:
+    """Return training and held-out error by number of terms."""
+    rows = zip(*read_numbers("overfitting").values(), strict=True)
+    return table(
+        "Errors of one polynomial by number of terms",
+        ("terms", "training [%]", "held out [%]"),
+        [(terms, _short(train), _short(held_out)) for terms, train, held_out in rows],
+    )
+
+
+def table_of_candidates() -> Table:
+    """Return the candidates of the search, the best first."""
+    rows = zip(*read_numbers("search-candidates").values(), strict=True)
+    return table(
+        "Structures that were tried",
+        ("structure", "parameters", "left-out error [%]", "held-out error [%]", "taken"),
+        [
+            (name, count, _short(error), _short(held_out), "yes" if float(chosen) else "")
+            for name, count, error, held_out, chosen in rows
+        ],
+    )
+
+
+TABLES = {
+    "overfitting": ("how-good", "overfitting", table_of_terms),
+    "search-candidates": ("structure-search", "candidates", table_of_candidates),
+}
+"""Page, name and maker of the table that shows the numbers of a picture."""
+
+
+def table(title: str, headings: Sequence[str], rows: Sequence[Sequence[str]]) -> Table:
+    """Return a table of texts."""
+    return Table("", title, tuple(map(Column, headings)), tuple(map(tuple, rows)))
+
+
+def _short(cell: str) -> str:
+    return "–" if cell == "nan" else f"{float(cell):.3g}"
+
+
 def read_numbers(name: str) -> dict[str, list[str]]:
     """Return the numbers of a picture by column, as they stand in its file."""
     path = FIGURES / f"{name}.csv"
@@ -338,6 +390,9 @@ def write(name: str) -> None:
         figure = picture.draw(read_numbers(name))
         place = FIGURES / f"{name}.svg"
         figure.savefig(place, metadata={"Date": None, "Description": fingerprint(name)})
+    if name in TABLES:
+        page, title, make = TABLES[name]
+        write_tables(DOCS / f"{page}.md", {title: make})
 
 
 def _text(cell: float | str) -> str:
