@@ -35,7 +35,7 @@ from mapmore_cli.pipeline.example import write_example
 from mapmore_cli.reporting.table import Column, Table
 
 FIGURES = DOCS / "figures"
-LOOK = {
+LOOK: dict[Any, Any] = {
     "svg.hashsalt": "mapmore",
     "svg.fonttype": "none",
     "font.family": "sans-serif",
