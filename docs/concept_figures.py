@@ -302,6 +302,40 @@ def held_out_curve(folder: Path) -> Numbers:
     return named("strain measured mapmore sarosi polynomial_2", found)
 
 
+def outer_level(folder: Path) -> Numbers:
+    """Hold out the highest pressure; return its curve and what two models predict there."""
+    spec = example(folder)
+    split = {"validate": {"pressure": [500]}}
+    pieces = fitted(folder, spec, split=split)
+    formula = {"type": "literature", "name": "sarosi"}
+    sections = {"segment": None, "dictionary": None, "fit": None, "fuse": None}
+    sarosi = fitted(folder, spec, split=split, model=formula, **sections)
+    (curve,) = pieces.held_out
+    inputs = {name: curve.columns[name] for name in ("pressure", "strain")}
+    with warnings.catch_warnings(action="ignore"):
+        rows = zip(
+            inputs["strain"],
+            curve.columns["force"],
+            pieces(**inputs),
+            sarosi(**inputs),
+            strict=True,
+        )
+    return named("strain measured segments sarosi", [[float(x) for x in row] for row in rows])
+
+
+def draw_outer_level(numbers: dict[str, list[str]]) -> Figure:
+    """Draw the measured curve and both predictions."""
+    strain, measured, pieces, sarosi = columns(numbers)
+    figure = Figure(figsize=(5.6, 3.1), layout="constrained")
+    axes = figure.add_subplot()
+    axes.plot(strain[::5], measured[::5], "k.", markersize=4, label="measured at 500 kPa")
+    axes.plot(strain, pieces, "--", color=OTHER, label="segments, trained up to 350 kPa")
+    axes.plot(strain, sarosi, color=OURS, label="Sárosi's formula, trained up to 350 kPa")
+    axes.set(xlabel="strain", ylabel="force [N]")
+    axes.legend()
+    return figure
+
+
 def named(names: str, rows: Sequence[Sequence[Any]]) -> Numbers:
     """Return rows as columns with these names."""
     return dict(zip(names.split(), zip(*rows, strict=True), strict=True))
@@ -320,6 +354,7 @@ PICTURES = {
     "memory-loops": Picture(loops, draw_loops),
     "interval-band": Picture(band, draw_band),
     "search-candidates": Picture(candidates, draw_candidates),
+    "outer-level": Picture(outer_level, draw_outer_level),
 }
 
 
@@ -346,8 +381,20 @@ def table_of_candidates() -> Table:
     )
 
 
+def table_of_outer_level() -> Table:
+    """Return the errors of both models at the pressure that is held out."""
+    _, measured, *models = columns(read_numbers("outer-level"))
+    errors = [np.sqrt(np.mean((model - measured) ** 2)) for model in models]
+    rows = [
+        (name, f"{error:.3g}", f"{100 * error / np.abs(measured).max():.3g}")
+        for name, error in zip(("segments", "sarosi"), errors, strict=True)
+    ]
+    return table("Errors at 500 kPa", ("model", "RMSE [N]", "NRMSE [%]"), rows)
+
+
 TABLES = {
     "overfitting": ("how-good", "overfitting", table_of_terms),
+    "outer-level": ("limits", "outer", table_of_outer_level),
     "search-candidates": ("structure-search", "candidates", table_of_candidates),
 }
 """Page, name and maker of the table that shows the numbers of a picture."""
