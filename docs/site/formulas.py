@@ -1,7 +1,7 @@
-"""Set the formulas of pages (`$...$` and `$$...$$`) as pictures, so that the site needs no network.
+"""Draw the formulas of pages (`$...$` and `$$...$$`), so that the site needs no network.
 
-A forge sets them by itself. Here Matplotlib's own TeX parser draws each of them as SVG in the colour
-of the text.
+A forge sets them by itself. Here Matplotlib's own TeX parser draws each of them as SVG in the
+colour of the text.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ FORMULA = re.compile(r"\$\$(?P<block>.+?)\$\$|\$(?P<inline>[^\s$](?:[^$\n]*[^\s$
 
 @cache
 def picture(formula: str) -> str:
-    """Return a formula as SVG that stands on the line of the text; raises ValueError for bad TeX."""
+    """Return a formula as SVG on the line of the text; raise ValueError if it cannot be parsed."""
     text = f"${' '.join(formula.split())}$"
     font = FontProperties(size=SIZE)
     with mpl.rc_context({"mathtext.fontset": "stix", "svg.fonttype": "path"}):
@@ -56,6 +56,6 @@ def with_formulas(markdown: str) -> str:
     return "".join([*parts, FORMULA.sub(drawn, markdown[start:])])
 
 
-def on_page_markdown(markdown: str, page: Any, **_rest: Any) -> str:
+def on_page_markdown(markdown: str, **_rest: Any) -> str:
     """Do the same for a page of the site."""
     return with_formulas(markdown)
