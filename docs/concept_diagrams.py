@@ -116,8 +116,8 @@ def annotated_page(numbers: dict[str, list[str]]) -> Figure:
     axes.text(2.5, 17.5, "model", fontsize=8, weight="bold")
     axes.text(18, 17.5, "data", fontsize=8, weight="bold")
     axes.text(36, 17.5, "NRMSE [%]", fontsize=8, weight="bold", ha="right")
-    for place, (name, error) in enumerate(zip(names, nrmse, strict=True)):
-        y = 15.5 - 2 * place
+    for row, (name, error) in enumerate(zip(names, nrmse, strict=True)):
+        y = 15.5 - 2 * row
         axes.text(2.5, y, name, fontsize=8)
         axes.text(18, y, "validate (held out)", fontsize=8)
         axes.text(36, y, f"{error:.2f}", fontsize=8, ha="right")

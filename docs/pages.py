@@ -3,7 +3,7 @@ tables, and the tables of pages.
 
 A table of a page stands between `<!-- table NAME -->` and `<!-- end -->`. After `<!-- table NAME 3
 -->` it is in `tables/PAGE/NAME.csv`: the page has its last three rows and a link, the site all of
-it.
+it. Sentences quote cells with the marks of cells.py.
 """
 
 from __future__ import annotations
@@ -17,6 +17,9 @@ from functools import cache, partial
 from pathlib import Path
 
 import numpy as np
+from cells import BLOCK, pages, write_cells
+from cells import DOCS as DOCS
+from cells import read_rows as read_rows
 
 from mapmore_cli.annexes.campaigns.page import scores_of
 from mapmore_cli.domain.arrays import Array
@@ -29,7 +32,6 @@ from mapmore_cli.storage.run_folder import RunFiles
 from mapmore_cli.study.campaign import Entry, load_campaign
 from mapmore_cli.study.loader import LoadedSpec, load
 
-DOCS = Path(__file__).parent
 CONFIGS = DOCS.parent / "configs"
 PUBLISHED = DOCS / "papers" / "published"
 
@@ -87,11 +89,10 @@ def printed(name: str) -> list[dict[str, str]]:
         return list(csv.DictReader(file))
 
 
-BLOCK = re.compile(r"(<!-- table (\S+?)(?: (\d+))? -->)\n(.*?)(<!-- end -->)", re.DOTALL)
-
-
 def write_tables(page: Path, found: Mapping[str, Callable[[], Table]]) -> None:
-    """Replace the tables of a page by those found of their names."""
+    """Replace the tables of a page by those made under their names, and then the numbers that
+    sentences of any page quote.
+    """
 
     def block(match: re.Match[str]) -> str:
         head, name, kept, _, end = match.groups()
@@ -103,6 +104,8 @@ def write_tables(page: Path, found: Mapping[str, Callable[[], Table]]) -> None:
         return f"{head}\n{_excerpt(table, int(kept), page.stem, name)}{end}"
 
     page.write_text(BLOCK.sub(block, page.read_text(encoding="utf-8")), encoding="utf-8")
+    for path in pages():
+        write_cells(path)
 
 
 def of_campaign(name: str) -> Callable[[Path], Table]:
@@ -128,12 +131,10 @@ def write_page(page: str, tables: Mapping[str, Callable[[Path], Table]]) -> None
 def _excerpt(table: Table, kept: int, page: str, name: str) -> str:
     """Write a table into its file; return its last rows, its notes and a link to the file."""
     write_rows(DOCS / "tables" / page / f"{name}.csv", [table.headings, *table.shown])
-    text = (
-        to_markdown(replace(table, rows=table.rows[-kept:]), str)
-        if kept
-        else "\n\n".join([f"**{table.title}**", *table.notes]) + "\n"
-    )
-    return f"{text}\n[All {len(table.rows)} rows](tables/{page}/{name}.csv)\n"
+    link = f"[All {len(table.rows)} rows](tables/{page}/{name}.csv)\n"
+    if kept:
+        return f"{to_markdown(replace(table, rows=table.rows[-kept:]), str)}\n{link}"
+    return "".join(f"{note}\n\n" for note in table.notes) + f"{table.title}: {link}"
 
 
 def write_rows(path: Path, rows: Sequence[Sequence[str]]) -> None:
@@ -141,23 +142,6 @@ def write_rows(path: Path, rows: Sequence[Sequence[str]]) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
     with path.open("w", encoding="utf-8", newline="") as file:
         csv.writer(file, lineterminator="\n").writerows(rows)
-
-
-def read_rows(page: Path, name: str) -> list[list[str]]:
-    """Return headings and rows of a table, from its file or from the page."""
-    path = DOCS / "tables" / page.stem / f"{name}.csv"
-    if path.exists():
-        with path.open(encoding="utf-8", newline="") as file:
-            return list(csv.reader(file))
-    (block,) = (
-        found[4] for found in BLOCK.finditer(page.read_text(encoding="utf-8")) if found[2] == name
-    )
-    lines = [
-        [cell.strip() for cell in line.strip("|").split("|")]
-        for line in block.splitlines()
-        if line.startswith("|")
-    ]
-    return [lines[0], *lines[2:]]
 
 
 def in_full(text: str, page: str) -> str:
@@ -171,9 +155,10 @@ def in_full(text: str, page: str) -> str:
         shown = to_markdown(table, str).replace("****\n\n", "")
         head, tail = '<details markdown="1" open><summary>', f"</summary>\n\n{shown}\n[CSV]"
         return re.sub(
-            r"\[(All \d+ rows)\](\(.*?\))",
-            lambda link: f"{head}{link[1]}{tail}{link[2]}\n\n</details>\n",
+            r"^(.*)\[(All \d+ rows)\](\(.*?\))$",
+            lambda link: f"{head}{link[1]}{link[2]}{tail}{link[3]}\n\n</details>\n",
             match[0],
+            flags=re.MULTILINE,
         )
 
     return BLOCK.sub(whole, text)

@@ -2,7 +2,7 @@
 
 import re
 
-from pages import DOCS, read_rows
+from cells import DOCS, is_number, read_rows, without_unit
 
 PAGE, MEMORY = DOCS / "measured-static.md", DOCS / "memory.md"
 
@@ -12,7 +12,7 @@ def page_table(name, page=PAGE):
     heading left out).
     """
     header, *rows = read_rows(page, name)
-    keys = [re.sub(r" \[.*\]$", "", heading) for heading in header[1:]]
+    keys = [without_unit(heading) for heading in header[1:]]
     return {first: dict(reversed(list(zip(keys, cells, strict=True)))) for first, *cells in rows}
 
 
@@ -30,6 +30,4 @@ def block_of(page, language="yaml"):
 
 def numbers(row):
     """The cells that are numbers."""
-    return {
-        key: float(text) for key, text in row.items() if re.fullmatch(r"-?[\d.]+(e[+-]?\d+)?", text)
-    }
+    return {key: float(text) for key, text in row.items() if is_number(text)}

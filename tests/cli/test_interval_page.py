@@ -94,15 +94,6 @@ def test_constants_that_do_not_know_a_family_cover_it():
     assert np.median(width) < 4.5
 
 
-def test_the_sentences_follow_from_the_tables():
-    text = PAGE.read_text(encoding="utf-8")
-    families = [float(row[4]) for row in rows_of("families", PAGE)]
-    assert (
-        f"{np.mean(families):.1f} % of the samples lie inside on average, {min(families)} % "
-        "at the least" in text
-    )
-
-
 def test_the_constants_are_those_of_all_families():
     assert numbers(page_table("constants", PAGE)["none"]) == {
         f"{count} levels": scale for count, scale in FEW.items()

@@ -6,7 +6,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from page_tables import DOCS, numbers, page_table
+from page_tables import DOCS, page_table
 
 from mapmore_cli.annexes.motion.fitting import fit_motion
 from mapmore_cli.annexes.motion.problem import MotionRecipe
@@ -92,14 +92,3 @@ def test_errors_over_all_waveforms_are_made_again(name, row, column, references,
     logs = [log(path.stem) for path in sorted((DATASETS / "waveforms").glob("waveform_*.csv"))]
     error = np.concatenate([simulate(motion, record) - record["displacement"] for record in logs])
     assert float(table(name)[row][column]) == pytest.approx(np.sqrt(np.mean(error**2)), rel=0.02)
-
-
-def test_what_is_said_of_the_best_models():
-    rows, least = table("coiled_motion"), []
-    for group in ("steps", "loops"):
-        errors = numbers(rows[f"{group}: median"])
-        del errors["mapmore"], errors["repeatability"]
-        model = min(errors, key=errors.__getitem__)
-        least += [model, errors[model]]
-    said = "`{}` has least on steps ({}), `{}` on loops ({})".format(*least)
-    assert said in PAGE.read_text(encoding="utf-8")

@@ -87,9 +87,9 @@ def test_what_is_said_of_w():
     assert max(rig) < 5 < min(foretold)
     text = W.read_text(encoding="utf-8")
     for said in (
-        f"{min(errors)} to {max(errors)} deg remain of {alone}",
-        f"swing ({min(foretold)} to {max(foretold)} deg)",
-        f"the rig stays at {min(rig):.2f} to {max(rig)}: friction damps it",
+        f"from {alone}° to between {min(errors)}° and {max(errors)}°",
+        f"errors of {min(foretold)}° to {max(foretold)}°",
+        f"the rig does not ({min(rig):.2f}° to {max(rig)}°)",
     ):
         assert said in text
 

@@ -11,6 +11,7 @@ FIRST = "first-model"
 AFTER_FIRST = (
     "how-mapmore-builds-a-model",
     "how-good",
+    "how-sure",
     "beyond-the-data",
     "from-model-to-paper",
 )

@@ -1,4 +1,4 @@
-"""Tables of pages that are files of their own, and sentences that tell their cells."""
+"""Tables of pages that are files of their own, and sentences that quote their cells."""
 
 import math
 import re
@@ -7,8 +7,9 @@ from statistics import fmean
 
 import pytest
 import yaml
+from cells import BLOCK, DOCS, MARK, pages, read_rows, with_cells
 from page_tables import block_of, numbers, page_table
-from pages import BLOCK, DOCS, in_full, read_rows
+from pages import in_full
 
 from mapmore_cli.study.loader import load
 
@@ -68,31 +69,43 @@ def of_file(name):
     return yaml.safe_load(Path(__file__).with_name(name).read_text(encoding="utf-8"))
 
 
-SENTENCES = [(page, one) for page, rows in of_file("sentences.yaml").items() for one in rows]
+@pytest.mark.parametrize("page", pages(), ids=lambda page: page.stem)
+def test_sentences_quote_the_cells_that_their_marks_name(page):
+    """`docs/cells.py` writes them; a mark at the beginning of a line would end its paragraph."""
+    text = page.read_text(encoding="utf-8")
+    assert with_cells(text, page) == text, "`python docs/cells.py` writes the numbers of sentences"
+    assert text.count("<!-- / -->") == len(MARK.findall(text)), f"{page}: a mark is not closed"
+    assert not re.search(rf"^{MARK.pattern}", text, re.MULTILINE)
 
 
-def told(cell, page):
-    """The text of a cell, or of what is taken over a column."""
-    if isinstance(cell, list):
-        table, row, column = cell
-        return page_table(table, page)[row][column]
-    ((way, place),) = cell.items()
-    if way == "percent_above_one":
-        return str(100 * (float(told(place, page)) - 1))
-    table, column = place
-    cells = [row[column] for row in page_table(table, page).values() if numbers(row).get(column)]
-    return sorted(cells, key=float)[0 if way == "least" else -1]
+TABLE = [["run", "held out", "error [N]"], ["a", "1", "2.5"], ["a", "2", "3.25"], ["b", "1", "–"]]
 
 
 @pytest.mark.parametrize(
-    ("page", "sentence"), SENTENCES, ids=[f"{page}: {one['says']}" for page, one in SENTENCES]
+    ("mark", "shown"),
+    [
+        ("cell t; a, 2; error", "3.25"),
+        ("cell t; a, 2; error [N]; .1f", "3.2"),
+        ("cell\nt; b;\nerror", "–"),
+        ("least t; error", "2.5"),
+        ("greatest t; error; .0f", "3"),
+        ("sum t; error; .1f", "5.8"),
+        ("mean t; error; .2f", "2.88"),
+        ("excess t; a, 1; error; .0f", "150"),
+    ],
 )
-def test_sentences_say_what_stands_in_the_tables(page, sentence):
-    template, path = sentence["says"], DOCS / f"{page}.md"
-    cells = [told(cell, path) for cell in sentence["of"]]
-    values = [float(cell) for cell in cells] if "{:" in template else cells
-    text = " ".join(path.read_text(encoding="utf-8").split())
-    assert template.format(*values) in text
+def test_a_mark_names_a_cell(mark, shown, tmp_path):
+    page = tmp_path / "page.md"
+    page.write_text(
+        "".join(f"| {' | '.join(row)} |\n" for row in [TABLE[0], ["---"] * 3, *TABLE[1:]]).join(
+            ("<!-- table t -->\n", "<!-- end -->\n")
+        )
+    )
+    assert with_cells(f"It is <!-- {mark} -->old<!-- / --> N.", page) == (
+        f"It is <!-- {mark} -->{shown}<!-- / --> N."
+    )
+    with pytest.raises(LookupError, match=r"page\.md: <!-- cell t; .*2 rows are called 'a'"):
+        with_cells("<!-- cell t; a; error --><!-- / -->", page)
 
 
 CLAIMS = [(page, claim) for page, claims in of_file("claims.yaml").items() for claim in claims]

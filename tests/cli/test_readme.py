@@ -50,8 +50,8 @@ def test_the_table_is_that_of_the_pages():
     for line, errors in zip(shown, found, strict=True):
         assert line == pytest.approx(errors, rel=0.006)
     gains = [100 * (1 - own / backbone) for own, backbone, *_ in found[1:3]]
-    words = "Pieces add {:.0f} % over bands of pressure and {:.0f} % on repeats".format(*gains)
-    assert words in README
+    words = "by {:.0f} % if bands of pressure are held out and by {:.0f} % on repeats"
+    assert words.format(*gains) in README
     assert all(own > backbone for own, backbone, *_ in (found[0], found[3]))
 
 
@@ -60,7 +60,6 @@ def test_where_it_loses_is_what_the_page_says():
     assert table["cubic"] == min(
         (told for model, told in table.items() if "inverted" not in model), key=float
     )
-    assert f"a cubic has {table['cubic']} % and the direct model {table['mapmore']} %" in README
     measured = page_table("measured")["bellows_strain"]
     assert float(measured["cubic"]) < float(measured["mapmore"])
 
@@ -90,12 +89,6 @@ def test_the_page_of_defaults_has_all_that_differ_from_the_papers(tmp_path):
             assert value_of(resolved, key) == paper.strip("`")
         assert value_of(defaults, key) == default.strip("`")
     papers = load(CONFIGS / "m2" / "dmsp-20-88-static.yaml").resolved
-    for name, words in (
-        ("measured-static", "2.0 % larger in the geometric mean of eleven measured studies"),
-        ("motion", "18 times"),
-    ):
-        assert words in page
-        assert words in (ROOT / "docs" / f"{name}.md").read_text(encoding="utf-8")
     same = dict(re.findall(r"`([\w.]+): (\S+?)`", page.partition("As in M2:")[2]))
     assert same == {key: value_of(papers, key) for key in same}
     for section in ("fit", "fuse", "validate"):

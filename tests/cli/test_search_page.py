@@ -45,7 +45,7 @@ def test_what_is_found_in_the_demo_is_as_good_as_the_best_and_as_the_page_says(
     assert ratio <= 1.001
     assert own <= papers
     said = re.search(
-        r"`make demo`, without their settings: (\d\.\d+) .DMSP. and (\d\.\d+) .Peano. times",
+        r"(\d\.\d+) times \(DMSP\) and (\d\.\d+) times \(Peano\)",
         PAGE.read_text(encoding="utf-8"),
     )
     assert ratio == pytest.approx(float(said[1 + study.startswith("peano")]), abs=0.03)

@@ -1,0 +1,50 @@
+"""The pictures of the pages that explain mapmore are those of their numbers, and these are true."""
+
+import re
+
+import numpy as np
+import pytest
+from concept_figures import FIGURES, PICTURES, TABLES, fingerprint, read_numbers
+from pages import DOCS
+
+from mapmore_cli.reporting.table import to_markdown
+
+QUICK = ("overfitting", "beyond-the-data", "outer-level")
+
+
+@pytest.mark.parametrize("name", PICTURES)
+def test_a_picture_is_not_older_than_its_numbers_and_what_draws_it(name):
+    text = (FIGURES / f"{name}.svg").read_text(encoding="utf-8")
+    assert fingerprint(name) in text, f"python docs/concept_figures.py {name}"
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        name if name in QUICK else pytest.param(name, marks=pytest.mark.long)
+        for name in PICTURES
+        if read_numbers(name)
+    ],
+)
+def test_the_numbers_of_a_picture_come_out_again(name, tmp_path):
+    found = PICTURES[name].numbers(tmp_path)
+    shown = read_numbers(name)
+    assert list(found) == list(shown)
+    for key, cells in shown.items():
+        if key == "name":
+            assert list(found[key]) == cells
+        else:
+            np.testing.assert_allclose(
+                np.array(found[key], dtype=float),
+                np.array(cells, dtype=float),
+                rtol=2e-5,
+                atol=2e-5 * max(map(abs, map(float, cells))),
+            )
+
+
+@pytest.mark.parametrize("name", TABLES)
+def test_the_table_of_a_page_shows_the_numbers_of_the_picture(name):
+    page, block, make = TABLES[name]
+    text = (DOCS / f"{page}.md").read_text(encoding="utf-8")
+    (shown,) = re.findall(rf"<!-- table {block} -->\n(.*?)<!-- end -->", text, re.DOTALL)
+    assert shown == to_markdown(make(), str)
