@@ -164,16 +164,18 @@ def test_every_page_opens_in_a_browser(site):
 @pytest.mark.parametrize(
     ("word", "page"),
     [
-        ("overfitting", "how-good"),
+        ("overfit", "how-good"),
         ("excel", "data"),
         ("arduino", "export-c"),
-        ("reproduce", "reproduce"),
+        ("reproduc", "reproduce"),
         ("cite", "cite"),
-        ("limitations", "limits"),
+        ("limit", "limits"),
     ],
 )
 def test_the_search_finds_a_page_by_its_word(word, page, site):
-    """The index of the site's search has the word on the page that is about it."""
+    """The index of the site's search has the stem of a word, for which the search looks (overfitting,
+    limitations), on the page that is about it.
+    """
     index = json.loads((site / "search" / "search_index.json").read_text("utf-8"))
     found = {
         entry["location"].partition(".html")[0]
