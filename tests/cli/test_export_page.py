@@ -90,4 +90,5 @@ def test_the_sentence_of_replays_follows_from_its_table():
         < 1e-11
     )
     off = [row[reader] for row in rows for reader in TABLES if reader in row]
-    assert f"differ by {min(off):.2f} to {max(off):.2f} %" in PAGE.read_text(encoding="utf-8")
+    said = f"differ by {min(off):.2f} % to {max(off):.2f} %"
+    assert said in PAGE.read_text(encoding="utf-8")

@@ -72,7 +72,7 @@ def test_the_summary_keeps_what_the_page_promises():
 
 
 def test_the_numbers_of_the_page_are_those_of_the_code():
-    text = PAGE.read_text(encoding="utf-8")
+    text = PAGE.with_name("keep-rising.md").read_text(encoding="utf-8")
     assert f"more than {support.CONTRADICTED * 100:.0f} %" in text
     assert support.FEWEST == 10
     assert "fewer than ten" in text
