@@ -9,7 +9,7 @@ from pages import DOCS
 
 from mapmore_cli.reporting.table import to_markdown
 
-QUICK = ("overfitting", "beyond-the-data", "outer-level")
+QUICK = ("overfitting", "outer-level")
 
 
 @pytest.mark.parametrize("name", PICTURES)
