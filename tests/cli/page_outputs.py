@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 FENCE = re.compile(r"^```(\w*)\n(.*?)^```", re.MULTILINE | re.DOTALL)
-NAMED = re.compile(r"# ([\w./-]+\.(?:yaml|py|csv|ino|c))\n")
+NAMED = re.compile(r"(?:#|//) ([\w./-]+\.(?:yaml|py|csv|ino|c|mo))\n")
 PIPE = re.compile(r"(?:(?P<before>[^|]+)\| )?mapmore (?P<words>[^|>]+)")
 WRITE = "MAPMORE_WRITE_DOCS"
 
