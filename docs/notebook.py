@@ -1,5 +1,5 @@
-"""Execute docs/notebook.ipynb, cell by cell, without IPython, and write its outputs into it and into
-the page notebook.md.
+"""Execute docs/notebook.ipynb, cell by cell, without IPython, and write its outputs into it and
+into the page notebook.md.
 """
 
 from __future__ import annotations

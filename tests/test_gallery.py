@@ -173,8 +173,8 @@ def test_every_page_opens_in_a_browser(site):
     ],
 )
 def test_the_search_finds_a_page_by_its_word(word, page, site):
-    """The index of the site's search has the stem of a word, for which the search looks (overfitting,
-    limitations), on the page that is about it.
+    """The index of the site's search has the stem of a word (overfitting, limitations), for which
+    the search looks, on the page that is about it.
     """
     index = json.loads((site / "search" / "search_index.json").read_text("utf-8"))
     found = {
