@@ -1,6 +1,7 @@
 """The pictures of the pages that explain mapmore are those of their numbers, and these are true."""
 
 import re
+import runpy
 
 import numpy as np
 import pytest
@@ -9,7 +10,8 @@ from pages import DOCS
 
 from mapmore_cli.reporting.table import to_markdown
 
-QUICK = ("overfitting", "beyond-the-data", "outer-level")
+SETTER = runpy.run_path(str(DOCS / "site" / "formulas.py"))["with_formulas"]
+QUICK = ("overfitting", "outer-level")
 
 
 @pytest.mark.parametrize("name", PICTURES)
@@ -48,3 +50,10 @@ def test_the_table_of_a_page_shows_the_numbers_of_the_picture(name):
     text = (DOCS / f"{page}.md").read_text(encoding="utf-8")
     (shown,) = re.findall(rf"<!-- table {block} -->\n(.*?)<!-- end -->", text, re.DOTALL)
     assert shown == to_markdown(make(), str)
+
+
+def test_every_formula_of_a_page_can_be_set():
+    """Matplotlib raises an error for TeX that it does not know; code stays as it is."""
+    pages = [path.read_text(encoding="utf-8") for path in sorted(DOCS.glob("*.md"))]
+    assert sum(SETTER(page).count('class="formula"') for page in pages) > 50
+    assert SETTER("`$x$` costs 5 $ or\n```\n$ ls $HOME $x$\n```\n").count("svg") == 0

@@ -1,5 +1,6 @@
 """What pages show below a command is what the command prints; see `page_outputs`."""
 
+import re
 import shutil
 from pathlib import Path
 
@@ -45,6 +46,24 @@ def test_a_page_that_goes_on_with_the_example(page, after_first, mapmore, tmp_pa
 @pytest.mark.usefixtures("tmp_path")
 def test_a_page_that_begins_in_an_empty_folder(page, mapmore):
     run_page(DOCS / f"{page}.md", mapmore)
+
+
+NUMBER = re.compile(r"(?<![\w.])\d+\.\d+(?![\w.]*\w)")
+SHOWN = re.compile(r"^```\w*\n.*?^```|<!-- table .*?<!-- end -->", re.MULTILINE | re.DOTALL)
+OTHER = re.compile(r"<!-- cell .*?<!-- / -->|`[^`]*`|section \d+\.\d+", re.DOTALL)
+
+
+@pytest.mark.parametrize("page", [FIRST, *AFTER_FIRST, *ALONE[1:], "structure-search"])
+def test_numbers_in_sentences_are_shown_on_the_page(page):
+    """Each number of three digits or more is one that a block of the page shows, or its rounding:
+    so a sentence cannot keep a number that a command does not print any more.
+    """
+    text = (DOCS / f"{page}.md").read_text(encoding="utf-8")
+    shown = {float(number) for number in NUMBER.findall(" ".join(SHOWN.findall(text)))}
+    for number in NUMBER.findall(OTHER.sub("", SHOWN.sub("", text))):
+        if len(number.replace(".", "").lstrip("0")) >= 3:
+            digits = len(number.partition(".")[2])
+            assert any(abs(one - float(number)) <= 0.51 * 10**-digits for one in shown), number
 
 
 def test_a_session_is_read_from_top_to_bottom():
