@@ -76,8 +76,8 @@ def run(
 ) -> Run:
     """Run all stages of a spec, as `mapmore run` does, with results in the folder `runs`.
 
-    `settings` replaces values of the spec, as `--set` does, for example `{"fit.max_terms": 2}`. With
-    `check=False`, the run goes on although `mapmore check` finds errors.
+    `settings` replaces values of the spec, as `--set` does, for example `{"fit.max_terms": 2}`.
+    With `check=False`, the run goes on although `mapmore check` finds errors.
 
     Raises
     ------
