@@ -1,4 +1,4 @@
-"""The pages of *Do* and *Look up* show what their commands print; see `page_outputs`. What they can show only
+"""The pages of *Do* and *Look up* show what their commands print; see `page_outputs`. What runs only
 outside of this machine, a sketch and a node, is tried with stand-ins.
 """
 
