@@ -1,5 +1,5 @@
-"""The pages of *Do* and *Look up* show what their commands print; see `page_outputs`. What runs only
-outside of this machine, a sketch and a node, is tried with stand-ins.
+"""The pages of *Do* and *Look up* show what their commands print; see `page_outputs`. What runs
+only outside of this machine, a sketch and a node, is tried with stand-ins.
 """
 
 import runpy
