@@ -176,7 +176,7 @@ def _signature(name: str, value: Any) -> str:
     ]
     arguments = signature.replace(parameters=parameters, return_annotation=inspect.Signature.empty)
     call = fill(f"{name}{arguments}", 90, subsequent_indent="    ", break_on_hyphens=False)
-    return f"```text\n{call}\n```\n"  # which no formatter of Python changes
+    return f"```text\n{call}\n```\n"
 
 
 def docstring(text: str) -> str:

@@ -2,13 +2,15 @@
 strain grows, and the model with a shape falls everywhere.
 """
 
+from typing import Any
+
 import matplotlib.pyplot as plt
 import numpy as np
 from muscle import save
 
 import mapmore_cli as mm
 
-STUDY = {
+STUDY: dict[str, Any] = {
     "cycles": {"over": "strain", "samples": 200},
     "levels": {"of": "pressure", "at": [80, 200, 350, 500]},
     "split": {"validate": {"pressure": [350]}},
@@ -20,7 +22,8 @@ STUDY = {
 shape = {"pressure": "increasing", "strain": "decreasing"}
 strain = np.linspace(0.07, 0.1, 200)
 figure, axes = plt.subplots(layout="constrained", figsize=(5, 3))
-for label, fit in (("without shape", {}), ("with shape", {"shape": shape})):
+asked: dict[str, dict[str, Any]] = {"without shape": {}, "with shape": {"shape": shape}}
+for label, fit in asked.items():
     model = mm.fit(mm.example(), fit={"max_terms": 1, **fit}, **STUDY)
     axes.plot(strain, model(pressure=500, strain=strain), label=label)
 axes.set(xlabel="Strain", ylabel="Force at 500 kPa (N)")

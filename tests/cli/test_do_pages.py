@@ -10,7 +10,7 @@ import types
 from pathlib import Path
 
 import pytest
-from page_outputs import run_page, steps_of
+from page_outputs import FENCE, run_page, steps_of
 
 DOCS = Path(__file__).parents[2] / "docs"
 QUICK = ("plan", "export-c", "defaults", "reproduce")
@@ -155,3 +155,17 @@ def test_the_node_for_ros_publishes_the_force(begun, mapmore, tmp_path, monkeypa
     monkeypatch.delitem(sys.modules, "muscle", raising=False)
     assert [round(one.data, 3) for one in sent] == [250.416, 250.416, -30.058]
     assert warned == ["outside of the training data"]
+
+
+def test_the_first_example_of_the_page_of_python_runs(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("MPLBACKEND", "agg")
+    _, block = next(
+        found
+        for found in FENCE.findall((DOCS / "python.md").read_text("utf-8"))
+        if found[0] == "python"
+    )
+    names = {}
+    exec(block, names)
+    assert names["model"].scores.of_model()["nrmse"] < 0.01
+    assert (tmp_path / "model.h5").is_file()
