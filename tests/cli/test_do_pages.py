@@ -1,4 +1,4 @@
-"""The pages of *Do* show what their commands print; see `page_outputs`. What they can show only
+"""The pages of *Do* and *Look up* show what their commands print; see `page_outputs`. What runs only
 outside of this machine, a sketch and a node, is tried with stand-ins.
 """
 
@@ -13,7 +13,7 @@ import pytest
 from page_outputs import FENCE, run_page, steps_of
 
 DOCS = Path(__file__).parents[2] / "docs"
-QUICK = ("plan", "export-c", "defaults", "reproduce")
+QUICK = ("messages", "plan", "export-c", "defaults", "reproduce")
 LONG = (
     "data",
     "several",
