@@ -13,8 +13,9 @@ import pytest
 from page_outputs import FENCE, run_page, steps_of
 
 DOCS = Path(__file__).parents[2] / "docs"
-QUICK = ("messages", "plan", "export-c", "defaults", "reproduce")
+QUICK = ("messages", "export-c", "defaults", "reproduce")
 LONG = (
+    "plan",
     "data",
     "several",
     "compare-formulas",
