@@ -33,7 +33,9 @@ def picture(formula: str) -> str:
         file = BytesIO()
         figure.savefig(file, format="svg", transparent=True, metadata={"Date": None})
     svg = file.getvalue().decode()
-    svg = re.sub(r"<metadata>.*?</metadata>|<!--.*?-->", "", svg[svg.index("<svg") :], flags=re.S)
+    # the star of its style sheet would begin an emphasis of Markdown
+    spare = r"<metadata>.*?</metadata>|<style.*?</style>|<!--.*?-->"
+    svg = re.sub(spare, "", svg[svg.index("<svg") :], flags=re.DOTALL)
     em = f"{1.05 * height / SIZE:.3f}em"
     style = f"height:{em};vertical-align:{-1.05 * depth / SIZE:.3f}em;fill:currentColor"
     svg = re.sub(r'(<svg[^>]*?) (?:width|height)="[^"]*"', r"\1", svg)
