@@ -1,5 +1,5 @@
-"""The pages of *Do* and *Look up* show what their commands print; see `page_outputs`. What runs only
-outside of this machine, a sketch and a node, is tried with stand-ins.
+"""The pages of *Do* and *Look up* show what their commands print; see `page_outputs`. What runs
+only outside of this machine, a sketch and a node, is tried with stand-ins.
 """
 
 import runpy
@@ -13,8 +13,9 @@ import pytest
 from page_outputs import FENCE, run_page, steps_of
 
 DOCS = Path(__file__).parents[2] / "docs"
-QUICK = ("messages", "plan", "export-c", "defaults", "reproduce")
+QUICK = ("messages", "export-c", "defaults", "reproduce")
 LONG = (
+    "plan",
     "data",
     "several",
     "compare-formulas",
