@@ -19,6 +19,7 @@ from matplotlib.mathtext import MathTextParser
 SIZE = 11
 FENCE = re.compile(r"^ *```.*?^ *```|`[^`\n]+`", re.MULTILINE | re.DOTALL)
 FORMULA = re.compile(r"\$\$(?P<block>.+?)\$\$|\$(?P<inline>[^\s$](?:[^$\n]*[^\s$])?)\$", re.DOTALL)
+MARK = re.compile(r'<span class="formula-(inline|block)">([0-9a-f]+)</span>')
 
 
 @cache
@@ -33,9 +34,8 @@ def picture(formula: str) -> str:
         file = BytesIO()
         figure.savefig(file, format="svg", transparent=True, metadata={"Date": None})
     svg = file.getvalue().decode()
-    # the star of its style sheet would begin an emphasis of Markdown
-    spare = r"<metadata>.*?</metadata>|<style.*?</style>|<!--.*?-->"
-    svg = re.sub(spare, "", svg[svg.index("<svg") :], flags=re.DOTALL)
+    rest = r"<metadata>.*?</metadata>|<style.*?</style>|<!--.*?-->"  # a style would be the page's
+    svg = re.sub(rest, "", svg[svg.index("<svg") :], flags=re.DOTALL)
     em = f"{1.05 * height / SIZE:.3f}em"
     style = f"height:{em};vertical-align:{-1.05 * depth / SIZE:.3f}em;fill:currentColor"
     svg = re.sub(r'(<svg[^>]*?) (?:width|height)="[^"]*"', r"\1", svg)
@@ -43,21 +43,40 @@ def picture(formula: str) -> str:
     return " ".join(svg.replace("<svg", f'<svg class="formula" style="{style}"', 1).split())
 
 
-def with_formulas(markdown: str) -> str:
-    """Return the text of a page with a picture in the place of each formula outside of code."""
+def marked(markdown: str) -> str:
+    """Return the text of a page with a mark in the place of each formula outside of code.
 
-    def drawn(match: re.Match[str]) -> str:
-        if match["block"]:
-            return f'<p style="overflow-x:auto">{picture(match["block"])}</p>'
-        return picture(match["inline"])
+    The mark holds the TeX in hexadecimal digits, which Markdown leaves as they are.
+    """
+
+    def mark(match: re.Match[str]) -> str:
+        kind = "block" if match["block"] else "inline"
+        tex = (match["block"] or match["inline"]).encode().hex()
+        return f'<span class="formula-{kind}">{tex}</span>'
 
     parts, start = [], 0
     for code in FENCE.finditer(markdown):
-        parts += [FORMULA.sub(drawn, markdown[start : code.start()]), code[0]]
+        parts += [FORMULA.sub(mark, markdown[start : code.start()]), code[0]]
         start = code.end()
-    return "".join([*parts, FORMULA.sub(drawn, markdown[start:])])
+    return "".join([*parts, FORMULA.sub(mark, markdown[start:])])
+
+
+def drawn(html: str) -> str:
+    """Return HTML with a picture in the place of each mark."""
+
+    def draw(match: re.Match[str]) -> str:
+        svg = picture(bytes.fromhex(match[2]).decode())
+        block = match[1] == "block"
+        return f'<span style="display:block;overflow-x:auto">{svg}</span>' if block else svg
+
+    return MARK.sub(draw, html)
 
 
 def on_page_markdown(markdown: str, **_rest: Any) -> str:
-    """Do the same for a page of the site."""
-    return with_formulas(markdown)
+    """Mark the formulas before Markdown sees them."""
+    return marked(markdown)
+
+
+def on_page_content(html: str, **_rest: Any) -> str:
+    """Draw them when the page is HTML."""
+    return drawn(html)

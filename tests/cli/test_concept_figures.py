@@ -3,6 +3,7 @@
 import re
 import runpy
 
+import markdown
 import numpy as np
 import pytest
 from concept_figures import FIGURES, PICTURES, TABLES, fingerprint, read_numbers
@@ -10,7 +11,7 @@ from pages import DOCS
 
 from mapmore_cli.reporting.table import to_markdown
 
-SETTER = runpy.run_path(str(DOCS / "site" / "formulas.py"))["with_formulas"]
+SITE = runpy.run_path(str(DOCS / "site" / "formulas.py"))
 QUICK = ("overfitting", "outer-level")
 
 
@@ -55,5 +56,7 @@ def test_the_table_of_a_page_shows_the_numbers_of_the_picture(name):
 def test_every_formula_of_a_page_can_be_set():
     """Matplotlib raises an error for TeX that it does not know; code stays as it is."""
     pages = [path.read_text(encoding="utf-8") for path in sorted(DOCS.glob("*.md"))]
-    assert sum(SETTER(page).count('class="formula"') for page in pages) > 50
-    assert SETTER("`$x$` costs 5 $ or\n```\n$ ls $HOME $x$\n```\n").count("svg") == 0
+    html = [SITE["drawn"](markdown.markdown(SITE["marked"](page))) for page in pages]
+    assert sum(page.count('class="formula"') for page in html) > 50
+    assert not any('class="formula-' in page or "<style" in page for page in html)
+    assert "span" not in SITE["marked"]("`$x$` costs 5 $ or\n```\n$ ls $HOME $x$\n```\n")
