@@ -278,8 +278,10 @@ def adapt(
         "model": str(output),
         "parameters": fit.parameters,
         "errors": fit.errors,
+        "errors_note": fit.errors_note,
         "samples": fit.samples,
         "notes": model.notes,
     }
-    scales = Table("adapted", f"{model.name}, adapted", columns, rows, model.notes)
+    notes = (fit.errors_note, *model.notes)
+    scales = Table("adapted", f"{model.name}, adapted", columns, rows, notes)
     print_view(View(document, (scales,), (f"model: {output}",)), as_json)

@@ -288,7 +288,7 @@ def _of_outputs(names: Iterable[str], views: Iterable[View]) -> tuple[Document, 
 
 def _segment(named: SegmentFit | SegmentFunction, numbers: object) -> Document:
     """One segment function; theta is in scaled coordinates."""
-    keys = ("theta", "theta_error", "g", "err", "samples", "stop", "condition")
+    keys = ("theta", "theta_error", "errors_note", "g", "err", "samples", "stop", "condition")
     return {**picked(named, "id", "terms", "scaling"), **picked(numbers, *keys)}
 
 
@@ -316,7 +316,8 @@ def _memory_tables(memory: MemoryModel) -> list[Table]:
         rows.append(("(constant)", memory.constant, None))
     rows += zip(memory.terms, *numbers, strict=True)
     where = "of scaled states" if memory.states.scaled else "in physical units"
-    title, note = f"Coefficients of {memory.output}", f"Coefficients {where}."
+    title = f"Coefficients of {memory.output}"
+    note = f"Coefficients {where}. {memory.errors_note}"
     states = memory_tables.states_table(memory.states)
     coefficients = Table.of("coefficients", title, columns, rows, note)
     return [coefficients, states] if states.rows else [coefficients]

@@ -29,6 +29,23 @@ Boundaries = Annotated[Numbers, ASCENDING]
 Step = Annotated[Number, Checked("is not above 0", lambda step: step > 0)]
 
 
+LOWER_BOUND = (
+    "Standard errors are lower bounds: they take the samples to be independent, and neighbouring "
+    "samples of a recording err together. The true intervals are wider."
+)
+BY_CURVE = "Standard errors by curve: residuals of one curve may go together."
+BY_RECORDING = (
+    "Standard errors by what residuals of a recording have in common. With few curves, or no more "
+    "than terms, this is a guess."
+)
+ErrorsNote = Annotated[
+    str,
+    "what the standard errors take residuals to be",
+    one_of(LOWER_BOUND, BY_CURVE, BY_RECORDING),
+]
+"""Of everything that has standard errors, which are lower bounds where nothing better is known."""
+
+
 class Fit:
     """Base of what was fitted, by its kind (`modelling.kinds`)."""
 
@@ -120,6 +137,13 @@ class Selection:
         return predicted
 
     @property
+    def errors_note(self) -> str:
+        """What the standard errors take residuals to be, in a sentence."""
+        if self.curves:
+            return BY_CURVE
+        return LOWER_BOUND if math.isnan(self.worth) else BY_RECORDING
+
+    @property
     def freedom(self) -> int:
         """Degrees of freedom of the standard errors: of curves where these are summed, else of
         the samples, or of the fewer that these are worth.
@@ -133,7 +157,8 @@ class Selection:
 
     def table(self) -> list[dict[str, Any]]:
         """Return a row for each term, in the order of selection: `{"term", "coefficient",
-        "standard_error", "t", "err"}`; t is the coefficient in standard errors.
+        "standard_error", "t", "err"}`; t is the coefficient in standard errors, of which
+        `errors_note` says what they take residuals to be.
         """
         with np.errstate(divide="ignore", invalid="ignore"):
             t = self.theta / self.theta_error
@@ -241,6 +266,7 @@ class FormulaFit(Fit):
     notes: Annotated[tuple[str, ...], "remarks for the reader"] = ()
     rivals: Annotated[tuple[Optimum, ...], "other minima with nearly its training error"] = ()
     definition: str = ""
+    errors_note: ErrorsNote = LOWER_BOUND
 
     @property
     def formula(self) -> str:
@@ -323,6 +349,7 @@ class MemoryModel:
     ]
     constant: Annotated[Number, "the constant", "[target]"]
     limits: Annotated[Span, "least and greatest training output", "[target]"]
+    errors_note: ErrorsNote = LOWER_BOUND
 
     @property
     def scaling(self) -> Scaling:

@@ -14,7 +14,14 @@ from mapmore_cli.domain.declared import (
     TermName,
     Word,
 )
-from mapmore_cli.domain.fits import Boundaries, FormulaFit, MemoryModel, Scaling
+from mapmore_cli.domain.fits import (
+    LOWER_BOUND,
+    Boundaries,
+    ErrorsNote,
+    FormulaFit,
+    MemoryModel,
+    Scaling,
+)
 from mapmore_cli.domain.joining import Fusion
 from mapmore_cli.domain.recording import Quantity, Signal
 
@@ -37,6 +44,7 @@ class SegmentFunction:
     limits: Annotated[
         Ranges, "least and greatest training value of each segmented variable in the segment", "[*]"
     ] = field(default_factory=dict)
+    errors_note: ErrorsNote = LOWER_BOUND
 
 
 @dataclass(frozen=True)

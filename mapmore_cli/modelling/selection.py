@@ -38,7 +38,9 @@ class Fit(Settings):
     """How terms are chosen (M2 eq 2-7).
 
     - `scaling`: how inputs are scaled: `none` by default with memory, `max_abs` for damping;
-      `range` brings states to [0, 1], as `none`
+      `range` brings states to [0, 1]; `unit_square` puts the origin into a corner of the data, so
+      that a product of two of many inputs needs four terms: `max_abs` then finds it with one, as
+      `none`
     - `margin`: how far beyond `range` states are clipped, as a fraction of it, as `0.15`
     - `train_level`: the one training level whose samples the pieces are fitted to, as M2 does, as
       `highest`

@@ -152,7 +152,7 @@ def fit(part: ModelChoices, workspace: Workspace) -> None:
     write_fit(workspace.out / FIT, result, units_of(dataset))
 
 
-FITTING = Stage(name="fit", revision=13, outputs=(FIT,), reads=fit_choices, run=fit)
+FITTING = Stage(name="fit", revision=14, outputs=(FIT,), reads=fit_choices, run=fit)
 
 
 # Fuse: `model.h5`
@@ -215,7 +215,7 @@ def _finished(part: ModelChoices, model: Model, dataset: Dataset) -> Model:
 
 FUSE = Stage(
     name="fuse",
-    revision=11,
+    revision=12,
     outputs=(MODEL,),
     reads=model_choices,
     run=fuse,

@@ -328,7 +328,7 @@ def frozen_models(spec: ExperimentSpec, folder: Path) -> list[Path]:
 
 STAGE = Stage(
     name="validate",
-    revision=12,
+    revision=13,
     outputs=(VALIDATION, "scores.csv", "scores.json"),
     reads=scores_slice,
     run=score,

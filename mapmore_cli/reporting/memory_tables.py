@@ -38,7 +38,7 @@ def identified_table(fit: MemoryFit) -> Table:
     heads = ("number", "value #.6g", "standard error .3g", "at a bound")
     note = (
         "Found with the coefficients in free run. A number at a bound of its search is not "
-        "told by the data."
+        f"told by the data. {fit.selection.errors_note}"
     )
     return Table.of("identified", "Numbers of operators that training found", heads, rows, note)
 

@@ -14,7 +14,7 @@ from mapmore_cli.modelling.kinds import parameters
 from mapmore_cli.modelling.literature.linear import half_width
 from mapmore_cli.modelling.validation.metrics import information_criteria
 from mapmore_cli.reporting.table import Cell, Table
-from mapmore_cli.reporting.tables import LOWER_BOUND, coefficient_rows, errors_note
+from mapmore_cli.reporting.tables import coefficient_rows
 
 COLUMNS = ("part", "term", "coefficient #.6g", "standard error .3g", "t .3g", "ERR [%] .4f")
 
@@ -43,8 +43,9 @@ def summary_table(fit: FitResult, model: Model, scores: ScoreTable, weighed: boo
             rows.append((f"{prefix}{part}", term, value, error, t, 100 * err))
             if width > abs(value):
                 unclear.append(f"{term} of {prefix}{part}")
-        notes += (LOWER_BOUND, *own.formula.notes) if own.formula is not None else ()
-        notes += dict.fromkeys(errors_note(piece.selection) for piece in own.pieces)
+        if own.formula is not None:
+            notes += (own.formula.errors_note, *own.formula.notes)
+        notes += dict.fromkeys(piece.selection.errors_note for piece in own.pieces)
         count, unit = parameters(one), one.output.unit
         for row in table.scores:
             if (row.model, row.split, row.curve) == (OWN, "train", "all"):

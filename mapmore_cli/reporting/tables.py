@@ -16,12 +16,10 @@ from mapmore_cli.domain.fits import (
     Segment,
     SegmentedCurve,
     SegmentFit,
-    Selection,
 )
 from mapmore_cli.domain.models import CurveRange, Equation, FoldError, Model, SegmentFunction
 from mapmore_cli.domain.recording import Dataset
 from mapmore_cli.domain.results import ErrorBand, FitResult, Outlier
-from mapmore_cli.modelling.frols.weighing import FEW
 from mapmore_cli.modelling.literature.linear import half_width
 from mapmore_cli.modelling.literature.own import units_of_parameters
 from mapmore_cli.modelling.validation.repeatability import floors
@@ -100,24 +98,6 @@ def _single_valued(dataset: Dataset, along: str | None) -> list[float]:
         return []
     return floors(
         *([curve.columns[name] for curve in dataset.curves] for name in (along, dataset.target))
-    )
-
-
-LOWER_BOUND = (
-    "Standard errors are lower bounds: they take the samples to be independent, and neighbouring "
-    "samples of a recording err together. The true intervals are wider."
-)
-
-
-def errors_note(found: Selection) -> str:
-    """Return what standard errors of a selection take residuals to be."""
-    if found.curves:
-        return "Standard errors by curve: residuals of one curve may go together."
-    if math.isnan(found.worth):
-        return LOWER_BOUND
-    return (
-        "Standard errors by what residuals of a recording have in common. With fewer than "
-        f"{FEW} curves, or no more than terms, this is a guess."
     )
 
 
@@ -234,7 +214,7 @@ def coefficients_table(fit: FitResult, unit: str, model: Model | None = None) ->
         ends = (width, theta - width, theta + width, theta * slope, width * abs(slope))
         rows.append((piece.id, row["term"], theta, row["standard_error"], row["t"], *ends))
         unknown += [f"{row['term']} ({piece.id})"] if width > abs(theta) else []
-    notes = list(dict.fromkeys(errors_note(piece.selection) for piece in fit.pieces))
+    notes = list(dict.fromkeys(piece.selection.errors_note for piece in fit.pieces))
     if unknown:
         named = ", ".join(unknown[:MOST_NAMED]) + (", ..." if len(unknown) > MOST_NAMED else "")
         notes.append(f"Not identified (95 % interval beyond zero): {named}.")
@@ -365,7 +345,7 @@ def formulas_table(inputs: ReportInputs) -> Table:
         *("95 %, from .4g", "to .4g", "method", "rank", "condition .3g", "samples"),
     )
     rows = [row for name, role, formula in fitted for row in _formula_rows(name, role, formula)]
-    notes = [LOWER_BOUND] if rows else []
+    notes = list(dict.fromkeys(formula.errors_note for _, _, formula in fitted))
     notes += same_models([(name, formula) for name, _, formula in fitted])
     for name, role, formula in fitted:
         notes += [f"{name} ({role}): {note}" for note in formula.notes]

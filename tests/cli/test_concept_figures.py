@@ -12,7 +12,7 @@ from pages import DOCS
 from mapmore_cli.reporting.table import to_markdown
 
 SITE = runpy.run_path(str(DOCS / "site" / "formulas.py"))
-QUICK = ("overfitting", "outer-level")
+QUICK = ("outer-level",)
 
 
 @pytest.mark.parametrize("name", PICTURES)

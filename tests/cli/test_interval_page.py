@@ -24,8 +24,8 @@ def in_per_cent(row):
 
 def test_a_row_of_the_coverage():
     ((*_, at),) = [interval_coverage.covered(interval_coverage.Process(2.0), 5, 2, 100)[None]]
-    assert 0.93 <= at[0] <= 0.99
-    assert 0.93 <= at[1] <= 0.99
+    assert 0.93 <= at[0] <= 0.98
+    assert 0.93 <= at[1] <= 0.98
 
 
 @pytest.mark.long
@@ -36,7 +36,7 @@ def test_new_curves_are_covered_wherever_there_are_intervals():
     refused = {row[:2] for row, own in zip(found, shares, strict=True) if np.isnan(own).all()}
     assert refused == {(2, 1), (3, 1)}
     assert np.nanmin(shares) >= 93
-    assert np.nanmax(shares) <= 99
+    assert np.nanmax(shares) <= 97.5
     for own, said in zip(shares, rows_of("coverage", PAGE), strict=True):
         np.testing.assert_allclose(own, in_per_cent(said), atol=0.11)
 
@@ -55,6 +55,9 @@ def test_the_page_says_what_the_cells_of_the_coverage_are():
     ):
         cells = [in_per_cent(row) for row in rows_of(name, PAGE)]
         assert words.format(np.nanmin(cells), np.nanmax(cells)) in text
+    every = np.array([in_per_cent(row) for row in rows])
+    above, told = np.sum(every > 97), np.isfinite(every).sum()
+    assert f"{above} of the {told} shares are above 97 %" in text
     spread = {row[0]: row[1:] for row in rows_of("spread", PAGE)}
     for row in rows:
         cells = in_per_cent(row)

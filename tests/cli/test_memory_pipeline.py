@@ -13,7 +13,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mapmore_cli.annexes.sums import Part, Sum
-from mapmore_cli.domain.fits import MemoryModel, StateSet
+from mapmore_cli.cli.views import VIEWS
+from mapmore_cli.domain.fits import BY_RECORDING, LOWER_BOUND, MemoryModel, StateSet
 from mapmore_cli.domain.models import CurveRange, Memory, Model
 from mapmore_cli.domain.recording import Quantity, Signal
 from mapmore_cli.modelling.kinds import predict
@@ -347,6 +348,14 @@ def test_the_past_is_asked_for_where_a_model_feeds_back(model):
         list(predicted_lines(model, [], "t"))
     assert "time [s], pressure [kPa]" in str(caught.value)
     assert "force [N]" in str(caught.value)
+
+
+@pytest.mark.parametrize("note", [LOWER_BOUND, BY_RECORDING])
+def test_show_says_what_the_standard_errors_of_a_model_are(note):
+    body = replace(REMEMBERING.body, model=replace(MEMORY, errors_note=note))
+    view = VIEWS["model"](replace(REMEMBERING, body=body))
+    assert any(note in line for table in view.tables for line in table.notes)
+    assert note in str(view.document)
 
 
 def test_rates_are_derived_before_memory_runs():

@@ -5,7 +5,8 @@ import shutil
 from pathlib import Path
 
 import pytest
-from page_outputs import Call, difference, run_page, steps_of
+import yaml
+from page_outputs import FENCE, Call, difference, run_page, steps_of
 
 DOCS = Path(__file__).parents[2] / "docs"
 FIRST = "first-model"
@@ -34,6 +35,16 @@ def after_first(tmp_path_factory, mapmore):
 
 def test_the_first_page_shows_what_its_commands_print(after_first):
     assert (after_first / "runs" / "muscle" / "model.h5").is_file()
+
+
+def test_pieces_of_the_spec_are_those_of_the_example(after_first):
+    study = yaml.safe_load((after_first / "muscle" / "study.yaml").read_text(encoding="utf-8"))
+    for page in (FIRST, "how-mapmore-builds-a-model"):
+        text = (DOCS / f"{page}.md").read_text(encoding="utf-8")
+        blocks = [yaml.safe_load(block) for name, block in FENCE.findall(text) if name == "yaml"]
+        pieces = {name: section for block in blocks for name, section in block.items()}
+        assert len(pieces) >= 2
+        assert pieces == {name: study[name] for name in pieces}
 
 
 @pytest.mark.parametrize("page", AFTER_FIRST)

@@ -156,12 +156,29 @@ def test_the_rule_for_few_levels_scales_with_the_unit_and_with_the_gap(count, t,
     assert wider[1] <= half[1] * (1 + 1e-12)
 
 
+def student(noise, curves, freedom):
+    """`t_g^2 V` of both variances together, with `g = f V / V_curves`."""
+    both = noise + curves
+    return both * stats.t(freedom * both / curves).ppf(0.975) ** 2
+
+
 def test_a_level_with_repeats_has_the_interval_of_the_repeats():
-    """Recordings are 2 apart: `t_f^2 2^2 (1 + 1/n)` beside the noise, which they are no part of."""
+    """Recordings are .3 apart: `.3^2 (1 + 1/n)` beside the noise, which they are no part of."""
     half = half_widths(few(4, repeats=3, apart=0.3), np.array([100.0, 150.0]), 0.95)
-    noise = stats.norm.ppf(0.975) ** 2 * (0.25 - 0.09 * 2 / 3)
-    assert half[0] ** 2 == pytest.approx(noise + stats.t(8).ppf(0.975) ** 2 * 0.09 * 4 / 3)
+    assert half[0] ** 2 == pytest.approx(student(0.25 - 0.09 * 2 / 3, 0.09 * 4 / 3, 8))
     assert half[1] == between_levels(few(4), np.array([150.0]), 0.95)[0]
+
+
+def test_errors_that_chance_makes_in_a_fifth_of_all_cases_are_not_the_models():
+    """One left-out level of three with two recordings each: F of 1 and 3 degrees of freedom, at
+    .8, is 2.68; the model's own errors then widen the middle of a gap, not the levels.
+    """
+    explained = 0.25 - 0.09 / 2 + 0.09 * 1.25
+    for share, wider in ((2.6, False), (2.8, True)):
+        kept = few(3, offset=np.sqrt(share * explained), repeats=2, apart=0.3)
+        half = half_widths(replace(kept, places=(0.0, 100.0, 200.0)), np.array([50.0]), 0.95)
+        alone = student(0.25 - 0.09 / 2, 0.09 * 1.25, 3)
+        assert bool(half[0] ** 2 > 1.01 * alone) == wider
 
 
 @pytest.mark.parametrize(("count", "freedom"), [(5, 2.4), (8, 4.2)])
@@ -191,25 +208,26 @@ def test_many_levels_with_repeats(count, error):
         smooth=0.35,
         scatter=np.full(count - 2, 0.2),
     )
-    own, z = 0.09, stats.norm.ppf(0.975)
+    own, f = 0.09, np.sum(n - 1)
     noise, smooth = 0.25 - own * np.mean(1 - 1 / n), 0.35**2 - own * np.mean(1 - 1 / n)
     shares = []
     for i in range(1, count - 1):
         t = (places[i] - places[i - 1]) / (places[i + 1] - places[i - 1])
         shares.append(1 + (1 - t) ** 2 / n[i - 1] + t**2 / n[i + 1])
     explained, missed = noise + own * np.mean(shares), error**2 + 0.04
-    curves, model = (stats.t(f).ppf(0.975) ** 2 for f in (np.sum(n - 1), 0.6 * (count - 1)))
-    assert np.sum(n - 1) >= 0.6 * (count - 1)
+    model = stats.t(0.6 * (count - 1)).ppf(0.975) ** 2
+    clear = max(1.25, stats.f(count - 2, f).ppf(0.8))
+    assert f >= 0.6 * (count - 1)
     quantile = 50.0 if error == 0.1 else error
     found = replace(found, sizes=found.sizes * quantile / error)
-    assert error != 0.58 or 1 < missed / explained < 1.25  # within what noise and curves explain
+    assert error != 0.58 or 1 < missed / explained < clear  # within what noise and curves explain
     for gap in range(count - 1):
         for t in (0.0, 0.019, 0.021, 0.4, 0.979, 0.981):
             at = places[gap] + t * (places[gap + 1] - places[gap])
             c = 1 + (1 - t) ** 2 / n[gap] + t**2 / n[gap + 1]
-            squares = z**2 * (noise - smooth) + curves * (own + smooth) * c
+            squares = student(noise - smooth, (own + smooth) * c, f)
             between = 0.02 < t < 0.98
-            squares += model * (missed - explained) * (between and missed > 1.25 * explained)
+            squares += model * (missed - explained) * (between and missed > clear * explained)
             expected = max(np.sqrt(squares), quantile * between)
             assert half_widths(found, np.array([at]), 0.95) == pytest.approx([expected])
 
@@ -221,6 +239,8 @@ def test_what_neighbouring_residuals_share():
     assert made.smooth == pytest.approx(np.sqrt((3 + 16) / 2), rel=1e-3)
     assert made.residual == pytest.approx(np.sqrt((5 + 16) / 2))
     assert with_levels(few(4), {0.0: [np.array([1.0, -1.0, 1.0])]}, 0).smooth == 0.0
+    two = with_levels(few(4), {0.0: [np.array([2.0, 3.0])], 1.0: [np.array([5.0])]}, 0)
+    assert two.smooth == pytest.approx(np.sqrt(6.0))  # one product: its mean is itself
 
 
 def test_recordings_of_fewer_samples_than_stretches_are_taken_as_their_means():

@@ -191,6 +191,14 @@ class FROLS:
         return self.selection_.table()
 
     @property
+    def errors_note_(self) -> str:
+        """What the standard errors take residuals to be: they are lower bounds where neighbouring
+        samples err together.
+        """
+        self._check_fitted()
+        return self.selection_.errors_note
+
+    @property
     def equations_(self) -> tuple[str, ...]:
         """The model as text, six digits."""
         self._check_fitted()

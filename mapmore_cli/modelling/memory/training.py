@@ -233,6 +233,7 @@ class TrainingData:
             selection.theta_error,
             constant,
             self.limits,
+            selection.errors_note,
         )
         return MemoryFit(
             model,

@@ -60,12 +60,13 @@ class Region:
             for one in self.ranges
         }
 
-    def between(self, columns: Columns) -> csr_array:
-        """Return the weights of the cells in the output between them, (n, c): linear in the simplex
-        of cells about a place, and those of the nearest cell beyond all of them.
+    def between(self, columns: Columns) -> tuple[csr_array, BoolArray]:
+        """Return the weights of the cells in the output between them, (n, c), linear in the simplex
+        of cells about a place, and True at places between cells, (n,). Beyond all of them the
+        output is that of the nearest cell, whose other inputs may be far from those of the place.
         """
         from scipy.sparse import csr_array
-        from scipy.spatial import Delaunay, KDTree, QhullError
+        from scipy.spatial import ConvexHull, Delaunay, KDTree, QhullError
 
         middle, width = self.places.min(axis=0), np.ptp(self.places, axis=0)
         places = (self.places - middle) / width
@@ -80,12 +81,16 @@ class Region:
             low, high = places[vertices, 0].T
             share = ((asked[:, 0] - low) / (high - low)).clip(0, 1)
             shares = np.column_stack([1 - share, share])
+            inside = np.ones(n, dtype=bool)  # there are no other inputs
         else:
+            simplex = np.full(n, -1)
             try:
-                net = Delaunay(places)
-                simplex = net.find_simplex(asked)
+                net, faces = Delaunay(places), ConvexHull(places).equations
+                # `find_simplex` looks through all simplices for a place beyond them
+                near = (asked @ faces[:, :-1].T + faces[:, -1]).max(axis=1) < OUTSIDE_TOLERANCE
+                simplex[near] = net.find_simplex(asked[near])
             except QhullError:  # all samples on a line
-                simplex = np.full(n, -1)
+                pass
             if (inside := simplex >= 0).any():
                 own = net.transform[simplex[inside]]
                 first = np.einsum("nij,nj->ni", own[:, :d], asked[inside] - own[:, d])
@@ -93,13 +98,13 @@ class Region:
                 vertices[inside] = net.simplices[simplex[inside]]
         starts = np.arange(0, vertices.size + 1, d + 1)
         shape = (n, len(places))
-        return csr_array((shares.ravel(), vertices.ravel(), starts), shape=shape)
+        return csr_array((shares.ravel(), vertices.ravel(), starts), shape=shape), inside
 
     def output(self, columns: Columns) -> Array:
         """Return the training output between the samples, (n,): linear, and that of the nearest
         beyond them.
         """
-        return np.asarray(self.between(columns) @ self.values)
+        return np.asarray(self.between(columns)[0] @ self.values)
 
     def holds(self, columns: Columns) -> BoolArray:
         """Return True at places in it, (n,)."""

@@ -99,12 +99,14 @@ def stencils_on(
     axes: Mapping[str, Array], asked: Asked, inside: BoolArray, reach: int = 1
 ) -> Stencils:
     """Return the stencils of a word whose nodes are all `inside`, (n,), on the grid of ascending
-    places along each input; those of a sign compare means of `reach` neighbours.
+    places along each input; those of a sign compare means of `reach` neighbours, and follow each
+    other by half of these.
     """
     columns, points = nodes_of(axes), POINTS[asked.word] * reach
     along = list(axes).index(asked.quantity) if points > 1 else 0
     numbers = np.arange(len(inside)).reshape([len(x) for x in axes.values()])
-    nodes = sliding_window_view(numbers, points, axis=along).reshape(-1, points)
+    windows = np.moveaxis(sliding_window_view(numbers, points, axis=along), along, 0)
+    nodes = windows[:: max(reach // 2, 1)].reshape(-1, points)
     nodes = nodes[inside[nodes].all(axis=1)]
     lines = np.broadcast_to(numbers.take([0], axis=along), numbers.shape).ravel()[nodes[:, 0]]
     places = columns[list(axes)[along]][nodes]

@@ -9,18 +9,28 @@ over all widths (a multiscale test of monotonicity: Duembgen and Spokoiny 2001).
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import Array, BoolArray
+from mapmore_cli.domain.arrays import Array, BoolArray, IntArray
 from mapmore_cli.domain.errors import FitError
 from mapmore_cli.domain.models import CurveRange
 from mapmore_cli.domain.recording import Curve, united
+from mapmore_cli.modelling.literature.linear import parameter_errors
 from mapmore_cli.modelling.ranges import limits
 from mapmore_cli.modelling.selection import Fit
 from mapmore_cli.modelling.shape.region import Region, region_within
-from mapmore_cli.modelling.shape.stencils import Asked, asked_of, nodes_of, stencils_on
+from mapmore_cli.modelling.shape.stencils import (
+    Asked,
+    Stencils,
+    asked_of,
+    nodes_of,
+    stencils_on,
+)
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_array
 
 # places of the grid on which training data are compared; along an input, where it has more values,
 # at least and at most
@@ -33,7 +43,9 @@ LEVEL = 0.01
 """How often data whose true output is flat, and which are noise alone, may be refused."""
 
 # runs of noise alone, and standard errors below which no contradiction is worth them
-RUNS, UNLIKELY = 499, 2.0
+RUNS, UNLIKELY = 199, 2.0
+CONFIRMED = 3.0  # standard errors by which a plane has to contradict a sign
+TRIED = 32  # of the largest contradictions over stretches of a length, which a plane may confirm
 # cells about a cell, beside those that a plane through it needs, by which its noise is told
 ABOUT, LOCAL = 3, 12
 
@@ -74,13 +86,14 @@ def refuse_unsupported(
         return
     axes = _axes(region, level)
     columns = nodes_of(axes)
-    inside, output = region.holds(columns), region.output(columns)
+    between, amid = region.between(columns)
+    inside, output = region.holds(columns) & amid, between @ region.values
     for one in (one for one in known if one.word in ("increasing", "decreasing")):
         rises = stencils_on(axes, one, inside).of(output)
         count, wrong = len(rises), int((rises < -ROUNDING * region.span).sum())
         against = None
         if wrong > CONTRADICTED * count:
-            against = _contradiction(region, axes, one, inside)
+            against = _contradiction(region, axes, one, inside, between)
         if count < fewest or against is not None:
             told = "" if against is None else against.told
             raise FitError(
@@ -116,34 +129,40 @@ def _axes(region: Region, level: str | None) -> dict[str, Array]:
 
 
 class _Against(NamedTuple):
-    """A contradiction that noise alone does not make: by how much means over a stretch contradict
-    the word, how many standard errors that is, and the place in words.
+    """A contradiction: by how much means over a stretch contradict the word, how many standard
+    errors that is, the place, and the cells that tell it.
     """
 
-    amount: float
     errors: float
-    place: str
+    amount: float
+    place: Stencils
+    cells: IntArray
 
     @property
     def told(self) -> str:
         """In words."""
         return (
             f", by {self.amount:.3g} in the mean over a stretch, which is {self.errors:.3g} times "
-            f"what their noise explains, most for {self.place}"
+            f"what their noise explains, most for {self.place.told}"
         )
 
 
 def _contradiction(
-    region: Region, axes: Mapping[str, Array], asked: Asked, inside: BoolArray
+    region: Region,
+    axes: Mapping[str, Array],
+    asked: Asked,
+    inside: BoolArray,
+    between: csr_array,
 ) -> _Against | None:
-    """Return the largest contradiction of a sign; None where noise alone makes one as large in more
-    than `LEVEL` of all cases.
+    """Return the largest contradiction of a sign that noise alone makes in no more than `LEVEL` of
+    all cases, and that the slope over its cells confirms; None where there is none.
     """
     from scipy.sparse import csr_array
 
-    between, sigma = region.between(nodes_of(axes)), _noise(region)
+    near = _near(region)
+    sigma = _noise(region, near)
     noise = sigma[:, None] * np.random.default_rng(0).normal(size=(len(sigma), RUNS))
-    worst, by_noise = _Against(0.0, UNLIKELY, ""), np.zeros(RUNS)
+    found, by_noise = list[_Against](), np.zeros(RUNS)
     for power in range(len(axes[asked.quantity]).bit_length() - 1):
         stencils = stencils_on(axes, asked, inside, 2**power)
         if not len(stencils.nodes):
@@ -155,30 +174,61 @@ def _contradiction(
         )
         error = np.sqrt(rises.power(2) @ sigma**2) + ROUNDING * region.span
         against = -(rises @ region.values) / error
-        if against.max() > worst.errors:
-            row = int(np.argmax(against))
-            place = stencils.at(np.array([row])).told
-            worst = _Against(float(against[row] * error[row]), float(against[row]), place)
         by_noise = np.maximum(by_noise, (-(rises @ noise) / error[:, None]).max(axis=0))
-    share = (1 + np.count_nonzero(by_noise >= worst.errors)) / (RUNS + 1)
-    return worst if worst.place and share <= LEVEL else None
+        for row in np.argsort(-against)[:TRIED].tolist():
+            cells = rises.indices[rises.indptr[row] : rises.indptr[row + 1]]
+            place = stencils.at(np.array([row]))
+            found.append(
+                _Against(float(against[row]), float(against[row] * error[row]), place, cells)
+            )
+    least = max(UNLIKELY, float(np.quantile(by_noise, 1 - LEVEL, method="higher")))
+    for one in sorted(found, key=lambda one: -one.errors):
+        if one.errors > least and _confirmed(region, asked, np.unique(near[one.cells])):
+            return one
+    return None
 
 
-def _noise(region: Region) -> Array:
+def _confirmed(region: Region, asked: Asked, cells: IntArray) -> bool:
+    """Return whether the plane through some cells, which bends along the other inputs, contradicts
+    a sign by more than `CONFIRMED` of its standard errors.
+
+    The output between cells is linear in long and thin simplices, where these are scattered, and
+    may fall there although the true output, which bends, rises. The residuals of a plane have the
+    rest of the bend in them.
+    """
+    others = [name != asked.quantity for name in region.names]
+    x = region.places[cells]
+    X = np.column_stack([np.ones(len(cells)), x, (x[:, others] - x[:, others].mean(axis=0)) ** 2])
+    theta = np.linalg.lstsq(X, region.values[cells])[0]
+    left, freedom = region.values[cells] - X @ theta, len(cells) - X.shape[1]
+    variance = float(left @ left) / freedom if freedom > 0 else 0.0
+    along = 1 + region.names.index(asked.quantity)
+    against = theta[along] * (-1.0 if asked.word == "increasing" else 1.0)
+    return bool(against > CONFIRMED * parameter_errors(X, variance)[0][along])
+
+
+def _near(region: Region) -> IntArray:
+    """Return the cells nearest to each cell, itself first, (c, near)."""
+    from scipy.spatial import KDTree
+
+    c, d = region.places.shape
+    places = region.places / np.ptp(region.places, axis=0)
+    near = KDTree(places).query(places, min(c, max(2 * d + ABOUT, LOCAL)))[1]
+    return np.asarray(near).reshape(c, -1)
+
+
+def _noise(region: Region, near: IntArray) -> Array:
     """Return the standard deviation of the noise in the value of each cell, (c,).
 
-    The value of a cell, less that of the plane through its nearest neighbours, has the variance
+    The value of a cell, less that of the plane through the nearest of its `near`, has the variance
     `s^2 (1/n + sum w_i^2/n_i)` with the weights w of the plane and the numbers n of samples. `s^2`
     is its mean over all cells, or over those about a cell where that is more (residuals of
     neighbours: Gasser, Sroka and Jennen-Steinmetz 1986).
     """
-    from scipy.spatial import KDTree
-
     c, d = region.places.shape
     if c < d + ABOUT:
         return np.zeros(c)
     places = region.places / np.ptp(region.places, axis=0)
-    near = np.asarray(KDTree(places).query(places, min(c, max(2 * d + ABOUT, LOCAL)))[1])
     about = near[:, 1 : 2 * d + ABOUT]
     away = places[about] - places[:, None]
     weights = np.linalg.pinv(np.concatenate([np.ones_like(away[..., :1]), away], axis=2))[:, 0]

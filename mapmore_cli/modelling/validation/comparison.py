@@ -16,6 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mapmore_cli.domain.arrays import Array, Ranges
+from mapmore_cli.domain.fits import LOWER_BOUND
 from mapmore_cli.domain.models import CurveRange, Model, Pieces, SegmentFunction
 from mapmore_cli.modelling.kinds import predict
 from mapmore_cli.modelling.ranges import limits
@@ -82,7 +83,7 @@ class TermChange:
     unit of the output.
 
     `error` is the root of the sum of squares of the standard errors, NaN where one of the two is
-    missing.
+    missing; `errors_note` says what these take residuals to be, of the weaker of the two.
     """
 
     segment: str
@@ -90,6 +91,7 @@ class TermChange:
     before: float | None
     after: float | None
     error: float
+    errors_note: str
 
     @property
     def moved(self) -> bool:
@@ -379,16 +381,17 @@ def term_changes(before: Model, after: Model) -> tuple[TermChange, ...]:
     """
     if not isinstance(before.body, Pieces) or not isinstance(after.body, Pieces):
         return ()
-    first, second = (
-        {one.id: _coefficients(one) for one in body.segments} for body in (before.body, after.body)
-    )
+    later = {one.id: one for one in after.body.segments}
     changes = []
-    for segment in (name for name in first if name in second):
-        for term in dict.fromkeys((*first[segment], *second[segment])):
+    for one in (one for one in before.body.segments if one.id in later):
+        first, second = _coefficients(one), _coefficients(later[one.id])
+        notes = (later[one.id].errors_note, one.errors_note)
+        note = LOWER_BOUND if LOWER_BOUND in notes else notes[0]
+        for term in dict.fromkeys((*first, *second)):
             (a, a_error), (b, b_error) = (
-                terms[segment].get(term, (None, math.nan)) for terms in (first, second)
+                terms.get(term, (None, math.nan)) for terms in (first, second)
             )
-            changes.append(TermChange(segment, term, a, b, math.hypot(a_error, b_error)))
+            changes.append(TermChange(one.id, term, a, b, math.hypot(a_error, b_error), note))
     return tuple(changes)
 
 

@@ -4,11 +4,11 @@ that was left out of them.
 The samples of one curve err together: a sensor, a temperature, a place between two levels belong to
 the whole curve. So curves count, not samples. Three things add up in half of the width.
 
-*What differs from sample to sample*, `z s_w`: s_w is the root mean square training residual without
-what differs from recording to recording, z the normal quantile. What neighbouring samples share of
-it (their mean product) is the model's, has few degrees of freedom, and counts as what follows.
+*What differs from sample to sample*, of variance `s_w^2`: s_w is the root mean square training
+residual without what differs from recording to recording. What neighbouring samples share of it
+(their mean product) is the model's, has few degrees of freedom, and counts as what follows.
 
-*What differs from curve to curve* (`Offsets`), `t_f s_b sqrt(c)`. Where recordings of a level
+*What differs from curve to curve* (`Offsets`), of variance `c s_b^2`. Where recordings of a level
 repeat each other with f = sum (n_k - 1) degrees of freedom, s_b comes from these. Otherwise it
 comes from the levels that were left out: with K of them, `s_b^2 = (A^2 - s_w^2)/c'`, A the root
 mean square error of the left-out inner levels, and f = .6 (K - 1), since second differences of
@@ -17,8 +17,14 @@ gap between levels of n and n' recordings), a left-out level with the mean c' of
 a level that was measured once: its own offset was fitted exactly. Below f = 1.5 (two or three
 levels without repeats) nothing tells s_b, and there is no interval.
 
+With V the sum of both variances, half of the width is `t_g sqrt(V)` where repeats tell s_b,
+Student's t with `g = f V / (c s_b^2)` degrees of freedom: f where curves differ by far more than
+samples, and many where they do not. Left-out levels tell it together with s_w, and half is
+`sqrt(z^2 s_w^2 + t_f^2 c s_b^2)`, z the normal quantile.
+
 *What a model errs between levels*, beyond that. It counts where A^2 exceeds what noise and curves
-explain by a quarter.
+explain by a quarter and, where repeats tell s_b, by more than chance does in a fifth of all cases
+(an F test with K - 2 and f degrees of freedom).
 
 - Three to six levels (`between_levels`): a rule that was calibrated on measured and simulated
   muscles, docs/intervals.md. With H the gap over the range of all levels, A and s (the root mean
@@ -70,7 +76,11 @@ NEIGHBOURS = 0.6
 """
 
 LEAST_FREEDOM = 1.5  # of what differs from curve to curve, below which it is not known
-CLEAR = 1.25  # errors of left-out levels over what noise and curves explain, both squared
+CLEAR, CHANCE = 1.25, 0.2
+"""Errors of left-out levels over what noise and curves explain, both squared, beyond which they are
+the model's; and how often chance alone may exceed it, where repeats tell what curves explain.
+"""
+
 BLOCKS = 4  # stretches of a recording whose means are compared with those of its repeats
 
 SAME_RECORDINGS = (
@@ -123,7 +133,8 @@ def with_levels(
     every = np.concatenate([one for level in training.values() for one in level] or [np.zeros(1)])
     n, p = len(every), parameters if parameters < len(every) else 0
     pairs = [one[1:] * one[:-1] for level in training.values() for one in level]
-    smooth = max(float(np.mean(np.concatenate([*pairs, [0.0]]))), 0.0)
+    products = np.concatenate([*pairs, np.zeros(0)])
+    smooth = max(float(products.mean()), 0.0) if len(products) else 0.0
     residual = float(np.sqrt(np.mean(every**2) * (n + p) / (n - p)))
     if left_out.kind not in ("levels", "blocks") or None in training:
         return replace(left_out, residual=residual)
@@ -192,7 +203,7 @@ class Offsets:
     - `noise`: mean square of what differs from sample to sample; `smooth`: of that what neighbours
       share, as where a model does not bend enough; `square`: that from curve to
       curve, with so many degrees of `freedom`; `repeated`: whether repeats tell it.
-    - `missed`, `explained`: mean square error of the left-out levels, 0 where none was left out;
+    - `missed`, `explained`: mean square error of the `left_out` levels, 0 where none was left out;
       what of it noise and, where repeats tell it, curves explain.
     """
 
@@ -201,13 +212,33 @@ class Offsets:
     square: float
     freedom: float
     repeated: bool
+    left_out: int
     missed: float
     explained: float
 
     @property
     def errs_between(self) -> bool:
         """Whether it is clear that left-out levels are missed by more than these explain."""
-        return self.missed > CLEAR * self.explained
+        from scipy.special import fdtri
+
+        chance = fdtri(self.left_out, self.freedom, 1 - CHANCE) if self.repeated else 0.0
+        return bool(self.missed > max(CLEAR, chance) * self.explained)
+
+    def half_width(self, share: Array, level: float) -> Array:
+        """Return half of the width that holds a sample of a curve with probability `level`, of
+        which what differs from curve to curve counts `share` times, (n,).
+        """
+        from scipy.special import ndtri, stdtrit
+
+        of_curves = self.square * share + self.smooth * (share if self.repeated else 1.0)
+        of_samples, quantile = self.noise - self.smooth, 0.5 + level / 2
+        if not self.repeated:
+            squares = ndtri(quantile) ** 2 * of_samples
+            return np.asarray(np.sqrt(squares + stdtrit(self.freedom, quantile) ** 2 * of_curves))
+        both = of_samples + of_curves
+        part = np.divide(of_curves, both, out=np.ones_like(both), where=both > 0)
+        freedom = self.freedom / np.maximum(part, 1e-6)
+        return np.asarray(stdtrit(freedom, quantile) * np.sqrt(both))
 
 
 def offsets_of(left_out: LeftOut) -> Offsets | None:
@@ -225,10 +256,12 @@ def offsets_of(left_out: LeftOut) -> Offsets | None:
         share = 1 + float(np.mean((1 - t) ** 2 / n[:-2] + t**2 / n[2:]))
         others = NEIGHBOURS * (count - 1)
     if repeats >= max(others, LEAST_FREEDOM):
-        return Offsets(noise, smooth, own, repeats, True, missed, noise + own * share)
+        explained = noise + own * share
+        return Offsets(noise, smooth, own, repeats, True, count - 2, missed, explained)
     if others < LEAST_FREEDOM:
         return None
-    return Offsets(noise, smooth, max(missed - noise, 0.0) / share, others, False, missed, noise)
+    square = max(missed - noise, 0.0) / share
+    return Offsets(noise, smooth, square, others, False, count - 2, missed, noise)
 
 
 def half_widths(left_out: LeftOut, at: Array, level: float) -> Array:
@@ -247,7 +280,7 @@ def half_widths(left_out: LeftOut, at: Array, level: float) -> Array:
 
 def of_levels(left_out: LeftOut, at: Array, level: float) -> Array:
     """Return the half widths at the levels `at`, (n,); NaN where the data do not tell them."""
-    from scipy.special import ndtri, stdtrit  # loading it takes a third of an up-to-date run
+    from scipy.special import stdtrit  # loading it takes a third of an up-to-date run
 
     found, count = offsets_of(left_out), len(left_out.places)
     if found is None:
@@ -255,21 +288,19 @@ def of_levels(left_out: LeftOut, at: Array, level: float) -> Array:
     gap, t, _ = gaps(left_out, at)
     n = np.array(left_out.repeats)
     share = 1 + (1 - t) ** 2 / n[gap] + t**2 / n[np.minimum(gap + 1, count - 1)]
-    of_curves = found.square * share + found.smooth * (share if found.repeated else 1.0)
-    squares = ndtri(0.5 + level / 2) ** 2 * (found.noise - found.smooth)
-    squares = squares + stdtrit(found.freedom, 0.5 + level / 2) ** 2 * of_curves
-    between = np.minimum(t, 1 - t) >= AT_LEVEL
+    half, between = found.half_width(share, level), np.minimum(t, 1 - t) >= AT_LEVEL
     if count == 2:
-        return np.asarray(np.where(between, np.nan, np.sqrt(squares)))
+        return np.where(between, np.nan, half)
     least = np.zeros(len(at))
     if count >= MANY:
         least += np.quantile(left_out.sizes, level)
         if found.repeated and found.errs_between:
             model = stdtrit(NEIGHBOURS * (count - 1), 0.5 + level / 2) ** 2
-            squares = squares + np.where(between, model * (found.missed - found.explained), 0.0)
+            extra = model * (found.missed - found.explained)
+            half = np.sqrt(half**2 + np.where(between, extra, 0.0))
     elif found.errs_between:
         least = between_levels(left_out, at, level)
-    return np.asarray(np.maximum(np.sqrt(squares), np.where(between, least, 0.0)))
+    return np.maximum(half, np.where(between, least, 0.0))
 
 
 def gaps(left_out: LeftOut, at: Array) -> tuple[IntArray, Array, Array]:

@@ -2,11 +2,14 @@
 simulated recordings scatter by.
 """
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.linalg import block_diag, toeplitz
 from scipy.signal import lfilter
 
+from mapmore_cli.domain.fits import BY_CURVE, BY_RECORDING, LOWER_BOUND
 from mapmore_cli.modelling.frols import Weighing, frols
 from mapmore_cli.modelling.frols.correlated import correlated_errors
 
@@ -96,3 +99,16 @@ def test_the_order_of_the_rows_does_not_matter_but_that_of_the_recording():
     assert told.freedom < 30 < plain.freedom
     with_few = frols(P[:3], y[:3], weighing=Weighing(recorded=time[:3]))
     assert np.isnan(with_few.theta_error).all()
+
+
+def test_a_selection_says_what_its_standard_errors_take_residuals_to_be():
+    """Lower bounds, unless curves or what goes together along a recording were counted."""
+    P, rng = regressors(), np.random.default_rng(0)
+    y = P @ [1.0, 2.0, 3.0] + noise(rng, 0.9)
+    alone = frols(P, y, max_terms=3)
+    along = frols(P, y, max_terms=3, weighing=Weighing(recorded=np.arange(len(y))))
+    assert [one.errors_note for one in (alone, along, replace(along, curves=7))] == [
+        LOWER_BOUND,
+        BY_RECORDING,
+        BY_CURVE,
+    ]

@@ -215,6 +215,51 @@ def test_what_contradicts_a_sign_beyond_its_noise_is_refused(true):
             refuse_unsupported(samples, "force", ["strain"], None, FALLING)
 
 
+def scattered(true, inputs, n, noise, seed):
+    rng = np.random.default_rng([seed, n, inputs])
+    z = rng.uniform(0, 1, (inputs, n))
+    y = true(z)
+    y = y + noise * np.ptp(y) * rng.normal(size=n)
+    columns = {f"x{i}": x for i, x in enumerate(z)} | {"force": y}
+    return [Curve("a", None, columns, np.zeros(n, bool), ("a",))]
+
+
+def rising(inputs, word="increasing"):
+    names = [f"x{i}" for i in range(inputs)]
+    return names, recipe(shape=dict.fromkeys(names, word), slack=0.0).fit
+
+
+@pytest.mark.parametrize(
+    ("true", "inputs", "noise"),
+    [
+        (lambda z: z[0] + 2 * z[1] + 3 * z[2], 3, 0.05),
+        (lambda z: np.exp(4 * z).sum(axis=0), 3, 0.01),
+        (lambda z: np.exp(4 * z).sum(axis=0), 2, 0.01),
+    ],
+    ids=["plane", "bent", "bent along two"],
+)
+@pytest.mark.parametrize("n", [80, 400])
+def test_true_signs_of_scattered_samples_are_not_contradicted(true, inputs, noise, n):
+    """Neither beyond the samples, where the nearest one has other values of the other inputs, nor
+    between samples that lie far apart and bend.
+    """
+    names, fit = rising(inputs)
+    for seed in (1, 6):
+        samples = scattered(true, inputs, n, noise, seed)
+        refuse_unsupported(samples, "force", names, None, fit)
+
+
+def test_wrong_signs_of_scattered_samples_are_contradicted():
+    names, fit = rising(3, "decreasing")
+    samples = scattered(lambda z: z[0] + 2 * z[1] + 3 * z[2], 3, 200, 0.05, 0)
+    with pytest.raises(FitError, match="contradict it, by"):
+        refuse_unsupported(samples, "force", names, None, fit)
+    names, fit = rising(2)
+    samples = scattered(lambda z: z[0] + abs(z[1] - 0.6), 2, 300, 0.05, 0)
+    with pytest.raises(FitError, match=r"`x1: increasing`.* contradict it, by"):
+        refuse_unsupported(samples, "force", names, None, fit)
+
+
 def test_signs_and_bounds_hold_for_coefficients_in_the_unit_of_the_target():
     """Of free terms, the other coefficients go on fitting."""
     terms = {"dictionary": ("1", "strain", "strain^2"), "max_terms": 3, "cuts": {}}
