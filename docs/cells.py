@@ -13,7 +13,7 @@ never begins a line, because Markdown would end the paragraph there.
     least TABLE; COLUMN           the least number of a column
     greatest TABLE; COLUMN        the greatest number of a column
     mean TABLE; COLUMN            the mean of a column, and `sum` its sum
-    excess TABLE; ROW; COLUMN     by how many per cent a ratio is above one
+    excess TABLE; ROW; COLUMN     by how many per cent a ratio is above one; `less`: below one
 
 A format may follow, as `; .1f`, or `; ,.0f` with spaces between thousands; without it the text of
 the table is copied. COLUMN is a heading without its unit. Where first cells repeat, ROW has as many
@@ -34,7 +34,8 @@ DOCS = Path(__file__).parent
 README = DOCS.parent / "README.md"
 BLOCK = re.compile(r"(<!-- table (\S+?)(?: (\d+))? -->)\n(.*?)(<!-- end -->)", re.DOTALL)
 MARK = re.compile(
-    r"(<!--\s+(cell|least|greatest|mean|sum|excess)\s+([^>]*?)\s+-->)(.*?)(<!-- / -->)", re.DOTALL
+    r"(<!--\s+(cell|least|greatest|mean|sum|excess|less)\s+([^>]*?)\s+-->)(.*?)(<!-- / -->)",
+    re.DOTALL,
 )
 
 
@@ -108,7 +109,7 @@ def quoted(kind: str, words: str, page: Path) -> str:
     """Return what a mark of a page has to show.
 
     Args:
-        kind: `cell`, `least`, `greatest`, `mean`, `sum` or `excess`.
+        kind: `cell`, `least`, `greatest`, `mean`, `sum`, `excess` or `less`.
         words: table, row where there is one, column, and format, with semicolons between them.
         page: the page, whose tables are meant unless the words name another.
 
@@ -119,11 +120,11 @@ def quoted(kind: str, words: str, page: Path) -> str:
     table, *rest = (" ".join(part.split()) for part in words.split(";"))
     other, _, name = table.rpartition("/")
     rows = read_rows(DOCS / f"{other}.md" if other else page, name)
-    if kind in ("cell", "excess"):
+    if kind in ("cell", "excess", "less"):
         row, column, *form = rest
         text = cell_of(rows, row, column)
-        if kind == "excess":
-            text = str(100 * (float(text) - 1))
+        if kind != "cell":
+            text = str((100 if kind == "excess" else -100) * (float(text) - 1))
     else:
         column, *form = rest
         cells = sorted(column_of(rows, column), key=float)
