@@ -11,7 +11,7 @@ STUDIES := configs/m2/dmsp-20-88-found.yaml configs/m2/peano-found.yaml
 # The tests of one file follow each other in one process, so that what they share is made once; the folders with the long ones come first.
 TESTS := $(BIN)/pytest -q -n 2 --dist worksteal
 
-.PHONY: release-check demo test test-all lint schema docs datasets measured motion paper peers bench fuzz torture mutants test-lowest test-newest audit sbom constraints clean bench-id
+.PHONY: release-check generated demo test test-all lint schema docs datasets measured motion paper peers bench fuzz torture mutants test-lowest test-newest audit sbom constraints clean bench-id
 
 demo: .venv/program
 	$(BIN)/mapmore batch $(STUDIES)
@@ -34,6 +34,9 @@ schema: .venv/program
 datasets: .venv/program
 	for spec in datasets/*/*.yaml; do $(BIN)/python -m datasets.rig $$spec --force || exit; done
 	$(BIN)/python -m datasets.rig datasets/peano/autumn/load_cycles.yaml -o mapmore_cli/pipeline/shipped/autumn --force
+
+generated: .venv/development  # the pages that are made from the program: commands, keys, formulas, files, Python, gallery, notebook
+	$(BIN)/python docs/generated.py
 
 docs: .venv/development  # the site, into build/site; needs no network
 	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict --quiet --config-file docs/site/mkdocs.yml

@@ -1,5 +1,5 @@
-"""Execute docs/notebook.ipynb, cell by cell, without IPython: the site shows what its cells answer,
-a test asks it.
+"""Execute docs/notebook.ipynb, cell by cell, without IPython, and write its outputs into it and
+into the page notebook.md.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ import contextlib
 import io
 import json
 import os
-from base64 import b64encode
+from base64 import b64decode, b64encode
 from pathlib import Path
 from typing import Any
 
@@ -54,6 +54,7 @@ def _answers(source: str, scope: dict[str, Any]) -> list[dict[str, Any]]:
         found.append(
             {
                 "output_type": "execute_result",
+                "execution_count": None,
                 "metadata": {},
                 "data": {"text/plain": repr(value), **html},
             }
@@ -71,24 +72,31 @@ def _picture(figure: Any) -> dict[str, Any]:
     }
 
 
-def markdown() -> str:
-    """Return the executed notebook as a page."""
+def write_notebook() -> None:
+    """Execute the notebook; write it with its outputs, its page, and the pictures of the page."""
     os.environ.setdefault("MPLBACKEND", "agg")
-    parts = []
-    for cell in executed()[0]:
+    notebook = json.loads(NOTEBOOK.read_text(encoding="utf-8"))
+    notebook["cells"], _ = executed()
+    NOTEBOOK.write_text(json.dumps(notebook, indent=1, ensure_ascii=False) + "\n", "utf-8")
+    page, pictures = markdown(notebook["cells"])
+    NOTEBOOK.with_suffix(".md").write_text(page, encoding="utf-8")
+    for name, content in pictures.items():
+        (NOTEBOOK.parent / "figures" / name).write_bytes(content)
+
+
+def markdown(cells: list[dict[str, Any]]) -> tuple[str, dict[str, bytes]]:
+    """Return executed cells as a page, and the pictures that it shows by their names."""
+    parts, pictures = list[str](), dict[str, bytes]()
+    for cell in cells:
         source = "".join(cell["source"])
         parts.append(source if cell["cell_type"] == "markdown" else f"```python\n{source}\n```")
         for output in cell.get("outputs", []):
             data = output.get("data", {"text/plain": output.get("text", "")})
             if "image/png" in data:
-                parts.append(
-                    '<img alt="what the cell draws" '
-                    f'src="data:image/png;base64,{data["image/png"]}">'
-                )
+                name = f"notebook-{len(pictures) + 1}.png"
+                pictures[name] = b64decode(data["image/png"])
+                parts.append(f"![Figure that the cell above draws](figures/{name})")
             else:
-                parts.append(
-                    data.get("text/html") or f"```text\n{data['text/plain'].rstrip()}\n```"
-                )
-    return "\n\n".join(
-        [*parts, f"[{NOTEBOOK.name}]({NOTEBOOK.name}) is the notebook; a test executes it.", ""]
-    )
+                parts.append(f"```text\n{data['text/plain'].rstrip()}\n```")
+    end = f"This page shows the notebook [{NOTEBOOK.name}]({NOTEBOOK.name}); a test executes it."
+    return "\n\n".join([*parts, f"{end}\n"]), pictures

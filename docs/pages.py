@@ -131,12 +131,10 @@ def write_page(page: str, tables: Mapping[str, Callable[[Path], Table]]) -> None
 def _excerpt(table: Table, kept: int, page: str, name: str) -> str:
     """Write a table into its file; return its last rows, its notes and a link to the file."""
     write_rows(DOCS / "tables" / page / f"{name}.csv", [table.headings, *table.shown])
-    text = (
-        to_markdown(replace(table, rows=table.rows[-kept:]), str)
-        if kept
-        else "\n\n".join([f"**{table.title}**", *table.notes]) + "\n"
-    )
-    return f"{text}\n[All {len(table.rows)} rows](tables/{page}/{name}.csv)\n"
+    link = f"[All {len(table.rows)} rows](tables/{page}/{name}.csv)\n"
+    if kept:
+        return f"{to_markdown(replace(table, rows=table.rows[-kept:]), str)}\n{link}"
+    return "".join(f"{note}\n\n" for note in table.notes) + f"{table.title}: {link}"
 
 
 def write_rows(path: Path, rows: Sequence[Sequence[str]]) -> None:
@@ -157,9 +155,10 @@ def in_full(text: str, page: str) -> str:
         shown = to_markdown(table, str).replace("****\n\n", "")
         head, tail = '<details markdown="1" open><summary>', f"</summary>\n\n{shown}\n[CSV]"
         return re.sub(
-            r"\[(All \d+ rows)\](\(.*?\))",
-            lambda link: f"{head}{link[1]}{tail}{link[2]}\n\n</details>\n",
+            r"^(.*)\[(All \d+ rows)\](\(.*?\))$",
+            lambda link: f"{head}{link[1]}{link[2]}{tail}{link[3]}\n\n</details>\n",
             match[0],
+            flags=re.MULTILINE,
         )
 
     return BLOCK.sub(whole, text)

@@ -1,5 +1,5 @@
-"""Beyond the data a polynomial turns; with `fit.shape` the force goes on falling with the strain,
-as far as `beyond` says.
+"""A polynomial can turn round beyond the data. With `fit.shape`, the force keeps falling with the
+strain, as far as `beyond` says.
 """
 
 import warnings

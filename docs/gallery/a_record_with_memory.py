@@ -1,5 +1,5 @@
-"""A record with memory: creep, which a slow state explains, and friction, which a play explains. No
-static model has them, and a linear one with a past has the creep alone.
+"""A recording with creep and friction. A slow state explains the creep, and a play explains the
+friction. A static model can explain neither, and a linear model with lags only the creep.
 """
 
 from typing import Any

@@ -1,4 +1,6 @@
-"""Bands that hold a new curve with 95 %: each curve is left out in turn."""
+"""Prediction intervals (bands) that contain a new curve with a probability of 95 %. For this,
+each curve is left out in turn.
+"""
 
 from muscle import STUDY, recording, save
 

@@ -1,5 +1,5 @@
-"""A linear process found from its record: terms, and the free run over data that it has not
-seen.
+"""A linear process is identified from its recording: the terms, and the free run over data that
+were not used for fitting.
 """
 
 import matplotlib.pyplot as plt

@@ -1,5 +1,5 @@
-"""A model of arrays: fit, scores, picture. Two terms in each of four segments err half as much as a
-cubic of both inputs.
+"""A model of arrays: fit, scores and picture. With two terms in each of four segments, the error
+is half as large as that of a cubic polynomial in both inputs.
 """
 
 from muscle import STUDY, recording, save

@@ -1,4 +1,4 @@
-"""Two campaigns of one muscle: changed, the same, or not to be told."""
+"""Two campaigns of one muscle are compared. The answers are: changed, the same, or cannot tell."""
 
 import matplotlib.pyplot as plt
 from muscle import STUDY, recording, save

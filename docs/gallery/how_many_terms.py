@@ -1,4 +1,4 @@
-"""When to stop: the information criterion finds the two true terms in noise."""
+"""When to stop adding terms: the information criterion finds the two true terms in noise."""
 
 import matplotlib.pyplot as plt
 import numpy as np

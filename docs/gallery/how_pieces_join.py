@@ -1,5 +1,5 @@
-"""What `z_s` and `extrapolation` do: the same two pieces joined abruptly or in zones, and carried
-on beyond the data in three ways.
+"""What `z_s` and `extrapolation` do: two segment functions are joined with a jump or in zones,
+and go on beyond the data in three ways.
 """
 
 import warnings

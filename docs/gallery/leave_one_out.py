@@ -1,5 +1,5 @@
-"""Every level left out in turn: the error at each, of a model that has not seen it. The outer
-levels are extrapolated, which a formula as backbone can do and pieces alone cannot.
+"""Each level is left out in turn, and the model predicts the level that it has not seen. At the
+outermost levels it must extrapolate: a formula as a backbone can do this, segments alone cannot.
 """
 
 import matplotlib.pyplot as plt

@@ -1,5 +1,5 @@
-"""The exported Python file in a simulation of one's own: a weight of 12 kg on the muscle, and a
-step of pressure.
+"""The exported Python file is used in a simulation: a weight of 12 kg hangs on the muscle, and
+the pressure jumps.
 """
 
 from typing import Any

@@ -7,6 +7,7 @@ from __future__ import annotations
 import sys
 from typing import Any
 
+import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure, SubFigure
 
@@ -45,4 +46,5 @@ STUDY: dict[str, Any] = {
 def save(figure: Figure | SubFigure, name: str) -> None:
     """Save a picture to the path on the command line, else beside the script's name."""
     assert isinstance(figure, Figure)
+    mpl.rcParams["svg.hashsalt"] = name  # the same bytes each time
     figure.savefig(sys.argv[1] if len(sys.argv) > 1 else f"{name}.svg", metadata={"Date": None})

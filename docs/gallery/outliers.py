@@ -1,4 +1,4 @@
-"""Gross outliers: least squares is drawn to them, `loss: bisquare` lists them and goes on."""
+"""Gross outliers bend a least-squares fit. `loss: bisquare` gives them no weight and lists them."""
 
 import matplotlib.pyplot as plt
 import numpy as np

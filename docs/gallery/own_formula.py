@@ -1,4 +1,4 @@
-"""A formula of one's own beside the ones of the literature."""
+"""A formula of your own is compared with formulas of the literature."""
 
 import matplotlib.pyplot as plt
 from muscle import STUDY, recording, save

@@ -1,4 +1,4 @@
-"""A log in psi and per cent: units and scales are said once, in `columns`."""
+"""A log in psi and per cent: you write units and factors once, in `columns`."""
 
 from muscle import STUDY, recording, save
 

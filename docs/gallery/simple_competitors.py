@@ -1,5 +1,5 @@
-"""What every model is compared with: planes, quadratics and cubics in its own inputs, its backbone,
-and formulas.
+"""The simple competitors of every model: planes, quadratic and cubic polynomials in its inputs,
+its backbone alone, and formulas.
 """
 
 import matplotlib.pyplot as plt

@@ -1,4 +1,4 @@
-"""Derivatives: the stiffness of the muscle over its stroke."""
+"""Derivatives of a model: the stiffness of the muscle over its stroke."""
 
 import matplotlib.pyplot as plt
 import numpy as np

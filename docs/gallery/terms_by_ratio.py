@@ -1,4 +1,4 @@
-"""Forward regression by itself: which terms explain the data, in which order."""
+"""FROLS alone: which terms explain the data, and in which order they are chosen."""
 
 import matplotlib.pyplot as plt
 import numpy as np

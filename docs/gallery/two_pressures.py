@@ -1,5 +1,5 @@
-"""Two pressures are enough for a model between them; a formula as backbone says how the force runs
-there.
+"""Two pressures are enough for a model between them if a formula, as the backbone, gives the
+shape there.
 """
 
 import matplotlib.pyplot as plt

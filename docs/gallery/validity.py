@@ -1,4 +1,4 @@
-"""A lookup table with its mask: where the model was trained, and where it is extrapolated."""
+"""A lookup table with a mask: inside, the model was trained; outside, it extrapolates."""
 
 import matplotlib.pyplot as plt
 import numpy as np

@@ -74,8 +74,8 @@ class Scores(tuple[Mapping[str, Any], ...]):
     def of_model(
         self, model: str = "mapmore", split: str = "validate", target: str | None = None
     ) -> Mapping[str, Any]:
-        """Return the pooled row of a model, of the first target where none is named; raises
-        `KeyError` where there is none.
+        """Return the pooled row of a model. Without `target`, it is the row of the first target.
+        Raises `KeyError` if there is no such row.
         """
         for row in self:
             row_key = (row["model"], row["split"], row["curve"])
@@ -165,23 +165,24 @@ class Fitted(LoadedModel):
     """A model with its scores and the spec that made it. Call it with the inputs, in the model's
     units.
 
-    For intervals, also those of a plot, it is fitted again without each curve, unless the spec
-    asked for them already.
+    If you ask for intervals (also in a plot), the model is fitted again without each curve. This is
+    not necessary if the spec has `validate: {intervals: true}`.
 
     Attributes
     ----------
     scores
         The rows of `scores.json`; they print as a table.
     spec
-        The experiment as it was validated.
+        The spec with its default values.
     fit
-        What was fitted, with every step of the selection of terms.
+        The result of the fit, with every step of the selection of terms.
     held_out
         The held-out samples, curve by curve; of long recordings, those that figures show.
     warnings
-        What the command says on stderr; what makes a model useless is a Python warning too.
+        All warnings that the command would print. A warning that makes the model useless is also
+        a Python warning.
     doubts
-        Those of them that `mapmore check` says of the data, which are Python warnings too.
+        The warnings of the rules of `mapmore check`. They are Python warnings, too.
     """
 
     scores: Scores
@@ -219,9 +220,11 @@ class Fitted(LoadedModel):
         }
 
     def summary(self) -> Table:
-        """Return every coefficient with its standard error, t and ERR; n, the number of parameters,
-        AIC and BIC, where all samples count alike; and what the training data do not tell.
-        `records` has the rows as mappings.
+        """Return a table of all coefficients with standard error, t value and ERR.
+
+        Its notes have the number of samples and of parameters, AIC and BIC (if all samples have the
+        same weight), and the coefficients that the training data do not determine. The property
+        `records` of the table has its rows as mappings.
         """
         fit = self.spec.fit
         weighed = bool(self.spec.data.uncertainty) or fit.loss != "squares"
@@ -237,18 +240,18 @@ class Fitted(LoadedModel):
         )
 
     def save(self, path: str | Path) -> Path:
-        """Write the `model.h5` that `load_model`, `mapmore predict` and `mapmore export` read; its
-        path. Raises `WriteError`.
+        """Write a model file, which `load_model`, `mapmore predict` and `mapmore export` read, and
+        return its path. Raises `WriteError`.
         """
         place = Path(path)
         write_bytes(place, self.file)
         return place
 
     def to_yaml(self, path: str | Path) -> Path:
-        """Write the spec, and frames as recordings into the folder `<stem>_data` beside it:
-        `mapmore run` makes the same of them.
+        """Write the spec, so that `mapmore run` makes the same model, and return its path.
 
-        Returns the path of the spec. Raises `WriteError`.
+        Tables in memory are written as files into the folder `<stem>_data` beside the spec. Raises
+        `WriteError`.
         """
         place = Path(path)
         with refusals_told(place):

@@ -29,14 +29,14 @@ class Run(Finished):
     Attributes
     ----------
     model, scores
-        What the run found.
+        The model and the rows of its score table.
     page
-        The report.
+        The path of the report.
     stages
         `done` or `up-to-date` by stage.
     missed
-        Sentences about `validate.require` limits that are missed: the command ends with 6 where
-        there are any.
+        Sentences about limits of `validate.require` that are missed. If there are any, the command
+        `mapmore run` ends with exit code 6.
     """
 
     @cached_property
@@ -74,15 +74,15 @@ def run(
     check: bool = True,
     settings: Mapping[str, Any] | None = None,
 ) -> Run:
-    """Do what `mapmore run` does with a spec, in the folder `runs`; `settings` are those of
-    `--set`, as `{"fit.max_terms": 2}`.
+    """Run all stages of a spec, as `mapmore run` does, with results in the folder `runs`.
 
-    Without `check`, it goes on where `mapmore check` finds errors.
+    `settings` replaces values of the spec, as `--set` does, for example `{"fit.max_terms": 2}`.
+    With `check=False`, the run goes on although `mapmore check` finds errors.
 
     Raises
     ------
     MapmoreError
-        As the command says it; but limits that are missed are in `Run.missed`.
+        The error that the command would print. Missed limits raise nothing: see `Run.missed`.
     """
     overrides = tuple(as_overrides(plain_values(dict(settings or {}))))
     finished = run_one(Job(Path(config), Path(runs), overrides, Options(force, check=check)))
@@ -95,13 +95,13 @@ def load_model(path: str | Path, *, unverified: bool = False) -> LoadedModel:
     """Read a `model.h5` as a function of keyword arrays: `load_model("model.h5")(pressure=[100,
     200], strain=0.1)`.
 
-    Warns (UserWarning) where nothing shows that the file is as it was written.
+    Warns (UserWarning) if the file has no checksum, so that a change cannot be noticed.
 
     Raises
     ------
     mapmore_cli.domain.errors.DataError
-        The file is missing, damaged or no valid model, or its checksum does not match (but not
-        where it may be `unverified`).
+        The file is missing, damaged or no valid model, or its checksum is wrong. With
+        `unverified=True`, a wrong checksum is accepted.
     """
     model = read_model(Path(path), lambda message: warnings.warn(message, stacklevel=4), unverified)
     return LoadedModel(model, scores_beside(Path(path)))

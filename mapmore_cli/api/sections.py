@@ -51,15 +51,16 @@ def fit(
     Parameters
     ----------
     frame
-        A mapping of arrays, a data frame (pandas, polars, pyarrow, ...), the path of a file, or a
-        list of these, each one recording. Labels are taken as they are: `column: 2` is the column
-        labelled 2; where no label is a number, the third. No index is looked at. Masked values,
-        None and `pd.NA` are missing. Arrays with units (pint, astropy, xarray) are converted.
-        `time` may be dates or durations. Text, true and false, and complex numbers are refused. So
-        does a model read what it is called with.
+        A mapping of arrays, a data frame (pandas, polars, pyarrow and others), the path of a file,
+        or a list of these. Each element of a list is one recording. `column: 2` means the column
+        with the label 2, or the third column if no label is a number. The index of a data frame is
+        ignored. Masked values, None and `pd.NA` are missing values. Arrays with units (pint,
+        astropy, xarray) are converted. `time` may contain dates or durations. Texts, truth values
+        and complex numbers are refused. The same rules hold for the inputs of a fitted model.
     columns
-        Which column holds which quantity. Without it, the columns of a frame have canonical names;
-        where `target` is the label of one, all are called by their labels.
+        Which column contains which quantity. Without it, the columns must have the names of the
+        quantities. If `target` is the label of a column, all quantities have the labels of their
+        columns.
     target
         what is modelled: `static`, `hysteresis`, `damping` or `dynamic` force, or a quantity, or
         several that share segments and terms, as `'static'`
@@ -95,19 +96,18 @@ def fit(
     name
         name of the run and of its folder, as `'my-muscle'`
     check
-        With `check=False`, what `mapmore check` calls an error is a warning, and does not end the
-        fit.
+        With `check=False`, an error of `mapmore check` becomes a warning, and the fit goes on.
     progress
-        With `progress=True`, long work says on stderr how far it is.
+        With `progress=True`, long work prints its progress on stderr.
     of_data
-        Other keys of the section `data`, as `cycles`, `resample` or `derive`.
+        Other keys of the section `data`, for example `cycles`, `resample` or `derive`.
 
     Raises
     ------
     SpecError
-        For a section that is wrong, as the command says it.
+        If a section of the spec is wrong.
     DataError, FitError
-        Where the data are wrong, or a fit failed.
+        If the data are wrong, or if a fit failed.
 
     Examples
     --------

@@ -1,7 +1,7 @@
 """One error class for each way in which a command can end, with its exit code; and warnings of
 other runs.
 
-Scripts rely on the codes (docs/reference.md, "Exit codes"); the command line turns a `MapmoreError`
+Scripts rely on the codes (docs/messages.md, "Exit codes"); the command line turns a `MapmoreError`
 into its message and its code, and anything else into an internal fault.
 """
 

@@ -71,7 +71,7 @@ class LoadedModel:
         return f"<model {self.model.name}: {outputs} of {inputs}>"
 
     def of(self, output: str) -> Self:
-        """Return the model of one of several outputs; raises `TypeError` for none of them."""
+        """Return the model of one of several outputs. Raises `TypeError` if there is none."""
         if output not in (names := [one.name for one in self.model.outputs]):
             raise TypeError(f"this model has the outputs {', '.join(names)}; got {output!r}")
         return replace(self, model=self.model.of(output))
@@ -117,17 +117,17 @@ class LoadedModel:
         return outputs if len(outputs) > 1 else outputs[self.output.name]
 
     def predict(self, frame: object, columns: Mapping[str, Any] | None = None) -> Any:
-        """Return the output at the rows of a frame, (n,), in the model's unit; NaN where an input
-        is not finite. Of several outputs a mapping by their names.
+        """Return the output at each row of a table, shape (n,), in the unit of the model.
 
-        `columns` are as in `fit` (name, unit, scale, offset), and those of the fit where the model
-        comes from it. Others are found by their canonical names, in the model's units. The rows of
-        a model with memory are one recording.
+        The output is NaN if an input is not finite. A model of several outputs returns a mapping.
+        `columns` has the form that it has in `fit` (name, unit, scale, offset). A model that comes
+        from `fit` already knows the columns of its training data. All other columns must have the
+        names and units of the quantities. For a model with memory, the rows are one recording.
 
         Raises
         ------
         DataError
-            Where an input has no column.
+            If an input has no column.
         """
         sources = self._sources
         if columns is not None:
@@ -163,13 +163,13 @@ class LoadedModel:
         return [folder / name for name in exported]
 
     def plot(self, ax: Axes | None = None, interval: float | None = None) -> Axes:
-        """Draw the model over its training range, a line for every training curve; on `ax`, or on a
-        new figure. What was held out of the fit is dots beside a dashed line.
+        """Draw the model over its training range, on `ax` or on a new figure.
 
-        With `interval`, as 0.95, bands that hold a sample of a new curve with that probability.
-        Without, those of 95 % where the spec asked for intervals.
-        Raises `TypeError` for a model that runs along recordings: call it with one, and draw that;
-        `DataError` as `interval` does.
+        Each training curve is a line. Held-out samples are dots, with the model as a dashed line.
+        With `interval=0.95`, bands contain a sample of a new curve with a probability of 95 %; they
+        are also drawn if the spec has `validate: {intervals: true}`. Raises `TypeError` for a model
+        with memory (call it with a recording and draw the result), and `DataError` as `interval`
+        does.
         """
         if ax is None:
             import matplotlib.pyplot as plt
@@ -204,8 +204,8 @@ class LoadedModel:
         return low.reshape(shape), high.reshape(shape)
 
     def derivatives(self, **columns: ArrayLike) -> dict[str, Array]:
-        """Return derivative of the output for every input by its name, in the shape of the output;
-        not for models with memory.
+        """Return the derivative of the output for each input, in the shape of the output. Models
+        with memory have none.
         """
         flat, shape = self._flattened(columns)
         return {name: slope.reshape(shape) for name, slope in slopes(self.model, flat).items()}

@@ -1,8 +1,7 @@
-"""Every command that the documentation shows is one. Those of README, of the front page, tutorial,
-cookbook, exports and pipelines are run as they stand, and so are the pieces of a spec.
+"""Every command that the documentation shows is one. Those of README and of the front page are run
+as they stand, and so are the scripts in docs/examples.
 """
 
-import json
 import os
 import re
 import shlex
@@ -10,12 +9,10 @@ import shutil
 import sys
 from pathlib import Path
 
-import numpy as np
 import pytest
 import typer
 import yaml
 from common import process
-from scipy.signal import lfilter
 
 from mapmore_cli.cli.app import app
 
@@ -27,7 +24,7 @@ PAGES = (
 )
 FENCE = re.compile(r"^```(\w*)\n(.*?)^```", re.MULTILINE | re.DOTALL)
 INDENTED = re.compile(r"^    (mapmore .*[^\\])$", re.MULTILINE)
-COMMAND = re.compile(r"(?:\s*|\s*- run: |.*\$\()(mapmore .*)")
+COMMAND = re.compile(r"(?:\s*|\s*- run: |.*\$\(|\$ (?:.*\| )?)(mapmore .*)")
 
 
 def commands(page):
@@ -43,8 +40,8 @@ def commands_in(text, suffix=".md"):
         [
             line
             for name, block in FENCE.findall(text)
-            for line in block.splitlines()
-            if name != "text"
+            for line in block.replace("\\\n", " ").splitlines()
+            if name != "text" and (name != "console" or line.startswith("$ "))
         ]
         + INDENTED.findall(text)
         if suffix == ".md"
@@ -74,14 +71,13 @@ EVERY = [
     (page.relative_to(ROOT).as_posix(), tuple(command))
     for page in PAGES
     for command in commands(page)
+    if command != ["--version"]  # which ends the program before it looks at anything else
 ]
 
 
 def test_there_are_commands_to_look_at():
     assert len(EVERY) > 45
-    assert {"docs/tutorial.md", "docs/campaigns.md", "docs/examples/ci.yaml"} <= {
-        page for page, _ in EVERY
-    }
+    assert {"docs/first-model.md", "docs/examples/ci.yaml"} <= {page for page, _ in EVERY}
 
 
 @pytest.mark.parametrize(
@@ -120,119 +116,16 @@ def test_readme_and_the_front_page_begin_with_a_run_that_prints_what_they_show(m
             assert section == ours or section.items() <= ours.items(), name
 
 
-@pytest.mark.usefixtures("quick_families")
-def test_the_tutorial_from_beginning_to_end(mapmore):
-    """Its spec is that of the example, and what it claims comes out."""
-    page = ROOT / "docs" / "tutorial.md"
-    blocks = [yaml.safe_load(block) for name, block in FENCE.findall(page.read_text()) if name]
-    printed = {}
-    for command in commands(page):
-        quick = ["--set", "report.figures=[fit]"] if command[0] == "run" else []
-        printed[command[0], command[1]] = mapmore(*command, *quick, code=0).stdout
-    study = yaml.safe_load(Path("bench/study.yaml").read_text())
-    assert {name: study[name] for block in blocks for name in block} == {
-        name: section for block in blocks for name, section in block.items()
-    }
-    report = Path("runs/bench/report")
-    assert (report / "tables" / "scores.tex").read_text().startswith("%")
-    assert Path("fig3.pdf").read_bytes().startswith(b"%PDF")
-    assert any((report / "panels").glob("*.pdf"))
-    assert any(Path("controller").glob("*.c"))
-    assert "bench-autumn is the same within 1 %" in printed["compare", "spring"]
-    assert (
-        "simplest (the best itself): --set segment.strain.count=4"
-        in printed["tune", "bench/study.yaml"]
-    )
-    scores = json.loads(Path("runs/bench-search/scores.json").read_text())["scores"]
-    errors = {row["model"]: row["nrmse"] for row in scores if row["split"] == "validate"}
-    found = errors.pop("mapmore")
-    assert found <= min(errors.values())
-    readme = (ROOT / "README.md").read_text(encoding="utf-8")
-    assert f"`mapmore run muscle/search.yaml` finds one with {100 * found:.2f} %" in readme
-
-
-SPEC = """schema_version: 1
-name: muscle
-data:
-  files: ["cycle_*.csv"]
-  columns: {time: {column: t, unit: s}, pressure: {column: P, unit: kPa}, strain: {column: eps},
-    force: {column: F, unit: N}}
-  cycles: {over: strain}
-  levels: {of: pressure, at: auto}
-  split: {validate: {pressure: [200 kPa]}}
-target: static
-segment: {strain: {method: even, count: 4}}
-dictionary: [{polynomial: {of: [strain], order: 4}}]
-validate: {against: [sarosi, polynomial_2]}
-report: {figures: []}
-"""
-"""The study that the pages call `muscle`."""
-
-
-def renamed(name):
-    """The same by another name, in a folder beside the recordings."""
-    return SPEC.replace("name: muscle", f"name: {name}").replace('["cycle_', '["../cycle_')
-
-
-RECORD = """cycles: null, levels: null, split: {validate: {pressure: null, last: 0.3}}}
-segment: null
-dictionary: [{polynomial: {of: [strain, pressure], order: 2}}]
-target: {column: force}
-validate: null
-"""
-VALVE = "Valve and muscle in one unit"
-GIVEN = {
-    "Two pressures only": "data: {files: [cycle_100.csv, cycle_300.csv], split: null}",
-    "A psi log beside a tester": f"data: {{columns: {{pressure: null}}, {RECORD}",
-    "Gaps in a recording": f"data: {{files: [gap.csv], {RECORD}",
-    "Both coordinates of a tip": "data: {cycles: null}\nvalidate: null",
-    "Leave one out": "data: {split: {validate: null}}",
-    VALVE: "data: {files: [valve.csv], columns: {strain: null, "
-    f"force: null, input: {{column: u, unit: V}}}}, {RECORD}",
-}
-"""What the recipes of the cookbook take for granted of a spec."""
-
-
-def write_recordings(folder):
-    """Four load cycles at each pressure, and what recipes call by other names."""
-    time = np.arange(0, 40, 0.05)
-    strain = 0.05 * (1 - np.cos(2 * np.pi * time / 10))
-    friction = 4 * np.sign(np.gradient(strain))
-    told = np.repeat(np.random.default_rng(1).uniform(50, 200, len(time) // 20), 20)
-    air = lfilter([0.1], [1, -0.9], told)
-    late = np.append(time, time[-1] + 0.05) + 0.7
-    tables = {
-        "valve.csv": {"t": time, "P": air, "u": told / 50},
-        "tester.csv": {"t": time, "strain_pct": 100 * strain, "N": 2 * air * (1 - 3 * strain) ** 2},
-        "pressure.txt": {"ms": 1000 * late, "psi": np.append(air, air[-1]) / 6.894757},
-    }
-    for p in (100, 200, 300):
-        force = 2 * p * (1 - 3 * strain) ** 2 - 40 - friction
-        for day, shift in (("cycle", 0), ("monday", 0), ("tuesday", 5)):
-            cycles = {"t": time, "P": p + 0 * time, "eps": strain, "F": force + shift}
-            tables[f"{day}_{p}.csv"] = cycles
-    tables["gap.csv"] = {key: np.delete(x, slice(300, 400)) for key, x in cycles.items()}
-    for name, columns in tables.items():
-        titles, rows = ",".join(columns), np.column_stack([*columns.values()])
-        np.savetxt(folder / name, rows, "%.5f", ",", header=titles, comments="")
-
-
 @pytest.fixture(scope="module")
 def workshop(tmp_path_factory, mapmore):
-    """The study `muscle`, run and frozen, and a `mapmore` on the path of scripts."""
+    """The example study as `muscle.yaml`, run and frozen, and `mapmore` on the path of scripts."""
     folder = tmp_path_factory.mktemp("workshop")
-    write_recordings(folder)
-    (folder / "muscle.yaml").write_text(SPEC)
     runs, archive = folder / "runs", folder / "archive"
+    mapmore("example", folder / "muscle", "-q", code=0)
+    (folder / "muscle.yaml").write_text(spec_named("muscle"))
     mapmore("run", folder / "muscle.yaml", "--runs", runs, "-q", code=0)
     mapmore("freeze", runs / "muscle", "--tag", "spring", "--archive", archive, code=0)
-    shutil.copytree(runs / "muscle", runs / "force")
-    (folder / "given.yaml").write_text("extends: muscle.yaml\n" + GIVEN[VALVE])
-    valve = re.findall(r"```yaml\n(.*?)```", recipes()[VALVE], re.DOTALL)
-    (folder / "valve.yaml").write_text("extends: given.yaml\n" + valve[0])
-    mapmore("validate", folder / "valve.yaml", "--runs", runs, "--no-check", code=0)
     (folder / "table.csv").write_text("pressure,strain\n150,0.02\n250,0.05\n")
-    (folder / "wanted.csv").write_text("force,strain\n100,0.02\n250,0.05\n")
     (folder / "bin").mkdir()
     (folder / "bin" / "mapmore").write_text(
         f'#!/bin/sh\nexec "{sys.executable}" -m mapmore_cli "$@"\n'
@@ -241,50 +134,24 @@ def workshop(tmp_path_factory, mapmore):
     return folder
 
 
-def recipes():
-    """The sections of the cookbook, by their questions."""
-    text = (ROOT / "docs" / "cookbook.md").read_text(encoding="utf-8")
-    return dict(section.split("\n", 1) for section in text.split("\n## ")[1:])
+def spec_named(name, above=""):
+    """The example study by another name, without figures."""
+    return f"extends: {above}muscle/study.yaml\nname: {name}\nreport: {{figures: []}}\n"
 
 
-@pytest.mark.parametrize("question", recipes())
-def test_a_recipe_runs_as_it_stands(question, workshop, mapmore, tmp_path):
-    """Its pieces of a spec in `muscle.yaml`, its commands on what comes of it."""
-    shutil.copytree(workshop, tmp_path, dirs_exist_ok=True)
-    (tmp_path / "given.yaml").write_text("extends: muscle.yaml\n" + GIVEN.get(question, ""))
-    text = recipes()[question]
-    for number, (language, block) in enumerate(FENCE.findall(text)):
-        if language == "yaml" and "expression:" in block:
-            (tmp_path / block.split()[1]).write_text(block)
-        elif language == "yaml":
-            spec = tmp_path / f"piece-{number}.yaml"
-            spec.write_text(f"extends: given.yaml\n{block}")
-            for name in ("muscle", "pressure"):
-                shutil.rmtree(tmp_path / "runs" / name, ignore_errors=True)
-            mapmore("validate", spec, "--no-check", code=0)
-        elif block.startswith("#!"):
-            (tmp_path / "job").write_text(block)
-            places = {"PATH": f"{tmp_path / 'bin'}{os.pathsep}{os.environ['PATH']}"}
-            given = {**places, "PYTHONPATH": str(ROOT), "SLURM_ARRAY_TASK_ID": "0"}
-            (tmp_path / "specs").mkdir()
-            (tmp_path / "specs" / "one.yaml").write_text(renamed("one"))
-            assert process("bash", "job", cwd=tmp_path, env=given).returncode == 0
-    for command in () if "#!" in text else commands_in(text):
-        mapmore(*command, code=0)
-
-
-def test_the_page_of_exports_runs_as_it_stands(workshop, mapmore, tmp_path):
-    """Each model file that a command names is that of the workshop or, by its name, that of the
-    pressure.
-    """
-    for name in ("wanted.csv", "table.csv"):
-        shutil.copy(workshop / name, tmp_path)
-    for command in commands(ROOT / "docs" / "export.md"):
-        for word in (word for word in command if word.endswith(".h5")):
-            Path(word).parent.mkdir(parents=True, exist_ok=True)
-            run = "pressure" if "pressure" in word else "muscle"
-            shutil.copy(workshop / "runs" / run / "model.h5", word)
-        mapmore(*command, code=0)
+@pytest.mark.long  # the shell pipeline runs the same command
+def test_the_script_for_slurm(workshop, tmp_path):
+    """One task of the job array does its spec."""
+    text = (ROOT / "docs" / "many.md").read_text(encoding="utf-8")
+    (job,) = (block for _, block in FENCE.findall(text) if "#SBATCH" in block)
+    shutil.copytree(workshop / "muscle", tmp_path / "muscle")
+    (tmp_path / "specs").mkdir()
+    (tmp_path / "specs" / "one.yaml").write_text(spec_named("one", "../"))
+    (tmp_path / "job").write_text(job)
+    places = {"PATH": f"{workshop / 'bin'}{os.pathsep}{os.environ['PATH']}"}
+    environment = {**places, "PYTHONPATH": str(ROOT), "SLURM_ARRAY_TASK_ID": "0"}
+    assert process("bash", "job", cwd=tmp_path, env=environment).returncode == 0
+    assert (tmp_path / "runs" / "one" / "model.h5").is_file()
 
 
 def run(folder, *command):

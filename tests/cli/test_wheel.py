@@ -1,6 +1,8 @@
 """The program as somebody gets it who has no checkout: a wheel, built and tried."""
 
 import json
+import os
+import re
 import shutil
 import subprocess
 import sys
@@ -18,9 +20,13 @@ BUILD = (
 """What pip has the build backend do, without pip."""
 
 
+REPOSITORY = "https://forge.example/somebody/mapmore"
+
+
 def build(place, *work):
     command = [sys.executable, "-c", BUILD, *work]
-    subprocess.run(command, check=True, cwd=place, capture_output=True)
+    environment = {**os.environ, "MAPMORE_REPOSITORY": REPOSITORY}
+    subprocess.run(command, check=True, cwd=place, capture_output=True, env=environment)
 
 
 @pytest.fixture(scope="module")
@@ -49,6 +55,16 @@ def test_the_wheel_holds_every_module_and_file(wheel):
     }
     ours = {name for name in ours if "__pycache__" not in name}
     assert ours <= set(zipfile.ZipFile(wheel).namelist())
+
+
+def test_an_index_shows_a_description_whose_links_lead_to_the_repository(wheel):
+    archive = zipfile.ZipFile(wheel)
+    (name,) = (name for name in archive.namelist() if name.endswith("/METADATA"))
+    text = archive.read(name).decode()
+    assert "Description-Content-Type: text/markdown" in text
+    targets = re.findall(r"\]\(([^)]+)\)", text)
+    assert f"{REPOSITORY}/raw/main/docs/figures/annotated-page.svg" in targets
+    assert all(target.startswith(REPOSITORY) for target in targets)
 
 
 def test_an_installed_program_makes_its_example_and_a_draft(wheel, tmp_path):

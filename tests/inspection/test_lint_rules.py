@@ -542,7 +542,7 @@ def test_every_issue_that_a_rule_can_raise_is_on_the_page_and_no_other():
         for path in sources
         for id_ in re.findall(r'Issue\(\s*[^,]*,\s*"([a-z-]+)"', path.read_text())
     }
-    page = (project / "docs/init-and-check.md").read_text()
+    page = (project / "docs/messages.md").read_text()
     rows = [
         line.split("|")[1]
         for line in page.splitlines()

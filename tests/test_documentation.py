@@ -1,0 +1,61 @@
+"""The texts of the documentation: no link is dead, and no page that is made from the program is
+older than the program.
+"""
+
+import json
+import re
+import unicodedata
+from pathlib import Path
+
+import generated
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+PAGES = sorted(
+    page
+    for folder in ("", "docs", "docs/gallery", "docs/papers", "docs/papers/published", "datasets")
+    for page in (ROOT / folder).glob("*.md")
+)
+CODE = re.compile(r"^ *(```+).*?^ *\1 *$|`[^`\n]+`", re.MULTILINE | re.DOTALL)
+LINK = re.compile(r"\]\(([^)\s]+)\)")
+
+
+def anchors(page):
+    """The anchors of a page's headings, as a forge makes them."""
+    text = CODE.sub(lambda found: "" if "\n" in found[0] else found[0], page.read_text("utf-8"))
+    headings = re.findall(r"^#+ (.+)$", text, re.MULTILINE)
+    plain = (re.sub(r"\[([^]]*)\]\([^)]*\)|[`*]", r"\1", heading) for heading in headings)
+    return {
+        re.sub(r"[^\w\- ]", "", unicodedata.normalize("NFC", text).lower()).replace(" ", "-")
+        for text in plain
+    }
+
+
+@pytest.mark.parametrize("page", PAGES, ids=[str(page.relative_to(ROOT)) for page in PAGES])
+def test_no_link_is_dead(page):
+    dead = []
+    for link in LINK.findall(CODE.sub("", page.read_text("utf-8"))):
+        path, _, anchor = link.partition("#")
+        target = page if not path else page.parent / path
+        if ":" in path:
+            continue
+        if not target.exists() or (anchor and anchor not in anchors(target)):
+            dead.append(link)
+    assert not dead
+
+
+def test_generated_texts_are_as_the_program_makes_them():
+    stale = [
+        path.name
+        for path, text in generated.texts().items()
+        if not path.is_file() or path.read_text("utf-8") != text
+    ]
+    assert not stale, "run `make generated`"
+
+
+def test_the_notebook_and_its_page_hold_the_same_outputs():
+    cells = json.loads((ROOT / "docs" / "notebook.ipynb").read_text("utf-8"))["cells"]
+    page, pictures = generated.markdown(cells)
+    assert (ROOT / "docs" / "notebook.md").read_text("utf-8") == page
+    assert all((ROOT / "docs" / "figures" / name).is_file() for name in pictures)
+    assert sum(bool(cell.get("outputs")) for cell in cells) >= 6
