@@ -12,7 +12,6 @@ from rig_cases import MUSCLES, both, friction
 from scipy.integrate import trapezoid
 
 from datasets.rig.muscle import (
-    stop,
     zero_force_strain,
 )
 
@@ -42,16 +41,6 @@ def test_the_documented_forces_free_strains_and_lengths(kind):
 YIELDS = np.array([0.001, 0.004, 0.016])
 FRICTION = friction(3.0, 6e-5, YIELDS, (0.4, 0.35, 0.25))
 paths = st.lists(st.floats(-0.05, 0.3), min_size=2, max_size=30).map(np.array)
-
-
-@given(peak=st.floats(1e-4, 0.1), back=st.floats(0, 1))
-def test_a_minor_loop_is_forgotten(peak, back):
-    """Return-point memory: from a turning point part of the way back and up to it again, as if it
-    had not been left.
-    """
-    states = stop(np.array([0.0, peak, (1 - back) * peak, peak]), YIELDS)
-    np.testing.assert_allclose(states[3], states[1], atol=1e-9)
-    assert np.all(states[2] <= states[1])
 
 
 @given(path=paths, pressure=st.floats(0, 5e5))
