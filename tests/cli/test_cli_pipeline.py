@@ -143,13 +143,3 @@ def test_printed_spec_is_a_spec_with_the_overrides(study, mapmore, document):
     copy = study.with_name("copy.yaml")
     copy.write_text(printed.stdout)
     assert mapmore("run", copy, "--print-spec").stdout == printed.stdout
-
-
-@pytest.mark.parametrize("command", ["run", "validate"])
-def test_a_missed_limit_shows_after_the_results(command, study, mapmore):
-    limit = "validate.require.nrmse="
-    told = "nrmse of mapmore on the validate rows"
-    result = mapmore(command, study, "--set", f"{limit}1e-9", "-q", code=6, says=told)
-    assert "all curves pooled" in result.stdout
-    assert Path("runs", "bench", "scores.json").is_file()
-    assert mapmore(command, study, "--set", f"{limit}0.5", "-q", code=0).stderr == ""

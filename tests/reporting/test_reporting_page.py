@@ -16,6 +16,8 @@ from mapmore_cli.reporting.order import FIGURES
 from mapmore_cli.reporting.report import write_report
 
 EVERYTHING = {"figures": tuple(FIGURES), "formats": ("html", "csv", "svg")}
+
+
 @pytest.fixture(scope="module")
 def folder(inputs, tmp_path_factory):
     out = tmp_path_factory.mktemp("report") / "new" / "report"

@@ -142,6 +142,12 @@ def test_a_record_of_longer_steps_is_refused_where_most_are(time, rows, sample):
     assert told.value.sample == sample
 
 
+def test_a_run_along_longer_steps_is_refused():
+    x = np.zeros(40)
+    with pytest.raises(AtSample, match="as most are"):
+        Along(TRUTH)({"time": 2 * STEP * np.arange(40), "x": x, "y": x})
+
+
 def test_a_piece_shorter_than_its_history_has_no_prediction():
     for n in (0, 1, 2):
         run = Along(TRUTH)({"x": np.zeros(n), "y": np.zeros(n)})
