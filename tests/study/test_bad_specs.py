@@ -188,11 +188,3 @@ def test_long_numbers_are_read_in_one_go(tmp_path, text):
 def test_quantities_are_taken_apart(number, unit, blank):
     blank = blank or (" " if unit == "1" else "")
     assert split_quantity(f" {number!r}{blank}{unit} ") == (number, unit)
-
-
-def test_a_learner_is_no_formula_of_a_part(tmp_path):
-    """It may be a competitor, but nothing is added to it."""
-    entry = "{model: sarosi, static: gaussian_proces, as: a}"
-    message = refusal(tmp_path, STATIC.replace("[sarosi, polynomial_2]", f"[{entry}]"))
-    assert "gaussian_proces" in message
-    assert "`gaussian_process`" not in message
