@@ -267,6 +267,8 @@ def test_a_summary_has_what_a_regression_table_has():
     assert "<table>" in summary._repr_html_()
     flat = mm.fit({"x": x, "y": y - 3 * x}, **model.study.document | {"data": {}})
     assert any("Not told from zero" in note and "x of" in note for note in flat.summary().notes)
+    falling = mm.fit({"x": x, "y": y - 6 * x}, **model.study.document | {"data": {}})
+    assert not any("Not told from zero" in note for note in falling.summary().notes)
 
 
 @pytest.mark.parametrize(
