@@ -233,10 +233,3 @@ def test_failed_fits_show_as_failed_and_never_as_numbers(failed, tmp_path):
     assert "the solver found no step" in page.text
     for path in (path for path in tmp_path.rglob("*") if path.is_file()):
         assert not re.search(r"\bnan\b", path.read_text(encoding="utf-8"), re.IGNORECASE), path.name
-
-
-def test_one_curve_no_competitor_nothing_held_out(alone, tmp_path):
-    page = page_of(alone, tmp_path)
-    assert "Nothing was held out" in page.text
-    assert "compared with no other model" in page.text
-    assert "No formula was fitted." in page.text
