@@ -5,7 +5,7 @@ from dataclasses import fields
 from pathlib import Path
 
 import pytest
-from cli_samples import OWN, by_place
+from cli_samples import OWN, by_place, edit
 
 from mapmore_cli.domain.scores import Score
 
@@ -143,3 +143,13 @@ def test_printed_spec_is_a_spec_with_the_overrides(study, mapmore, document):
     copy = study.with_name("copy.yaml")
     copy.write_text(printed.stdout)
     assert mapmore("run", copy, "--print-spec").stdout == printed.stdout
+
+
+@pytest.mark.parametrize(
+    ("count", "words"), [(1, "1 guess of the spec is"), (2, "2 guesses of the spec are")]
+)
+def test_guesses_that_nobody_confirmed_are_counted(count, words, study, mapmore):
+    edit(study, "target: static", "target: static  # CHECK: is it?")
+    if count == 2:
+        edit(study, "{method: even, count: 2}}", "{method: even, count: 2}}  # CHECK: so many?")
+    mapmore("ingest", study, code=0, says=f"{words} not confirmed")
