@@ -25,6 +25,15 @@ CHROMIUM = shutil.which("chromium") or shutil.which("google-chrome")
 SCRIPTS = [path.stem for path in sorted(GALLERY.glob("*.py")) if path.stem != "muscle"]
 
 
+def held_out(scores):
+    """Errors on the held-out data by model, pooled."""
+    return {
+        row["model"]: row["nrmse"]
+        for row in scores
+        if (row["split"], row["curve"]) == ("validate", "all")
+    }
+
+
 @pytest.mark.parametrize(
     "name",
     [name if name in QUICK else pytest.param(name, marks=pytest.mark.long) for name in SCRIPTS],
@@ -45,31 +54,6 @@ def test_an_example_makes_its_picture(name, tmp_path, monkeypatch):
 def words(svg):
     """The texts of a picture: titles, legends and ticks, which change when its numbers do."""
     return re.findall(r"<!-- (.+?) -->", svg)
-
-
-def held_out(scores):
-    """Errors on the held-out data by model, pooled."""
-    return {
-        row["model"]: row["nrmse"]
-        for row in scores
-        if (row["split"], row["curve"]) == ("validate", "all")
-    }
-
-
-def test_zones_close_the_jump_between_pieces_and_words_say_how_they_go_on(tmp_path, monkeypatch):
-    """What the figure of README shows."""
-    monkeypatch.syspath_prepend(str(GALLERY))
-    monkeypatch.setattr(sys, "argv", ["joined", str(tmp_path / "picture.svg")])
-    made = runpy.run_path(str(GALLERY / "how_pieces_join.py"))
-    plt.close("all")
-    jumps = [np.abs(np.diff(force, 2)).max() for force in made["zones"].values()]
-    assert jumps[0] > 5 * jumps[1] > 5 * jumps[2]
-    beyond = {word: force[[0, -1]] for word, force in made["beyond"].items()}
-    inside = [made["beyond"]["saturate"][k] for k in (60, 460)]
-    np.testing.assert_allclose(beyond["saturate"], inside)
-    np.testing.assert_array_equal(beyond["zero"], 0)
-    assert beyond["continue"][0] > inside[0] > inside[1] > beyond["continue"][1]
-    assert (ROOT / "docs" / "figures" / "joining.svg").is_file()
 
 
 def test_the_notebook_goes_from_a_frame_to_an_exported_table(

@@ -5,7 +5,7 @@ import shutil
 import stat
 
 import pytest
-from cli_samples import by_place, change_forces, write_study
+from cli_samples import change_forces, write_study
 
 
 def scaled_study(folder, factor):
@@ -213,24 +213,6 @@ def test_a_frozen_model_or_record_that_was_changed_is_refused(campaigns, mapmore
     )
     arguments = ("compare", "2025", "third", "--runs", campaigns / "runs", "--archive", tmp_path)
     mapmore(*arguments, code=4, says="is not the model that was frozen")
-
-
-def test_a_frozen_model_stands_among_the_competitors_and_stays_as_it_is(campaigns, mapmore):
-    frozen = campaigns / "archive" / "first@2025" / "model.h5"
-    before = frozen.read_bytes()
-    against = "validate.against=[{model: ../archive/first@2025/model.h5, as: before}]"
-    spec = campaigns / "third" / "bench.yaml"
-    run = ("run", spec, "--runs", campaigns / "runs", "-q", "--json", "--set", "name=fourth")
-    result = mapmore(*run, "--set", against, code=0)
-    rows = by_place(json.loads(result.stdout))
-    older, own = (rows[model, "train", "all"]["rmse"] for model in ("before", "mapmore"))
-    assert older > 5 * own
-    assert frozen.read_bytes() == before
-    again = json.loads(mapmore(*run, "--set", against).stdout)
-    assert set(again["stages"].values()) == {"up-to-date"}
-    nobody = against.replace("first@2025", "nobody@2025")
-    mapmore(*run, "--set", nobody, code=3, says="mapmore freeze")
-    mapmore(*run, "--set", against.replace(", as: before", ""), code=3)
 
 
 def test_a_model_that_another_process_froze_meanwhile(copied, mapmore, monkeypatch):

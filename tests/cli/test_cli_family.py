@@ -127,17 +127,3 @@ def test_what_cannot_be_adapted(folder, tmp_path, mapmore, arguments, words):
         code=2,
         says=words,
     )
-
-
-@pytest.mark.parametrize(
-    ("model", "words"),
-    [
-        ("family: {of: width}", "needs the quantity `width`"),
-        ("family: {of: rest}, backbone: sarosi", "a formula of its own"),
-        ("family: {of: rest}, type: sum", "has no `family`"),
-        ("family: {of: rest, scale: cubic}", "saturating"),
-    ],
-)
-def test_what_is_no_family(tmp_path, mapmore, model, words):
-    (tmp_path / "muscles.yaml").write_text(SPEC.replace("family: {of: rest}", model))
-    mapmore("run", tmp_path / "muscles.yaml", code=3, says=words)

@@ -1,10 +1,9 @@
 """`init`, and what `check` prints of its drafts and of mistakes."""
 
 import json
-from pathlib import Path
 
 import pytest
-from cli_samples import OWN, PROJECT, by_place, options, thinned
+from cli_samples import PROJECT, thinned
 
 from mapmore_cli.study.loader import load
 
@@ -22,17 +21,6 @@ def rig(tmp_path):
     for path in (tmp_path / "rig" / "peano").iterdir():
         path.write_text(path.read_text().replace("t,P,eps,F", "t,P,strain,F", 1))
     return tmp_path / "rig"
-
-
-@pytest.mark.long
-@pytest.mark.parametrize("muscle", ["mckibben", "peano"])
-def test_a_spec_for_the_shipped_recordings_checks_and_runs(
-    muscle, tmp_path, mapmore, document, rig, fewer_families
-):
-    assert started(mapmore, rig / muscle, tmp_path) == []
-    settings = options("report.formats=[csv]")
-    rows = by_place(document("run", tmp_path / "spec.yaml", "-q", *settings))
-    assert rows[OWN]["nrmse"] < 0.03
 
 
 @pytest.mark.parametrize("source", ["festo_datasheet", "pgm_mckibben"])
@@ -120,17 +108,6 @@ def test_shipped_studies_are_clean_of_errors_and_warnings(document):
 
 def test_a_measured_study_is_clean_of_errors_and_warnings(mapmore, measured_data):
     assert serious(mapmore, PROJECT / "configs/festo/festo_10mm_20cm_strain.yaml") == []
-
-
-def test_one_that_exists_stops_no_other_and_each_has_a_page(tmp_path, mapmore, rig, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    Path("peano.yaml").write_text("mine")
-    started = mapmore("init", rig, code=7)
-    assert Path("peano.yaml").read_text() == "mine"
-    assert started.stdout.split()[0] == "mckibben.yaml"
-    page = Path("mckibben.html").read_text()
-    assert "What drives against what follows" in page
-    assert page.count('class="thumbnail"') >= 4
 
 
 @pytest.mark.parametrize(("paper", "terms"), [("m1", 1), ("m2", 1)])

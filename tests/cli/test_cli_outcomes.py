@@ -8,7 +8,6 @@ import xml.etree.ElementTree as ET
 import pytest
 from cli_samples import (
     options,
-    write_lines,
     write_recording,
 )
 
@@ -54,14 +53,6 @@ def test_a_warning_of_many_runs_is_told_once(study, mapmore):
     told = "curve pressure=300: 1 segment(s) along strain instead of 4"
     (warning,) = (line for line in result.stderr.splitlines() if told in line)
     assert "(the same in 3 runs: bench.one, bench.two)" in warning
-
-
-def test_what_was_read_for_all_variations_is_told_once(study, tmp_path, mapmore):
-    log = tmp_path / "bench_300.csv"
-    write_lines(log, *log.read_text().splitlines()[:10])
-    other = "validate.against=[{set: {fit.max_terms: 1}, as: one}]"
-    result = mapmore("run", study, "--set", other, code=0)
-    assert result.stderr.count("holds only 9 samples") == 1
 
 
 def test_a_level_that_was_measured_at_one_place_is_cut_into_one_segment(study, tmp_path, mapmore):

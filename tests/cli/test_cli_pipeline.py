@@ -5,7 +5,7 @@ from dataclasses import fields
 from pathlib import Path
 
 import pytest
-from cli_samples import OWN, by_place
+from cli_samples import OWN, by_place, edit
 
 from mapmore_cli.domain.scores import Score
 
@@ -145,11 +145,11 @@ def test_printed_spec_is_a_spec_with_the_overrides(study, mapmore, document):
     assert mapmore("run", copy, "--print-spec").stdout == printed.stdout
 
 
-@pytest.mark.parametrize("command", ["run", "validate"])
-def test_a_missed_limit_shows_after_the_results(command, study, mapmore):
-    limit = "validate.require.nrmse="
-    told = "nrmse of mapmore on the validate rows"
-    result = mapmore(command, study, "--set", f"{limit}1e-9", "-q", code=6, says=told)
-    assert "all curves pooled" in result.stdout
-    assert Path("runs", "bench", "scores.json").is_file()
-    assert mapmore(command, study, "--set", f"{limit}0.5", "-q", code=0).stderr == ""
+@pytest.mark.parametrize(
+    ("count", "words"), [(1, "1 guess of the spec is"), (2, "2 guesses of the spec are")]
+)
+def test_guesses_that_nobody_confirmed_are_counted(count, words, study, mapmore):
+    edit(study, "target: static", "target: static  # CHECK: is it?")
+    if count == 2:
+        edit(study, "{method: even, count: 2}}", "{method: even, count: 2}}  # CHECK: so many?")
+    mapmore("ingest", study, code=0, says=f"{words} not confirmed")

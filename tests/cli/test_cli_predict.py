@@ -213,3 +213,12 @@ def test_grid_has_both_ends(model_file, mapmore):
         "0,100,100,false\n0,200,200,false\n0.05,100,80,false\n0.05,200,175,false\n"
         "0.1,100,60,false\n0.1,200,150,false\n"
     )
+
+
+def test_megabytes_are_told_of_all(model_file, tmp_path, mapmore, monkeypatch):
+    for wait in ("PATIENCE", "LINE_EVERY"):
+        monkeypatch.setattr(f"mapmore_cli.cli.progress.{wait}", 0.0)
+    row = "150,0.05" + " " * 132 + "\n"
+    (tmp_path / "t.csv").write_text("pressure,strain\n" + 20_000 * row)
+    told = mapmore("predict", model_file, tmp_path / "t.csv", code=0).stderr
+    assert "MB read: 2 of 3" in told.splitlines()

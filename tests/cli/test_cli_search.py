@@ -1,6 +1,5 @@
 """`model: {type: auto}`: the structure is searched on training data alone, kept, and told."""
 
-import json
 from pathlib import Path
 
 import numpy as np
@@ -69,18 +68,6 @@ def test_a_minimal_spec_is_a_study_and_what_it_found_repeats_without_a_search(tm
     reasons = document("run", spec, "--explain", "-q")["stages"]
     assert list(reasons) == ["ingest", "search", "segment", "fit", "fuse", "validate", "report"]
     assert set(reasons.values()) == {None}
-
-
-def test_held_out_values_influence_nothing(tmp_path, mapmore):
-    made = []
-    for name, permuted in (("one", False), ("two", True)):
-        spec = write_bare(tmp_path / name, permuted)
-        mapmore("fuse", spec, "--runs", tmp_path / name / "runs", "-q", code=0)
-        run = tmp_path / name / "runs/bare"
-        tried = json.loads((run / "search.json").read_text())
-        tried["tried"] = [{**one, "seconds": None} for one in tried["tried"]]
-        made.append((tried, (run / "found.yaml").read_bytes(), (run / "model.h5").read_bytes()))
-    assert made[0] == made[1]
 
 
 def test_a_budget_that_cut_the_list_is_told(tmp_path, mapmore, monkeypatch):

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.recording import Curve
-from mapmore_cli.ingestion.groups import GroupEffects, group_effects
+from mapmore_cli.ingestion.groups import GroupEffects, _require_apart, group_effects
 from mapmore_cli.storage.run_folder import RunFiles
 from mapmore_cli.study.sections.data import Groups
 
@@ -179,3 +179,14 @@ def test_what_goes_with_the_group_is_no_offset():
     x = np.where(group == 1, 0.0, 1.0) + np.tile(np.linspace(0, 1e-9, 50), 2)
     with pytest.raises(DataError, match="cannot be told"):
         effects(x, group=group, x=x, offset=True)
+
+
+@pytest.mark.parametrize(("left", "told_apart"), [(3e-6, True), (3e-7, False)])
+def test_an_offset_needs_a_millionth_of_its_own(left, told_apart):
+    """Of the indicator of a group, what the polynomial of the inputs leaves."""
+    common, coded = np.array([[1.0], [0.0]]), np.array([[np.sqrt(1 - left**2)], [left]])
+    if told_apart:
+        _require_apart(common, coded, "muscle", ["pressure"])
+    else:
+        with pytest.raises(DataError, match="cannot be told from what pressure do"):
+            _require_apart(common, coded, "muscle", ["pressure"])

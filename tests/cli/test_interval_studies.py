@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import test_memory_pipeline as memory
-from cli_samples import change_forces, csv_rows, edit, write_study
+from cli_samples import csv_rows, edit, write_study
 
 from mapmore_cli.modelling.forecast import forecast
 from mapmore_cli.modelling.validation.intervals import half_widths, many_curves
@@ -54,15 +54,6 @@ def test_an_inner_level_is_missed_as_by_a_run_that_holds_it_out(more, study, map
             [errors.mean(), errors.std(), *np.quantile(np.abs(errors), [0, 0.5, 1])], rel=1e-9
         )
     )
-
-
-def test_held_out_data_are_in_nothing_of_it(tmp_path, mapmore):
-    spec = asked(write_study(tmp_path))
-    before = fused(mapmore, spec).left_out
-    assert (before.kind, before.curves, len(before.parts)) == ("blocks", 5, 3)
-    change_forces(tmp_path / "bench_200.csv", lambda force: force + 50)
-    after = fused(mapmore, spec).left_out
-    assert np.array_equal(before.sizes, after.sizes)
 
 
 def test_recordings_are_left_out_where_there_are_no_levels(tmp_path, mapmore):

@@ -8,7 +8,7 @@ import pytest
 from cli_samples import CONFIGS, OWN, by_place, options
 from page_tables import MEMORY, numbers, page_table
 
-from mapmore_cli.storage.artefacts import read_fit, read_model
+from mapmore_cli.storage.artefacts import read_model
 from mapmore_cli.study.campaign import load_campaign
 
 REVERSALS = ("dmsp-20-88-inner-reversals", "peano-inner-reversals")
@@ -93,22 +93,3 @@ def test_identification_records_run_as_freely_as_the_peers(measured_data):
 
 
 STUDIES = CONFIGS / "identification"
-
-
-def test_the_terms_of_the_tanks_run_as_the_page_says(tmp_path, document, measured_data):
-    told = numbers(page_table("tanks", MEMORY)["coefficients in free run"])
-    terms = page_table("tanks_terms", MEMORY)
-    assert len(terms) == told["terms"]
-    settings = options(
-        f"dictionary=[{{terms: {json.dumps(list(terms))}}}]", f"fit.max_terms={len(terms)}"
-    )
-    rows = by_place(document("validate", STUDIES / "cascaded_tanks.yaml", *settings, "-q"))
-    assert rows["mapmore", "train", "all"]["rmse"] == pytest.approx(
-        told["RMSE, whole record, fitted"], abs=2e-3
-    )
-    memory = read_fit(tmp_path / "runs" / "cascaded_tanks" / "fit.h5").memory
-    assert memory.held_out[-1] == pytest.approx(told["RMSE, last quarter, held out"], abs=5e-3)
-    coefficients = {term: float(row["coefficient"]) for term, row in terms.items()}
-    assert dict(zip(memory.model.terms, memory.model.theta, strict=True)) == pytest.approx(
-        coefficients, rel=0.02, abs=0.005
-    )

@@ -7,7 +7,7 @@ import re
 
 import damping_tables
 import pytest
-from cli_samples import CONFIGS, by_place, held_out, without_figures
+from cli_samples import CONFIGS, held_out, without_figures
 from page_tables import DOCS, page_table
 from pages import read_rows
 
@@ -59,18 +59,6 @@ def test_the_page_shows_what_the_runs_say(study, muscle):
         assert [float(per_cent) for per_cent in told] == pytest.approx(
             [100 * found[model] for model in models], abs=0.051
         )
-
-
-@pytest.mark.usefixtures("measured_data")
-def test_the_page_says_what_rates_are_worth_on_a_measured_muscle(document):
-    found = by_place(document("validate", CONFIGS / "coiled" / "coiled_steps_rates.yaml", "-q"))
-    models = ("static_map", "rise_and_fall_maps", "mapmore", "rates_without_direction")
-    for (row, cells), model in zip(page_table("rates", DAMPING).items(), models, strict=True):
-        told = [float(cells[column].strip("*")) for column in ("validation", "training")]
-        assert told == pytest.approx(
-            [100 * found[model, split, "all"]["nrmse"] for split in ("validate", "train")],
-            abs=0.051,
-        ), row
 
 
 @pytest.mark.long

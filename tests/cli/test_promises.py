@@ -40,18 +40,6 @@ def test_permuted_held_out_forces_leave_the_model_unchanged(study, tmp_path, map
         assert (run / "scores.json").read_bytes() != scores
 
 
-def test_a_change_redoes_what_depends_on_it_and_says_why(copied, tmp_path, mapmore):
-    spec, _ = copied
-    assert set(scored_run(mapmore, spec)[1].values()) == {"up-to-date"}
-    wider = options("fuse.z_s=0.4")
-    assert "fuse.z_s: 0.25 -> 0.4" in mapmore("run", spec, "--explain", *wider).stdout
-    again = scored_run(mapmore, spec, *wider)[1]
-    assert [stage for stage, status in again.items() if status == "done"] == LATER
-    change_forces(tmp_path / "bench_300.csv", lambda force: force + 1)
-    assert "bench_300.csv" in mapmore("run", spec, "--explain", *wider).stdout
-    assert set(scored_run(mapmore, spec, *wider)[1].values()) == {"done"}
-
-
 def test_the_same_input_gives_the_same_bytes(copied, mapmore):
     spec, before = copied
     assert set(scored_run(mapmore, spec, "--runs", "again")[1].values()) == {"done"}

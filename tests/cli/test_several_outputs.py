@@ -129,20 +129,6 @@ def test_a_table_has_a_column_for_each_and_python_and_c_say_the_same(lever, tmp_
         np.testing.assert_allclose(column, said[name], rtol=1e-12, atol=1e-12)
 
 
-def test_what_is_done_with_one_output_says_so(lever, mapmore, document):
-    run, _ = lever
-    write_lines(Path("wanted.csv"), "tip_x,force", "20,100")
-    several = ("has the outputs tip_x, tip_y, and this is done with one", "`target: tip_x`")
-    mapmore("invert", run / "model.h5", "wanted.csv", "--for", "pressure", code=2, says=several)
-    mapmore("figure", run, "fit", code=2, says="tip_x.fit, tip_y.fit")
-    mapmore("figure", run, "tip_y.fit", "--out", "f.svg", code=0)
-    for command in (("tune", LEVER, "--over", "fit.max_terms=1,2"), ("plan", LEVER)):
-        mapmore(*command, "-q", code=2, says="for one target")
-    found = document("compare", run, run)
-    assert [one["run"] for one in found["runs"]] == NAMES
-    assert "2 outputs: " in mapmore("compare", run, run, code=0).stdout
-
-
 def test_a_model_with_memory_has_the_terms_of_all_outputs(slow, mapmore, document):
     told = document("run", slow, "-q", "--runs", "runs")
     errors = {

@@ -107,7 +107,8 @@ damping study.
 """
 
 LONG = re.compile(
-    r"festo_10mm_.*|bellows_.*|coiled_.*_motion|coiled_loads|coiled_steps|emps|antagonist_pam"
+    r"festo_10mm_.*|bellows_.*|coiled_.*_motion|coiled_loads|coiled_steps|emps|antagonist_pam|"
+    r"pgm_force"
 )
 """Measured studies with the competitors of others, which take most of the time; `test_memory_page`
 runs another record of some.
@@ -130,11 +131,11 @@ coiled_loops_motion is that of coiled_loops.
 
 LONG_SIMULATED = (
     *("dmsp-20-400-waveforms", "dmsp-20-400-read-again", "peano-perturbation"),
-    *("dmsp-20-88-cycles", "peano-cycles", "dmsp-20-88-weighed"),
+    *("dmsp-20-88-cycles", "peano-cycles", "dmsp-20-88-weighed", "peano-inner-reversals"),
 )
 """Their competitors are other models of motion, as those of dmsp-20-400-sections;
-peano-perturbation is as dmsp-20-88-perturbation, and the last as dmsp-20-88-static; the cycles are
-long records.
+peano-perturbation is as dmsp-20-88-perturbation, dmsp-20-88-weighed as dmsp-20-88-static, and
+peano-inner-reversals as that of the other muscle; the cycles are long records.
 """
 
 SCORED = {"festo_10mm_family": "family", "printed_cylinder": "cylinder"}

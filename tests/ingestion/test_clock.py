@@ -340,3 +340,12 @@ def test_a_shift_that_nothing_tells_or_more_than_one_fits_is_refused(
     with pytest.raises(DataError, match="ambiguous") as fault:
         on_other_clocks(ingest, lambda t: wave(5 * t))
     assert fault.value.exit_code == 4
+
+
+def test_a_time_step_that_would_fill_the_memory_is_refused(ingest):
+    """A hundred times the samples are not yet too many where they are few."""
+    text = csv_text(t=np.arange(4.0), P=80, eps=0, F=[1, 2, 3, 4])
+    (curve,) = ingest({"a.csv": text}, resample=0.005).curves
+    assert curve.size == 601
+    with refused("`resample` would make 3e+07 samples of 4", "a longer time step; 0.75 would keep"):
+        ingest({"a.csv": text}, resample=1e-7)

@@ -20,7 +20,7 @@ MORE = {**COLUMNS, "sd": {"column": "sd"}, "day": {"column": "day"}}
     ],
 )
 def test_every_sample_has_its_own(ingest, rule, expected):
-    asked = {"groups": {"of": "day"}, "uncertainty": {"force": rule}}
+    asked = {"groups": {"of": "day"}, "uncertainty": {"force": rule, "pressure": 3.0}}
     (curve,) = ingest({"a.csv": TEXT}, columns=MORE, **asked).curves
     assert curve.columns["force_uncertainty"].tolist() == pytest.approx(expected)
 

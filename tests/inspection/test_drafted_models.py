@@ -18,10 +18,8 @@ from pages import read_rows
 from recorded import checked, drafted, write
 
 from mapmore_cli.annexes.drafting.answers import Answers
-from mapmore_cli.annexes.drafting.sources import find_studies
 from mapmore_cli.annexes.search.stage import search_slice
 from mapmore_cli.ingestion.files import expand
-from mapmore_cli.storage.readers import reader_of
 
 # Specimens that the names of files tell apart
 # --------------------------------------------------------------------------------------
@@ -95,29 +93,8 @@ def test_the_groups_are_no_input_of_a_search(tmp_path):
     assert search_slice(spec).ignored == ("force", "specimen")
 
 
-def table(folder, levels, samples, force):
-    strain = np.linspace(0, 0.15, samples)
-    for pressure in 100.0 * np.arange(1, levels + 1):
-        write(
-            folder / f"pull_{pressure:g}.csv",
-            {"P [kPa]": pressure, "eps": strain, "F [N]": force(pressure, strain)},
-        )
-
-
 # Measured data
 # --------------------------------------------------------------------------------------------------
 
 
 ROWS = [tuple(row) for row in read_rows(drafted_tables.PAGE, "drafts")[1:]]
-
-
-def test_every_recording_is_in_a_study_or_named(measured_data):
-    """No file of a folder is left out in silence."""
-    folders = sorted({row[0] for row in ROWS})
-    assert len(folders) >= 9
-    for folder in (measured_data / name for name in folders):
-        studies, left_out = find_studies(folder)
-        grouped = {file for study in studies for file in study.files}
-        for file in folder.rglob("*"):
-            is_named = any(file.name in remark for remark in left_out)
-            assert file in grouped or is_named or not reader_of(file), file

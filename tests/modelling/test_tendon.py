@@ -6,7 +6,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from mapmore_cli.modelling.tendon.model import muscle_columns, solve
+from mapmore_cli.domain.errors import DataError
+from mapmore_cli.domain.models import Body, Model
+from mapmore_cli.domain.recording import Quantity
+from mapmore_cli.modelling import kinds
+from mapmore_cli.modelling.tendon import Tendon
+from mapmore_cli.modelling.tendon.model import TendonVerbs, muscle_columns, solve
 
 size = st.floats(0.5, 20)
 
@@ -37,3 +42,16 @@ def test_a_damped_muscle_follows_the_differential_equation_of_both():
     assert found[20:] == pytest.approx(true[20:], abs=0.01 * np.ptp(true))
     own = muscle_columns(columns, found, k, 0.0)
     assert own["length"] == pytest.approx(length - found / k)
+
+
+def test_a_model_behind_a_tendon_needs_the_time_where_its_velocity_counts(monkeypatch):
+    monkeypatch.setattr(kinds, "predict", lambda _muscle, own: 5 + 30 * own["length"])
+    inputs = tuple(Quantity(name, "1") for name in ("length", "velocity"))
+    force = Quantity("force", "N")
+    muscle = Model("muscle", force, inputs, Body())
+    model = Model("both", force, inputs, Tendon(muscle, stiffness=60.0, force=2.0))
+    columns = {"length": np.linspace(-1, 1, 7), "velocity": np.zeros(7)}
+    with pytest.raises(DataError, match="both: a tendon needs the time"):
+        TendonVerbs().simulate(model, columns)
+    found = TendonVerbs().simulate(model, {"time": np.arange(7.0), **columns}).values
+    assert found == pytest.approx((5 + 30 * (columns["length"] + 2 / 60)) / 1.5, abs=1e-6)

@@ -149,14 +149,6 @@ def test_explain_writes_nothing(folder):
     assert not (folder / "runs").exists()
 
 
-def test_long_reasons_are_cut(folder):
-    run(study(folder))
-    for number in range(20):
-        (folder / "data" / f"x{number:02d}.csv").write_text("")
-    why = reasons(study(folder))[0][1]
-    assert why.endswith("; and 14 more")
-
-
 def spoilt(path, old, new, shift=0):
     """Replace a text of the same length; the time of the file moves by `shift`, in ns."""
     before = path.stat()
@@ -353,21 +345,3 @@ def test_record_of_a_newer_format_is_refused(folder):
     path.write_text(path.read_text().replace('"format_version": "1.2"', '"format_version": "2.0"'))
     with pytest.raises(DataError, match=r"run\.json.*newer"):
         run(study(folder))
-
-
-def test_stages_get_their_workspace(folder):
-    seen = []
-    ingest = replace(
-        fake_stages()[0],
-        run=lambda _part, workspace: [
-            seen.append(workspace),
-            (workspace.out / "ingest.h5").touch(),
-        ],
-    )
-    said = []
-    run(study(folder), (ingest,), until="ingest", warn=said.append)
-    assert seen[0].spec_dir == folder
-    assert seen[0].run_dir == folder / "runs" / "demo"
-    assert seen[0].out.parent == seen[0].run_dir
-    seen[0].warn("careful")
-    assert said == ["careful"]

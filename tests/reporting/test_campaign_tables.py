@@ -4,8 +4,6 @@ import math
 from dataclasses import replace
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 from report_builder import Page, score
 
 from mapmore_cli.annexes.campaigns.page import render_campaign
@@ -118,19 +116,6 @@ def test_a_formula_is_not_below_itself():
     runs = runs_of("a mapmore 1 sarosi 2 other 3; b mapmore 5 sarosi 4 other 3")
     closing = nrmse_table(CampaignScores(runs, best_of=["sarosi", "other"])).rows[-1]
     assert closing == ("below the best formula", "1 of 2", "1 of 2", "1 of 2")
-
-
-@given(st.lists(st.lists(st.floats(0.1, 100), min_size=3, max_size=3), min_size=1, max_size=6))
-def test_of_the_formulas_one_is_best_in_every_run(errors):
-    names = ["f", "g", "h"]
-    runs = {
-        f"run{i}": [row(name, rmse) for name, rmse in zip(names, of_run, strict=True)]
-        for i, of_run in enumerate(errors)
-    }
-    closing = nrmse_table(CampaignScores(runs, best_of=names)).rows[-1][1:]
-    won = sum(int(str(cell).split(" of ")[0]) for cell in closing)
-    untied = sum(sorted(of_run)[0] < sorted(of_run)[1] for of_run in errors)
-    assert won == untied
 
 
 def test_an_error_that_is_not_finite_is_nobodys_best():

@@ -120,21 +120,6 @@ def test_free_run_stands_beside_one_step_where_they_differ(fed_back, driven):
     )
 
 
-def test_the_states_tell_what_training_found(driven):
-    rows = {(row[0], row[1]): row[2:] for row in tables_of(driven)["states"].rows}
-    training = driven.dataset.curves[0].columns["pressure"][driven.dataset.curves[0].training]
-    assert rows["pressure", "training range, of which widths are parts"][:2] == (
-        training.min(),
-        training.max(),
-    )
-    frequency, damping = rows["pressure", "oscillator it drives"][2:]
-    assert frequency > 0
-    assert 0 < damping < 2
-    assert {name for name, what in rows if what == "scaled to [0, 1]"} == set(
-        driven.fit.memory.model.states.names
-    )
-
-
 def test_the_error_of_every_number_of_terms_is_told():
     inputs = report_of(["motion[k-1]", "pressure[k-1]", "1"], free_run=True)
     fit = inputs.fit.memory

@@ -10,12 +10,10 @@ import pytest
 from matplotlib.image import imread
 from report_builder import all_named
 
-from mapmore_cli.domain.errors import UsageError
 from mapmore_cli.domain.foreign import tex_text
 from mapmore_cli.domain.models import Equation
 from mapmore_cli.reporting.figures.drawing import (
     DOTS_PER_INCH,
-    panel_of,
 )
 from mapmore_cli.reporting.inputs import FigureStyle
 from mapmore_cli.reporting.report import write_report
@@ -148,11 +146,3 @@ def test_every_table_is_what_latex_can_read(paper, inputs):
             bare = re.sub(r"\\[{}]", "", line)
             assert bare.count("{") == bare.count("}"), name
             assert len(re.findall(r"(?<!\\)\$", line)) % 2 == 0, name
-
-
-@pytest.mark.parametrize("words", ["250", "250 kPa", "pressure=250"])
-def test_panels_are_found_by_level_and_by_id(words, mixed):
-    assert panel_of("fit", mixed, words)[1].key == "pressure=250"
-    with pytest.raises(UsageError, match="no panel of this figure is called '251'") as caught:
-        panel_of("fit", mixed, "251")
-    assert "pressure=250" in (caught.value.remedy or "")

@@ -7,9 +7,8 @@ from pathlib import Path
 
 import pytest
 from common import python
-from report_builder import Page, all_named, of_pieces
+from report_builder import Page, all_named
 
-from mapmore_cli.domain.models import Formula
 from mapmore_cli.domain.plugins import entry_points
 from mapmore_cli.modelling.kinds import equations
 from mapmore_cli.reporting import figures as figures_folder
@@ -17,8 +16,6 @@ from mapmore_cli.reporting.order import FIGURES
 from mapmore_cli.reporting.report import write_report
 
 EVERYTHING = {"figures": tuple(FIGURES), "formats": ("html", "csv", "svg")}
-OF_SEGMENTS = ("segments", "terms")
-"""Figures that look at the model: the others draw predictions and errors."""
 
 
 @pytest.fixture(scope="module")
@@ -233,37 +230,3 @@ def test_failed_fits_show_as_failed_and_never_as_numbers(failed, tmp_path):
     assert "the solver found no step" in page.text
     for path in (path for path in tmp_path.rglob("*") if path.is_file()):
         assert not re.search(r"\bnan\b", path.read_text(encoding="utf-8"), re.IGNORECASE), path.name
-
-
-def test_one_curve_no_competitor_nothing_held_out(alone, tmp_path):
-    page = page_of(alone, tmp_path)
-    assert "Nothing was held out" in page.text
-    assert "compared with no other model" in page.text
-    assert "No formula was fitted." in page.text
-
-
-def test_a_formula_as_the_runs_own_model(inputs, tmp_path):
-    own = inputs.validation.formulas["sarosi"]
-    model = replace(inputs.model, body=Formula(own, "pressure", ()))
-    alone = replace(inputs, segmentation=(), fit=replace(inputs.fit, body=own), model=model)
-    page = page_of(alone, tmp_path, OF_SEGMENTS)
-    assert "it is a formula alone" in page.text
-    assert "No terms were selected." in page.text
-    assert "own model" in page.text
-
-
-def test_without_levels_and_without_figures(inputs, tmp_path):
-    curves = tuple(
-        replace(curve, level=None, id=curve.recordings[0]) for curve in inputs.dataset.curves
-    )
-    dataset = replace(inputs.dataset, level=None, curves=curves)
-    plain = replace(
-        inputs,
-        whole=dataset,
-        segmentation=(),
-        fit=replace(inputs.fit, body=None),
-        model=of_pieces(inputs.model, level=None, curves=()),
-    )
-    page = page_of(plain, tmp_path, figures=())
-    assert not page.named("svg")
-    assert "load_cycle_250" in page.text

@@ -5,37 +5,9 @@ is published.
 import csv
 from functools import cache
 
-import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from pages import PUBLISHED
 from rig_cases import spec
-
-from datasets.rig.air import ATMOSPHERE, ClosedMuscle
-from datasets.rig.static_muscles import volume
-
-
-@cache
-def closed_muscle():
-    found = spec("muscle-like/random_velocity_16cm")
-    return ClosedMuscle(
-        found.muscle, found.hysteresis, found.experiment.rubber, found.experiment.air
-    )
-
-
-@settings(max_examples=15)
-@given(st.floats(0.02, 0.2), st.floats(-0.1, 0.1), st.floats(2e5, 6e5))
-def test_slow_air_keeps_its_temperature_and_fast_air_its_heat(start, change, pressure):
-    muscle = closed_muscle()
-    strain = np.linspace(start, min(max(start + change, 0.0), 0.24), 2001)
-    chamber = volume(muscle.muscle, strain) + muscle.air.dead_volume
-    for step, exponent in ((1.0, 1.0), (1e-7, muscle.air.heat_ratio)):
-        absolute = muscle.closed_pressure(strain, pressure, step) + ATMOSPHERE
-        assert absolute[-1] * chamber[-1] ** exponent == pytest.approx(
-            absolute[0] * chamber[0] ** exponent, rel=3e-3
-        )
-
 
 FREE = {1.4: 1.7, 3.0: 6.4, 4.0: 8.8, 5.0: 9.9, 6.0: 10.3}
 """Free contraction (cm) of the muscle at pressures in bar, as P's data suggest it."""

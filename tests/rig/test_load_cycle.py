@@ -6,7 +6,6 @@ from rig_cases import MUSCLES, both, friction, spec
 
 from datasets.rig.load_cycle import (
     load_cycle,
-    resting_strains,
 )
 from datasets.rig.muscle import zero_force_strain
 
@@ -32,20 +31,3 @@ def test_one_loop_from_lock_to_zero_force_and_back(kind, kpa):
     assert 0.8 * free < strain[turn] < free
     assert 0 <= force[turn] < 0.5
     assert force[0] == pytest.approx(float(MUSCLES[kind].force(kpa * 1e3, 0.0)), rel=1e-9)
-
-
-@both
-def test_extension_lies_above_contraction_by_twice_the_half_width(kind):
-    truth = run(kind, 350)
-    turn = int(np.argmax(truth["strain"]))
-    middle = 0.5 * truth["strain"][turn]
-    contracting = np.interp(middle, truth["strain"][:turn], truth["force"][:turn])
-    extending = np.interp(middle, truth["strain"][turn:][::-1], truth["force"][turn:][::-1])
-    assert extending - contracting == pytest.approx(2 * (3.0 + 3e-5 * 350e3), rel=1e-3)
-
-
-def test_each_weight_hangs_where_the_muscle_balances_it():
-    muscle, weights = spec("wrist/contraction_table").muscle, np.linspace(0.0, 290.0, 7)
-    strains = resting_strains(muscle, friction(0.0, 0.0, [0.01], [1.0]), 4e5, weights)
-    assert muscle.force(4e5, strains) == pytest.approx(weights, abs=1e-6)
-    assert (np.diff(strains) < 0).all()

@@ -2,17 +2,12 @@
 friction.
 """
 
-from itertools import pairwise
-
 import numpy as np
 import pytest
-from hypothesis import given
 from hypothesis import strategies as st
 from rig_cases import MUSCLES, both, friction
-from scipy.integrate import trapezoid
 
 from datasets.rig.muscle import (
-    stop,
     zero_force_strain,
 )
 
@@ -42,23 +37,3 @@ def test_the_documented_forces_free_strains_and_lengths(kind):
 YIELDS = np.array([0.001, 0.004, 0.016])
 FRICTION = friction(3.0, 6e-5, YIELDS, (0.4, 0.35, 0.25))
 paths = st.lists(st.floats(-0.05, 0.3), min_size=2, max_size=30).map(np.array)
-
-
-@given(peak=st.floats(1e-4, 0.1), back=st.floats(0, 1))
-def test_a_minor_loop_is_forgotten(peak, back):
-    """Return-point memory: from a turning point part of the way back and up to it again, as if it
-    had not been left.
-    """
-    states = stop(np.array([0.0, peak, (1 - back) * peak, peak]), YIELDS)
-    np.testing.assert_allclose(states[3], states[1], atol=1e-9)
-    assert np.all(states[2] <= states[1])
-
-
-@given(path=paths, pressure=st.floats(0, 5e5))
-def test_friction_never_gives_work_back_over_a_closed_cycle(path, pressure):
-    # twice, so that the second run starts from where it ends
-    cycle = np.concatenate([path, path[:1], path, path[:1]])
-    fine = np.concatenate([np.linspace(a, b, 50) for a, b in pairwise(cycle)])
-    force = FRICTION.force(pressure, fine)
-    second = slice(len(fine) // 2, None)
-    assert trapezoid(force[second], fine[second]) >= -1e-6

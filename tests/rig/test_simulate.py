@@ -16,7 +16,6 @@ from datasets.rig.simulate import (
     decimals,
     label,
     recording,
-    simulate,
 )
 from mapmore_cli.domain.errors import SpecError
 
@@ -92,13 +91,6 @@ def test_the_steps_are_those_of_the_paper():
         assert [(step.pressure / 1e3, step.weight) for step in steps] == list(
             zip(pressures, weights, strict=True)
         )
-
-
-def test_another_pressure_leaves_the_others_as_they_were(tmp_path):
-    for name, pressures in (("few", "[80, 200]"), ("more", "[120, 200, 80]")):
-        simulate(spec(PEANO, f"experiment.pressures={pressures}"), tmp_path / name, silent)
-    for name in ("load_cycle_080.csv", "load_cycle_200.csv"):
-        assert (tmp_path / "few" / name).read_bytes() == (tmp_path / "more" / name).read_bytes()
 
 
 def test_a_simulation_that_cannot_be_made_ends_with_the_code_of_its_error(tmp_path):

@@ -198,23 +198,6 @@ def test_the_record_is_read_as_seldom_as_possible(kind, stop, passes):
     assert record.passes == passes
 
 
-def test_memory_does_not_grow_with_the_record():
-    def blocks(count):
-        def start():
-            rng = np.random.default_rng(0)
-            for _ in range(count):
-                P = rng.normal(size=(5_000, 8))
-                yield P, P[:, 0] + rng.normal(size=5_000)
-
-        return start
-
-    few, many = (
-        peak_memory(lambda count=count: frols_streamed(blocks(count), 3)) for count in (4, 40)
-    )
-    assert many < 1.2 * few
-    assert frols_streamed(blocks(40), 3).samples == 200_000
-
-
 @pytest.mark.parametrize(
     "blocks", [[], [(np.empty((0, 3)), np.empty(0))], [(np.empty((4, 0)), np.ones(4))]]
 )

@@ -1,5 +1,7 @@
 """Weights, robust losses and standard errors against SciPy, and against what simulations show."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.optimize import curve_fit, least_squares, minimize
@@ -106,3 +108,21 @@ def test_four_curves_are_too_few_for_sums_and_curves_may_count_alike():
     assert [fitted(P, y, curves=one)[2].curves for one in (curve, curve % 4)] == [5, 0]
     mean = fitted(P[:, :1], 1.0 * curve, curves=curve, alike=True)[0]
     assert mean == pytest.approx([2.0])  # of five curves
+
+
+def test_a_row_of_the_table_has_the_coefficient_in_its_standard_errors():
+    x = np.linspace(0, 1, 30)
+    found = frols(columns(x), 2 + 3 * x + 0.1 * np.sin(40 * x), max_terms=2)
+    for row in found.table():
+        assert row["t"] == pytest.approx(row["coefficient"] / row["standard_error"])
+
+
+@pytest.mark.parametrize(
+    ("worth", "curves", "freedom"),
+    [(np.nan, 0, 28), (10.9, 0, 8), (2.5, 0, 1), (29.0, 0, 27), (500.0, 0, 28), (10.9, 6, 5)],
+)
+def test_degrees_of_freedom_are_of_what_samples_are_worth(worth, curves, freedom):
+    """Thirty samples and two terms; of curves, those less one."""
+    x = np.linspace(0, 1, 30)
+    found = frols(columns(x), 2 + 3 * x + 0.1 * np.sin(40 * x), max_terms=2)
+    assert replace(found, worth=worth, curves=curves).freedom == freedom

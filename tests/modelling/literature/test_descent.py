@@ -5,10 +5,11 @@ neighbouring samples.
 import numpy as np
 import pytest
 
+from mapmore_cli.modelling.expressions import parse
 from mapmore_cli.modelling.literature import family
 from mapmore_cli.modelling.literature.linear import parameter_errors, solve_linear
 from mapmore_cli.modelling.literature.own import FamilySettings
-from mapmore_cli.modelling.literature.problem import condensed
+from mapmore_cli.modelling.literature.problem import LeastSquares, Nonlinear, condensed
 from mapmore_cli.modelling.literature.solvers import (
     End,
     agreement,
@@ -105,3 +106,15 @@ def test_slack_and_largest_forces_are_quantiles():
     assert family._slack_and_largest(y) == pytest.approx((20.0, 975.0))
     assert family._slack_and_largest(y - 40) == pytest.approx((-20.0, 975.0))
     assert family._slack_and_largest(y + 100) == pytest.approx((0.0, 1095.0))
+
+
+def test_one_parameter_of_shares_keeps_all_samples():
+    """Others of many samples are fitted to means of neighbours first."""
+    x = np.random.default_rng(1).uniform(0, 1, 50_000)
+    free, share = (Nonlinear(name, per=None, intervals=((1.0, 2.0),), of=of)
+                   for name, of in (("b", None), ("c", "x")))  # fmt: skip
+    for nonlinear, whole in (((free,), False), ((free, share), True), ((share,), True)):
+        problem = LeastSquares(parse("a*x"), ("a",), nonlinear, {}, {"x": x}, 2 * x)
+        fewer = problem.condensed()
+        assert (fewer is problem) == whole
+        assert whole or (len(fewer.y) <= 4096 and fewer.counts.sum() == len(x))

@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from common import peak_memory
 from memory_samples import (
     STEP,
     narx_truth,
@@ -181,17 +180,6 @@ def test_a_dictionary_beyond_memory_is_built_block_by_block(recipe, monkeypatch)
     monkeypatch.setattr(families, "usable_memory", lambda: families.products_bytes(len(NARX)) - 1)
     with pytest.raises(DataError, match="a dictionary of 15 candidates needs"):
         fit_with_memory(records, recipe)
-
-
-def test_a_regularised_fit_never_holds_its_dictionary():
-    n, dictionary = 80_000, texts(lags(["x"], range(12)), 2)
-    x = np.random.default_rng(0).normal(size=n)
-    given = [record(x=x, y=np.roll(x, 1) ** 2)]
-    peak = peak_memory(
-        lambda: fit_with_memory(given, recipe_of("y", dictionary, STEP, ridge=1e-3, max_terms=3))
-    )
-    assert len(dictionary) == 91
-    assert peak < 0.8 * 8 * n * len(dictionary)
 
 
 def test_a_free_run_on_held_out_samples_passes_over_models_that_diverge():

@@ -35,24 +35,6 @@ WITH_MEMORY = ("x[k-3]", "y[k-1]", "slow(x, 0.3)", "play(x, 0.1)", "stop(x, 0.1)
 WITH_MEMORY += ("resonance(x, 4, 0.2)", "direction(x)", "creep(x, 0.5, 0.05)", "slow(y[k-1], 0.1)")
 
 
-@given(st.integers(0, 10**6), st.integers(1, 40), st.booleans())
-def test_blocks_of_a_recording_give_what_the_whole_gives(seed, size, ahead):
-    random = np.random.default_rng(seed)
-    states = state_set(*WITH_MEMORY, ranges={"x": (-3.0, 3.0)})
-    model = memory_model(WITH_MEMORY, 0.03 * random.normal(size=len(WITH_MEMORY)), states)
-    x, y = np.cumsum(random.normal(size=(2, 90)), axis=1) / 5
-    x[random.integers(90)] = np.nan
-    columns = {"time": STEP * np.arange(90) + 3 * (np.arange(90) > random.integers(90)), "x": x}
-    columns["y"] = y
-    blocks = Along(model, ahead)
-    parts = [
-        blocks({name: column[row : row + size] for name, column in columns.items()}).values
-        for row in range(0, 90, size)
-    ]
-    whole = Along(model, ahead)(columns).values
-    np.testing.assert_allclose(np.concatenate(parts), whole, rtol=1e-12, atol=1e-12)
-
-
 TERMS = {
     "x": lambda s: s["x"],
     "y[k-1]": lambda s: s["y[k-1]"],
@@ -158,6 +140,12 @@ def test_a_record_of_longer_steps_is_refused_where_most_are(time, rows, sample):
     with pytest.raises(AtSample, match=r"0.02 s after the one before, as most are") as told:
         _refuse_other_steps(stamps, np.array(rows), STEP)
     assert told.value.sample == sample
+
+
+def test_a_run_along_longer_steps_is_refused():
+    x = np.zeros(40)
+    with pytest.raises(AtSample, match="as most are"):
+        Along(TRUTH)({"time": 2 * STEP * np.arange(40), "x": x, "y": x})
 
 
 def test_a_piece_shorter_than_its_history_has_no_prediction():

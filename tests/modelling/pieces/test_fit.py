@@ -2,12 +2,8 @@
 dictionary is made block by block.
 """
 
-from dataclasses import replace
-from functools import partial
-
 import numpy as np
 import pytest
-from common import peak_memory
 from hypothesis import given
 from hypothesis import strategies as st
 from surfaces import recipe
@@ -147,19 +143,6 @@ def test_blocks_of_the_dictionary_give_what_the_whole_gives(stop):
     assert ours.stop == whole.stop
     np.testing.assert_allclose(ours.theta, whole.theta, rtol=1e-9)
     np.testing.assert_allclose(ours.err_all, whole.err_all, rtol=1e-6)
-
-
-def test_the_dictionary_is_never_there_as_a_whole():
-    """A dictionary of twice as many terms takes no more memory; the chosen columns alone do."""
-    n = 200_000
-    wide = products(["pressure", "strain"], 8)
-    peaks = []
-    for terms in (TERMS, wide):
-        segment, samples, made = long_segment(n)
-        made = replace(made, dictionary=tuple(map(to_text, terms)))
-        peaks.append(peak_memory(partial(fit_together, segment, samples, terms, [made])))
-    assert len(wide) > 2 * len(TERMS)
-    assert peaks[1] < peaks[0] + 0.1 * n * (len(wide) - len(TERMS)) * 8
 
 
 def test_a_value_that_is_not_finite_is_found_in_any_block():

@@ -16,7 +16,7 @@ from numpy.polynomial.chebyshev import chebder, chebval, chebvander
 from surfaces import built, curves, recipe
 
 from mapmore_cli.domain.errors import FitError
-from mapmore_cli.domain.models import Formula
+from mapmore_cli.domain.models import Formula, KeptShape, Shape
 from mapmore_cli.domain.recording import Curve, CurveRange, uncertainty_of
 from mapmore_cli.modelling.inverse import UNIQUE, invert
 from mapmore_cli.modelling.kinds import outside_range, predict
@@ -360,3 +360,9 @@ def test_samples_are_averaged_in_cells_of_the_range():
         assert least <= len(region.values) <= most
         assert region.counts.sum() == n
         assert region.values @ region.counts == pytest.approx(columns["y"].sum())
+
+
+def test_a_promise_names_what_is_kept_along_which_input():
+    kept = (KeptShape("strain", "decreasing", 0.0, {}), KeptShape("force", "positive", 0.0, {}))
+    promise = Shape(kept, 0.05, 0.0).promise
+    assert promise.startswith("decreasing in strain, positive over the training range")

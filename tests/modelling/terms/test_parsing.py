@@ -97,7 +97,7 @@ MALFORMED = {
         },
         **{"ε + 1": 0, "1 + ٣": 4, "x\u00a0+ 1": 1, "x\x00": 1, "x[k-1][k-2]": 6},
     },
-    "a delay is written": {"x[0]": 1, "x[k-0]": 1, "x[k+1]": 1, "x[k-1": 1, "x[k-99999999]": 1},
+    "a delay is written": {"x[0]": 1, "x[k-0]": 1, "x[k+1]": 1, "x[k-1": 1, "x[k-00000001]": 1},
     "takes 0 or 1 number": {"slow(x, 1, 2)": 12},
     "takes 0 or 2": {"resonance(x, 1)": 14},
     "between 0 and 1": {"resonance(x, 1, 1.5)": 19, "play(x, -1)": 10, "play(x, 0)": 9},
