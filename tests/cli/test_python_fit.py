@@ -289,6 +289,12 @@ def test_a_summary_has_what_a_regression_table_has():
     assert "<table>" in summary._repr_html_()
     flat = mm.fit({"x": x, "y": y - 3 * x}, **model.study.document | {"data": {}})
     assert any("Not told from zero" in note and "x of" in note for note in flat.summary().notes)
+    document = model.study.document
+    robust = document | {"data": {}, "fit": document["fit"] | {"loss": "huber"}}
+    notes = mm.fit({"x": x, "y": y}, **robust).summary().notes
+    assert any("AIC and BIC are left out" in note for note in notes)
+    assert not any("BIC " in note and "BIC are" not in note for note in notes)
+    assert any("Standard errors are lower bounds" in note for note in notes)
 
 
 def test_a_model_is_exported_and_predicts_frames_wherever_it_comes_from(fitted, tmp_path):
