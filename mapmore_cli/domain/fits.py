@@ -38,11 +38,7 @@ BY_RECORDING = (
     "Standard errors by what residuals of a recording have in common. With few curves, or no more "
     "than terms, this is a guess."
 )
-ErrorsNote = Annotated[
-    str,
-    "what the standard errors take residuals to be",
-    one_of(LOWER_BOUND, BY_CURVE, BY_RECORDING),
-]
+ErrorsNote = Annotated[str, "what the standard errors take residuals to be"]
 """Of everything that has standard errors, which are lower bounds where nothing better is known."""
 
 

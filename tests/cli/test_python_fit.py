@@ -269,6 +269,12 @@ def test_a_summary_has_what_a_regression_table_has():
     assert any("Not told from zero" in note and "x of" in note for note in flat.summary().notes)
     falling = mm.fit({"x": x, "y": y - 6 * x}, **model.study.document | {"data": {}})
     assert not any("Not told from zero" in note for note in falling.summary().notes)
+    document = model.study.document
+    robust = document | {"data": {}, "fit": document["fit"] | {"loss": "huber"}}
+    notes = mm.fit({"x": x, "y": y}, **robust).summary().notes
+    assert any("AIC and BIC are left out" in note for note in notes)
+    assert not any("BIC " in note and "BIC are" not in note for note in notes)
+    assert any("Standard errors are lower bounds" in note for note in notes)
 
 
 @pytest.mark.parametrize(
