@@ -144,7 +144,10 @@ Figures = Annotated[
     Option(
         "--figures",
         metavar="NAMES",
-        help="Draw these alone, as fit,error; or all, or none. Default: `report.figures`.",
+        help=(
+            "Draw these alone, as fit,error, or all, as for print and as SVG files too; or none. "
+            "Default: those of `report.figures`, drawn quickly on the page."
+        ),
     ),
 ]
 PrintSpec = Annotated[
@@ -152,11 +155,23 @@ PrintSpec = Annotated[
 ]
 
 
+def _with_figures(overrides: list[str], figures: str | None) -> list[str]:
+    """Return the values to replace in a spec, with what --figures says of the report."""
+    from mapmore_cli.reporting.order import FIGURES
+
+    if figures is None:
+        return overrides
+    names = {"all": ", ".join(FIGURES), "none": ""}.get(figures, figures)
+    files = ["report.formats=[html, csv, svg]"] if names else []
+    return [*overrides, f"report.figures=[{names}]", *files]
+
+
 def _stage(name: str, about: str) -> Callable[..., None]:
     """Return the command that brings a run up to date as far as a stage, with its help."""
 
     def bring(
         config: Config,
+        figures: Figures = None,
         runs: Runs = RUNS,
         overrides: Overrides = NONE,
         force: Force = False,
@@ -167,7 +182,7 @@ def _stage(name: str, about: str) -> Callable[..., None]:
         quiet: Quiet = False,
         verbose: Verbose = False,
     ) -> None:
-        how = (force, rehash, no_check)
+        how, overrides = (force, rehash, no_check), _with_figures(overrides, figures)
         _bring_up_to_date(
             name, config, runs, overrides, how, explain, Reporter(quiet, verbose), as_json
         )
@@ -185,33 +200,12 @@ fuse = _stage("fuse", f"Join the segments into one model that stands alone. {BEF
 validate = _stage("validate", f"Score the model and its competitors. {BEFORE}")
 
 
-def report(
-    config: Config,
-    figures: Figures = None,
-    runs: Runs = RUNS,
-    overrides: Overrides = NONE,
-    force: Force = False,
-    rehash: Rehash = False,
-    no_check: NoCheck = False,
-    explain: Explain = False,
-    as_json: AsJson = False,
-    quiet: Quiet = False,
-    verbose: Verbose = False,
-) -> None:
-    """Write the page, its figures and tables. Brings the stages before it up to date first."""
-    from mapmore_cli.reporting.order import FIGURES
-
-    if figures is not None:
-        names = {"all": ", ".join(FIGURES), "none": ""}.get(figures, figures)
-        overrides = [*overrides, f"report.figures=[{names}]"]
-    how = (force, rehash, no_check)
-    _bring_up_to_date(
-        "report", config, runs, overrides, how, explain, Reporter(quiet, verbose), as_json
-    )
+report = _stage("report", f"Write the page, its figures and tables. {BEFORE}")
 
 
 def run(
     config: Config,
+    figures: Figures = None,
     runs: Runs = RUNS,
     overrides: Overrides = NONE,
     force: Force = False,
@@ -226,6 +220,7 @@ def run(
     verbose: Verbose = False,
 ) -> None:
     """Run all stages; print scores and the page's path."""
+    overrides = _with_figures(overrides, figures)
     if print_spec:
         from mapmore_cli.study.loader import load
 

@@ -23,9 +23,10 @@ from mapmore_cli.reporting.figures.drawing import (
     render_figure,
     to_bytes,
 )
+from mapmore_cli.reporting.figures.sketched import sketched
 from mapmore_cli.reporting.figures.style import figure_style
 from mapmore_cli.reporting.inputs import ReportInputs
-from mapmore_cli.reporting.order import FIGURES
+from mapmore_cli.reporting.order import FIGURES, FILES_ALONE
 from mapmore_cli.reporting.score_tables import scored, verdict_sentence
 from mapmore_cli.reporting.sections import all_tables, sections_of, shown_by
 from mapmore_cli.reporting.table import (
@@ -86,9 +87,10 @@ def write_report(
     """Write the report into the folder `out`, byte for byte the same for the same inputs.
 
     - `figures`: names out of `reporting.order.FIGURES`.
-    - `formats`: `html`: index.html, with the figures in it; `svg`: a file for each figure; `csv`,
-      `tex`: tables/*; `pdf`, `png`, `pgf`: panels/*, every panel of every figure in these formats
-      (and as SVG where that is asked for too), and as CSV.
+    - `formats`: `html`: index.html, with the figures in it as quick drawings; `svg`: a file for
+      each figure, drawn by Matplotlib, and the same on the page; `csv`, `tex`: tables/*; `pdf`,
+      `png`, `pgf`: panels/*, every panel of every figure in these formats (and as SVG where that is
+      asked for too), and as CSV.
     - `others`: the other outputs of the run, on the same page.
     """
     out.mkdir(parents=True, exist_ok=True)
@@ -109,14 +111,16 @@ def _write_files(
     sections: dict[str, list[RenderedFigure]] = {}
     if set(formats) <= set(TABLE_FILES):
         return sections
+    quick = set(formats) <= {"html", *TABLE_FILES}
     drawn = [
         (name, replace(drawing, name=f"{inputs.prefix}{drawing.name}"))
         for name in FIGURES
-        if name in figures
+        if name in figures and not (quick and name in FILES_ALONE)
         for drawing in drawings(name, inputs)
     ]
     for name, drawing in drawn if {"html", "svg"} & set(formats) else ():
-        figure = render_figure(drawing, inputs.style)
+        figure = None if "svg" in formats else sketched(drawing, inputs.style)
+        figure = figure or render_figure(drawing, inputs.style)
         if "svg" in formats:
             _write_file(out / f"{figure.name}.svg", SVG_PROLOGUE + figure.svg)
         sections.setdefault(FIGURES[name], []).append(figure)

@@ -80,7 +80,9 @@ def test_only_the_formats_and_figures_asked_for(inputs, tmp_path):
     assert [path.name for path in (tmp_path / "b").iterdir()] == ["tables"]
     write_report(inputs, tmp_path / "c", ("nrmse",), ("html",))
     assert [path.name for path in (tmp_path / "c").iterdir()] == ["index.html"]
-    assert len(Page((tmp_path / "c" / "index.html").read_text(encoding="utf-8")).named("svg")) == 1
+    assert (
+        len(Page((tmp_path / "c" / "index.html").read_text(encoding="utf-8")).named("figure")) == 1
+    )
 
 
 ELSEWHERE = """
