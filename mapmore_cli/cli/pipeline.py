@@ -5,7 +5,7 @@ make-like commands over one spec.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -37,7 +37,6 @@ from mapmore_cli.domain.errors import LimitMissed
 if TYPE_CHECKING:
     from mapmore_cli.pipeline.jobs import Finished
     from mapmore_cli.pipeline.runner import RunOutcome
-    from mapmore_cli.study.loader import LoadedSpec
 
 
 def _bring_up_to_date(
@@ -77,12 +76,14 @@ def _bring_up_to_date(
             listeners = reporter.listeners
             listeners["warn"] = warn
             outcome = runner.bring_up_to_date(loaded, runs, until, options=how, **listeners)
-            for guesses in _unconfirmed(loaded):
-                warn(guesses)
+            if loaded.spec.unconfirmed:
+                from mapmore_cli.reporting.alerts import unconfirmed_sentence
+
+                warn(unconfirmed_sentence(len(loaded.spec.unconfirmed)))
             if command in ("validate", "run"):
                 finished = Finished.of(loaded, outcome, warnings, started)
-                for message in finished.table.warnings:
-                    reporter.warn(message)
+                for alert in finished.alerts:
+                    reporter.warn(alert.sentence)
     except Exception as error:
         write_ci_files(junit, summary, {name: error})
         raise
@@ -95,16 +96,6 @@ def _bring_up_to_date(
                 "; ".join(finished.missed),
                 "the results are complete; see validate.require in the spec",
             )
-
-
-def _unconfirmed(loaded: LoadedSpec) -> Iterator[str]:
-    """Yield how many guesses of a spec nobody has confirmed, where there are any."""
-    if count := len(loaded.spec.unconfirmed):
-        guesses = "guess of the spec is" if count == 1 else "guesses of the spec are"
-        yield (
-            f"{count} {guesses} not confirmed: see `mapmore check {loaded.path}`, and `--confirm` "
-            "there where all are right"
-        )
 
 
 def _of_reasons(name: str, reasons: dict[str, str | None]) -> View:
@@ -131,7 +122,12 @@ def _of_outcome(
     if finished is None:
         return of_stage(command, done).under(head)
     scores = of_scores(finished.table, finished.published)
-    remarks = {"missed": finished.missed, "warnings": finished.warnings, "unconfirmed": questions}
+    remarks = {
+        "missed": finished.missed,
+        "warnings": finished.warnings,
+        "unconfirmed": questions,
+        "alerts": finished.alerts,
+    }
     lines = (*verdict_lines(done), *page_lines(done)) if command == "run" else ()
     return View({**head, **scores.document, **remarks}, scores.tables, lines)
 

@@ -20,6 +20,7 @@ from mapmore_cli.modelling.shape.violations import Violation
 from mapmore_cli.modelling.simple import SIMPLE
 from mapmore_cli.modelling.validation.intervals import INTERVAL, ends, half_widths_of
 from mapmore_cli.modelling.validation.shown import in_time, is_turned
+from mapmore_cli.reporting.alerts import Alert, alerts_of
 
 MOST_LINES = 7
 """Lines that can be told apart in one panel."""
@@ -112,6 +113,14 @@ class ReportInputs:
     as_recorded: bool = False
     violations: Sequence[Violation] = ()
     prefix: str = ""
+
+    @property
+    def alerts(self) -> tuple[Alert, ...]:
+        """What speaks against the verdict of this output, the worst first."""
+        return alerts_of(
+            *(self.whole, self.model, self.validation),
+            *(self.unconfirmed, self.doubts, self.search),
+        )
 
     @property
     def dataset(self) -> Dataset:

@@ -8,6 +8,7 @@ import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -57,18 +58,20 @@ def render_page(
     those of other outputs behind them; every text of the user's is escaped.
     """
     outputs = [_words_of(*own) for own in ((inputs, figures), *others)]
+    for output in outputs[1:]:  # what is said of the whole run stands at the first output
+        output["alerts"] = [one for one in output["alerts"] if one not in outputs[0]["alerts"]]
     template = environment().get_template("page.html")
     return template.render(outputs=outputs, head=lambda table: table.head(MOST_ROWS))
 
 
-def _words_of(inputs: ReportInputs, figures: Figures) -> dict[str, object]:
+def _words_of(inputs: ReportInputs, figures: Figures) -> dict[str, Any]:
     """Return what the template knows of an output."""
     scores, table = inputs.validation.scores, inputs.validation.each[0].table
     known = (inputs.own, scored(table, inputs.dataset), inputs.failed, table.alert)
     return {
         "inputs": inputs,
         "verdict": verdict_sentence(scores, *known, inputs.validation.warnings),
-        "alert": bool(table.alert),
+        "alerts": inputs.alerts,
         "has_own_section": shown_by(inputs.fit.body) is not None,
         "sections": sections_of(inputs),
         "figures": figures,
