@@ -54,6 +54,7 @@ def _bring_up_to_date(
     """Do what is stale up to the stage of a command, and print what the command is for."""
     from mapmore_cli.pipeline import runner
     from mapmore_cli.pipeline.jobs import Finished
+    from mapmore_cli.pipeline.runs_page import write_runs_page
     from mapmore_cli.study.loader import load
 
     loaded = load(config, overrides)
@@ -84,6 +85,7 @@ def _bring_up_to_date(
                 finished = Finished.of(loaded, outcome, warnings, started)
                 for alert in finished.alerts:
                     reporter.warn(alert.sentence)
+                write_runs_page(runs, [finished], warn)
     except Exception as error:
         write_ci_files(junit, summary, {name: error})
         raise

@@ -1,6 +1,4 @@
-"""Writes a report: figures, tables, and one self-contained HTML page without scripts and
-network.
-"""
+"""Writes a report: figures, tables, and one self-contained HTML page that asks no network."""
 
 from __future__ import annotations
 
@@ -24,11 +22,13 @@ from mapmore_cli.reporting.figures.drawing import (
     render_figure,
     to_bytes,
 )
+from mapmore_cli.reporting.figures.panels import evenly
 from mapmore_cli.reporting.figures.sketched import sketched
 from mapmore_cli.reporting.figures.style import figure_style
 from mapmore_cli.reporting.inputs import ReportInputs
 from mapmore_cli.reporting.order import FIGURES, FILES_ALONE
 from mapmore_cli.reporting.score_tables import scored, verdict_sentence
+from mapmore_cli.reporting.scripts import scripts, text_of
 from mapmore_cli.reporting.sections import all_tables, sections_of, shown_by
 from mapmore_cli.reporting.table import (
     Table,
@@ -61,7 +61,11 @@ def render_page(
     for output in outputs[1:]:  # what is said of the whole run stands at the first output
         output["alerts"] = [one for one in output["alerts"] if one not in outputs[0]["alerts"]]
     template = environment().get_template("page.html")
-    return template.render(outputs=outputs, head=lambda table: table.head(MOST_ROWS))
+    return template.render(
+        outputs=outputs,
+        head=lambda table: table.head(MOST_ROWS),
+        scripts=scripts([text_of("tables.js")]),
+    )
 
 
 def _words_of(inputs: ReportInputs, figures: Figures) -> dict[str, Any]:
@@ -106,11 +110,11 @@ def _write_files(
     inputs: ReportInputs, out: Path, figures: Sequence[str], formats: Sequence[str]
 ) -> Figures:
     """Write the files of one output beside the page; return its figures."""
-    for suffix, text_of in TABLE_FILES.items():
+    for suffix, written in TABLE_FILES.items():
         for table in all_tables(inputs) if suffix in formats else ():
             if suffix == "csv" or table.rows:  # a document does not want a table of nothing
                 path = out / "tables" / f"{inputs.prefix}{table.name}.{suffix}"
-                _write_file(path, text_of(table))
+                _write_file(path, written(table))
     sections: dict[str, list[RenderedFigure]] = {}
     if set(formats) <= set(TABLE_FILES):
         return sections
@@ -126,6 +130,7 @@ def _write_files(
         figure = figure or render_figure(drawing, inputs.style)
         if "svg" in formats:
             _write_file(out / f"{figure.name}.svg", SVG_PROLOGUE + figure.svg)
+        figure = replace(figure, numbers=numbers_of(drawing) if "html" in formats else "")
         sections.setdefault(FIGURES[name], []).append(figure)
     if set(formats) & {"pdf", "png", "pgf"}:
         suffixes = sorted(set(formats) & {"pdf", "png", "pgf", "svg"})
@@ -168,6 +173,29 @@ def data_csv(data: Mapping[str, Values]) -> str:
     """
     columns = (np.asarray(values, dtype=object) for values in data.values())
     return rows_to_csv(data, zip(*(map(number_text, cells) for cells in columns), strict=True))
+
+
+MOST_NUMBERS = 400
+"""Samples of a panel that a page has as numbers; files have all of them."""
+
+
+def numbers_of(drawing: Drawing) -> str:
+    """Return what the panels of a figure were drawn from as CSV, evenly thinned, six significant
+    digits: a block for each panel.
+    """
+    blocks = []
+    for panel in (one for one in drawing.panels if one.data):
+        columns = [np.asarray(values) for values in panel.data.values()]
+        rows = evenly(len(columns[0]), MOST_NUMBERS)
+        cells = (
+            (format(cell, ".6g") if np.isfinite(cell) else "" for cell in column[rows].tolist())
+            if column.dtype.kind == "f"
+            else column[rows].astype(str).tolist()
+            for column in columns
+        )
+        lines = ((panel.key, *row) for row in zip(*cells, strict=True))
+        blocks.append(rows_to_csv(("panel", *panel.data), lines))
+    return "\n".join(blocks)
 
 
 def _write_file(path: Path, text: str) -> None:

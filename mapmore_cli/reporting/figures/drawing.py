@@ -169,12 +169,13 @@ def panel_of(name: str, inputs: ReportInputs, words: str) -> tuple[Drawing, Pane
 
 @dataclass(frozen=True)
 class RenderedFigure:
-    """A figure as SVG; `width` in inches."""
+    """A figure as SVG; `width` in inches; `numbers` are what it was drawn from (CSV)."""
 
     name: str
     caption: str
     svg: str
     width: float
+    numbers: str = ""
 
 
 def render_figure(drawing: Drawing, style: FigureStyle = PLAIN) -> RenderedFigure:
