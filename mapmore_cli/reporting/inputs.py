@@ -80,6 +80,7 @@ class ReportInputs:
     - `whole`: the dataset, of which tables need counts alone.
     - `spec_text`: the resolved spec.
     - `provenance`: versions, hashes and the like, in the order in which to print them.
+    - `command`: makes the run again; empty where its spec is not known.
     - `other_equations`: the equations in other units, by the words that name these.
     - `style`: how its figures look.
     - `unconfirmed`: guesses of the spec that nobody has confirmed.
@@ -103,6 +104,7 @@ class ReportInputs:
     published: Published | None
     spec_text: str
     provenance: Mapping[str, str]
+    command: str = ""
     notes: tuple[str, ...] = ()
     other_equations: Mapping[str, tuple[Equation, ...]] = field(default_factory=dict)
     style: FigureStyle = field(default_factory=FigureStyle)
