@@ -38,7 +38,7 @@ from mapmore_cli.reporting.table import (
     to_csv,
     to_latex,
 )
-from mapmore_cli.reporting.tables import training_rmse
+from mapmore_cli.reporting.tables import competitor_equations, training_rmse
 
 TABLE_FILES: Mapping[str, Callable[[Table], str]] = {"csv": to_csv, "tex": to_latex}
 """What is written of a table, by format."""
@@ -76,6 +76,7 @@ def _words_of(inputs: ReportInputs, figures: Figures) -> dict[str, Any]:
         "inputs": inputs,
         "verdict": verdict_sentence(scores, *known, inputs.validation.warnings),
         "alerts": inputs.alerts,
+        "competitors": competitor_equations(inputs),
         "has_own_section": shown_by(inputs.fit.body) is not None,
         "sections": sections_of(inputs),
         "figures": figures,
