@@ -21,6 +21,7 @@ from mapmore_cli.domain.fits import (
 from mapmore_cli.domain.models import Equation, FoldError, Model, SegmentFunction
 from mapmore_cli.domain.recording import CurveRange, Dataset
 from mapmore_cli.domain.results import ErrorBand, FitResult, Outlier
+from mapmore_cli.modelling import literature
 from mapmore_cli.modelling.frols.weighing import FEW
 from mapmore_cli.modelling.literature.linear import half_width
 from mapmore_cli.modelling.literature.model import formula_equations
@@ -379,7 +380,12 @@ def competitor_equations(inputs: ReportInputs) -> dict[str, Equation]:
     """Return the equations of the competitors that are formulas or polynomials, with their numbers,
     by title; `NAME: PART` for a formula that has parts.
     """
-    fits = {name: fit for name, fit in inputs.validation.formulas.items() if not fit.failed}
+    known = literature.names()  # of a plug-in that is gone, the formula is not known any more
+    fits = {
+        name: fit
+        for name, fit in inputs.validation.formulas.items()
+        if not fit.failed and (fit.definition or fit.name in known)
+    }
     if "backbone" in inputs.models and inputs.fit.formula is not None:
         fits["backbone"] = inputs.fit.formula
     shown: dict[str, Equation] = {}

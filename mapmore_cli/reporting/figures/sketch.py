@@ -129,7 +129,9 @@ def levels_of(low: float, high: float, most: int) -> list[float]:
 
 @dataclass
 class Sketch:
-    """Axes as Matplotlib's `Axes` are called; `size` is that of letters on ticks."""
+    """Axes as Matplotlib's `Axes` are called; `size` is that of letters on ticks, `right` the room
+    that stands beside them, `share` their relative height in their panel.
+    """
 
     size: float
     xaxis: Axis = field(default_factory=lambda: Axis(MARGINS["x"]))
@@ -138,6 +140,7 @@ class Sketch:
     beside: list[tuple[float, Svg]] = field(default_factory=list)
     keys: dict[str, dict[str, Any]] = field(default_factory=dict)
     right: float = 0.0
+    share: float = 1.0
 
     @property
     def transAxes(self) -> str:  # noqa: N802  # as Matplotlib calls it

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from html import escape
 from typing import Any
@@ -10,12 +9,14 @@ from typing import Any
 import numpy as np
 
 from mapmore_cli.domain.foreign import xml_text
-from mapmore_cli.reporting.figures.drawing import Drawing, RenderedFigure, arranged, legend_columns
+from mapmore_cli.reporting.figures.drawing import Drawing, Panel, RenderedFigure, arranged
 from mapmore_cli.reporting.figures.sketch import Sketch, box, face, line_svg, text
 from mapmore_cli.reporting.inputs import FigureStyle
 from mapmore_cli.reporting.table import title_of
 
-POINTS = 72
+POINTS, SCREEN = 72, 1.8
+"""Points an inch, and pixels of a screen for each: it is read from further away than paper."""
+
 LETTER = 0.55
 """Width of a letter, in sizes of the font."""
 
@@ -23,8 +24,11 @@ TICK = 2.5
 
 
 def sketched(drawing: Drawing, style: FigureStyle) -> RenderedFigure | None:
-    """Draw all panels of a figure as one SVG; None where a panel calls more of its axes than a
-    `Sketch` has, or its words are formulas, so that Matplotlib has to draw it.
+    """Draw the panels of a figure, each as an SVG of its own, so that they stand below each other
+    on a narrow screen; so do the entries of the legend.
+
+    None where a panel calls more of its axes than a `Sketch` has, or its words are formulas, so
+    that Matplotlib has to draw it.
     """
     if drawing.grid.projection or any("$" in own for own in style.labels.values()):
         return None
@@ -36,65 +40,73 @@ def sketched(drawing: Drawing, style: FigureStyle) -> RenderedFigure | None:
 
 def _sketched(drawing: Drawing, style: FigureStyle) -> RenderedFigure:
     plan, size, grid = arranged(drawing, style), style.size - 1, drawing.grid
-    panels = [_filled(one.draw, len(grid.stack), plan.columns, size) for one in plan.panels]
+    panels = [_filled(one.draw, grid.stack, plan.columns, size) for one in plan.panels]
     _share_axes(panels, plan.columns, grid.common_x, grid.common_y)
     keys: dict[str, dict[str, Any]] = {one.label: one.look for one in drawing.legend}
     for sheet in (sheet for panel in panels for sheet in panel if not drawing.legend):
         keys |= {label: look for label, look in sheet.keys.items() if label not in keys}
-    width, legend, top = plan.width * POINTS, "", 2.0
-    if keys:
-        legend, top = _legend(keys, width, size)
-    # what stands around the axes of a panel: titles, labels and ticks
     above = max(heading.count("\n") + 1 if heading else 0 for heading in plan.headings) * size * 1.2
-    below = size + 3 + 1.3 * style.size
-    row_height, cell = grid.height * POINTS, width / plan.columns
-    parts = [legend]
-    lefts = [
-        max(_room_left(panel, one.y_labels, size) for panel, one in column)
-        for column in (
-            list(zip(panels, plan.panels, strict=True))[number :: plan.columns]
-            for number in range(plan.columns)
-        )
+    room = [
+        _room_left(panel, one.y_labels, size)
+        for panel, one in zip(panels, plan.panels, strict=True)
     ]
-    for number, (panel, one, heading) in enumerate(
-        zip(panels, plan.panels, plan.headings, strict=True)
-    ):
-        row, column = divmod(number, plan.columns)
-        left, right = column * cell + lefts[column], (column + 1) * cell - 6
-        right -= max(sheet.right for sheet in panel)
-        start, stop = top + row * row_height + above + 4, top + (row + 1) * row_height - below - 4
-        if heading:
-            parts.append(text(heading, left, start - 4, size))
-        gap = 7.0 if len(panel) > 1 else 0.0
-        height = stop - start - gap * (len(panel) - 1)
-        for place, (sheet, share) in enumerate(zip(panel, grid.stack, strict=True)):
-            end = start + height * share / sum(grid.stack)
-            label = one.y_labels[place] if place < len(one.y_labels) else ""
-            if column and grid.common_y != "none":
-                label = ""
-            last = place == len(panel) - 1
-            parts.append(_axes(sheet, (left, right, start, end), label, lefts[column], last))
-            start = end + gap
-        middle = (left + right) / 2
-        parts.append(text(one.x_label, middle, stop + below, style.size, "middle"))
-    rows = math.ceil(len(panels) / plan.columns)
-    full = top + rows * row_height
-    family = escape(f"{style.font}, sans-serif" if style.font else "sans-serif")
-    svg = (
-        f'<svg role="img" aria-label="{escape(xml_text(drawing.alt))}" '
-        f'xmlns="http://www.w3.org/2000/svg" width="{width:g}pt" height="{full:g}pt" '
-        f'viewBox="0 0 {width:g} {full:g}" font-family="{family}">{"".join(parts)}</svg>'
-    )
+    width, height = plan.width * POINTS / plan.columns, grid.height * POINTS
+    parts = [_entry(title_of(label), look, style) for label, look in keys.items()]
+    for number, (one, heading) in enumerate(zip(plan.panels, plan.headings, strict=True)):
+        left = max(room[number % plan.columns :: plan.columns])
+        inside = _panel(panels[number], one, heading, (left, above + 4, width, height), style)
+        alt = drawing.caption if number == 0 else ""
+        alt = f"{alt} {one.reach if one.data else ''}".strip() or one.title
+        named = f'role="img" aria-label="{escape(xml_text(alt))}"'
+        parts.append(_svg(inside, width, height, style, f'class="panel" {named}'))
+    columns = f'data-columns="{plan.columns}" style="--columns: {plan.columns}"'
+    svg = f'<div class="panels" {columns}>{"".join(parts)}</div>'
     return RenderedFigure(drawing.name, drawing.caption, svg, plan.width)
 
 
-def _filled(draw: Any, stack: int, columns: int, size: float) -> list[Sketch]:
+def _svg(inside: str, width: float, height: float, style: FigureStyle, attributes: str) -> str:
+    """Return an element with what is drawn inside."""
+    family = escape(f"{style.font}, sans-serif" if style.font else "sans-serif")
+    return (
+        f'<svg {attributes} xmlns="http://www.w3.org/2000/svg" width="{width * SCREEN:.1f}" '
+        f'height="{height * SCREEN:.1f}" viewBox="0 0 {width:.1f} {height:.1f}" '
+        f'font-family="{family}">{inside}</svg>'
+    )
+
+
+def _panel(
+    sheets: list[Sketch],
+    panel: Panel,
+    heading: str,
+    frame: tuple[float, float, float, float],
+    style: FigureStyle,
+) -> str:
+    """Return a panel with its title above and its x axis labelled below it; `frame` is the room at
+    the left and above its axes, and the size of all.
+    """
+    left, start, width, height = frame
+    size, right = style.size - 1, width - 6 - max(sheet.right for sheet in sheets)
+    below = size + 3 + 1.3 * style.size
+    stop, gap = height - below - 4, 7.0 if len(sheets) > 1 else 0.0
+    parts = [text(heading, left, start - 4, size)] if heading else []
+    shares = [sheet.share for sheet in sheets]
+    axes_height = stop - start - gap * (len(sheets) - 1)
+    for place, sheet in enumerate(sheets):
+        end = start + axes_height * sheet.share / sum(shares)
+        label = panel.y_labels[place] if place < len(panel.y_labels) else ""
+        parts.append(_axes(sheet, (left, right, start, end), label, left, place == len(sheets) - 1))
+        start = end + gap
+    parts.append(text(panel.x_label, (left + right) / 2, stop + below, style.size, "middle"))
+    return "".join(parts)
+
+
+def _filled(draw: Any, stack: Sequence[float], columns: int, size: float) -> list[Sketch]:
     """Return the axes of a panel, drawn on, from top to bottom; they have one x axis."""
-    sheets = [Sketch(size) for _ in range(stack)]
-    for sheet in sheets:
-        sheet.xaxis = sheets[0].xaxis
+    sheets = [Sketch(size) for _ in stack]
+    for sheet, share in zip(sheets, stack, strict=True):
+        sheet.share, sheet.xaxis = share, sheets[0].xaxis
         sheet.xaxis.most = 5 if columns < 2 else 4
-        sheet.yaxis.most = 6 if stack == 1 else 4
+        sheet.yaxis.most = 6 if len(stack) == 1 else 4
     draw(*sheets)
     return sheets
 
@@ -154,25 +166,20 @@ def _axes(
     return "".join(parts)
 
 
-def _legend(keys: dict[str, dict[str, Any]], width: float, size: float) -> tuple[str, float]:
-    """Return the legend above the panels, and how high it is."""
-    labels = [title_of(label) for label in keys]
-    columns = legend_columns(labels, width / POINTS, size)
-    step = min(width / columns, (max(map(len, labels)) * LETTER + 4.5) * size)
-    parts = []
-    for number, (label, look) in enumerate(zip(labels, keys.values(), strict=True)):
-        row, column = divmod(number, columns)
-        x, y = 4 + column * step, (row + 0.8) * size * 1.35
-        if "facecolor" in look:
-            inside = face({"edgecolor": "none", "hatch": None} | look)
-            inside += f' fill-opacity="{look["alpha"]:g}"' if "alpha" in look else ""
-            parts.append(box(x, y - size * 0.7, x + 2 * size, y, inside))
-        else:
-            ends = np.array([x, x + 2 * size]) if look.get("linestyle") != "none" else None
-            at = np.full(1, y - size * 0.35)
-            if ends is not None:
-                parts.append(line_svg(ends, np.repeat(at, 2), look | {"marker": None}))
-            dot = look | {"linestyle": "none"}
-            parts.append(line_svg(np.array([x + size]), at, dot))
-        parts.append(text(label, x + 2.5 * size, y, size))
-    return "".join(parts), (math.ceil(len(labels) / columns) + 0.4) * size * 1.35
+def _entry(label: str, look: dict[str, Any], style: FigureStyle) -> str:
+    """Return an entry of the legend."""
+    size = style.size - 1
+    y = size
+    if "facecolor" in look:
+        inside = face({"edgecolor": "none", "hatch": None} | look)
+        inside += f' fill-opacity="{look["alpha"]:g}"' if "alpha" in look else ""
+        mark = box(1, y - size * 0.7, 1 + 2 * size, y, inside)
+    else:
+        at = y - size * 0.35
+        line = look | {"marker": None}
+        ends = np.array([1, 1 + 2 * size])
+        mark = line_svg(ends, np.full(2, at), line)
+        mark += line_svg(np.array([1 + size]), np.full(1, at), look | {"linestyle": "none"})
+    width = (len(label) * LETTER + 4.5) * size
+    inside = mark + text(label, 1 + 2.5 * size, y, size)
+    return _svg(inside, width, 1.4 * size, style, 'class="key"')

@@ -5,7 +5,7 @@
   /** @param {string} text */
   const numberOf = (text) => {
     const plain = text.replace(/\u2212/g, "-").replace(/[\s\u00a0]/g, "");
-    return plain === "" || plain === "\u2013" ? NaN : Number(plain);
+    return plain ? Number(plain) : parseFloat(plain); // an empty cell is no zero
   };
 
   /** @param {string} name @param {Blob} blob */
@@ -70,13 +70,42 @@
     table.caption.append(" ", button("CSV", `Save the table ${title} as CSV`, csv));
   }
 
-  /** @param {SVGSVGElement} svg */
+  /** @param {Element} svg */
+  const sizeOf = (svg) => (svg.getAttribute("viewBox") || "0 0 500 300").split(/[\s,]+/).map(Number).slice(2);
+
+  /** One SVG of a figure: the legend, line by line, above its panels, in their columns.
+   * @param {Element} figure */
+  const whole = (figure) => {
+    const parts = [...figure.querySelectorAll("svg")].filter((svg) => !svg.parentElement?.closest("svg"));
+    if (parts.length === 1) return parts[0];
+    const columns = Number(figure.querySelector(".panels")?.getAttribute("data-columns") || 1);
+    const panels = parts.filter((svg) => svg.classList.contains("panel"));
+    const width = columns * sizeOf(panels[0])[0];
+    const made = document.createElementNS("http://www.w3.org/2000/svg", "svg");
+    let [x, y, line] = [0, 0, 0];
+    for (const svg of parts) {
+      const [wide, high] = sizeOf(svg);
+      const panel = svg.classList.contains("panel");
+      if (x > 0 && (x + wide > width + 1 || (svg === panels[0] && line < sizeOf(svg)[1]))) [x, y] = [0, y + line];
+      line = high;
+      const copy = /** @type {Element} */ (svg.cloneNode(true));
+      Object.entries({ x, y, width: wide, height: high }).forEach(([key, value]) => copy.setAttribute(key, String(value)));
+      made.append(copy);
+      x += wide + (panel ? 0 : 6);
+    }
+    made.setAttribute("viewBox", `0 0 ${width} ${y + line}`);
+    made.setAttribute("width", String(width * 1.8));
+    made.setAttribute("height", String((y + line) * 1.8));
+    return made;
+  };
+
+  /** @param {Element} svg */
   const textOf = (svg) => new XMLSerializer().serializeToString(svg);
 
-  /** @param {SVGSVGElement} svg @param {string} name */
+  /** @param {Element} svg @param {string} name */
   const png = (svg, name) => {
     const picture = new Image();
-    const [, , width, height] = (svg.getAttribute("viewBox") || "0 0 500 300").split(/[\s,]+/).map(Number);
+    const [width, height] = sizeOf(svg);
     picture.onload = () => {
       const canvas = document.createElement("canvas");
       canvas.width = width * 4;
@@ -92,14 +121,13 @@
   };
 
   for (const figure of document.querySelectorAll("figure[data-name]")) {
-    const svg = figure.querySelector("svg");
     const name = figure.getAttribute("data-name") || "figure";
-    if (!svg) continue;
+    if (!figure.querySelector("svg")) continue;
     const row = document.createElement("div");
     row.className = "saves";
     row.append(
-      button("SVG", `Save the figure ${name} as SVG`, () => save(`${name}.svg`, new Blob([textOf(svg)], { type: "image/svg+xml" }))),
-      button("PNG", `Save the figure ${name} as PNG`, () => png(svg, name)),
+      button("SVG", `Save the figure ${name} as SVG`, () => save(`${name}.svg`, new Blob([textOf(whole(figure))], { type: "image/svg+xml" }))),
+      button("PNG", `Save the figure ${name} as PNG`, () => png(whole(figure), name)),
     );
     const numbers = figure.querySelector("pre.numbers");
     if (numbers) {
