@@ -211,6 +211,14 @@ def heading(quantity: Quantity) -> str:
     return f"{quantity.name} [{quantity.unit}]"
 
 
+RAISED = str.maketrans("0123456789", "⁰¹²³⁴⁵⁶⁷⁸⁹")
+
+
+def raised(term: str) -> str:
+    """Return a term with its powers as people write them: `strain^2` as `strain²`."""
+    return re.sub(r"\^(\d+)(?![\d.])", lambda power: power[1].translate(RAISED), term)
+
+
 def shorten(text: str, length: int) -> str:
     """Return the text, its middle left out where it is longer than `length`."""
     if len(text) <= length:

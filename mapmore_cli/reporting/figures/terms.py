@@ -18,6 +18,7 @@ from mapmore_cli.reporting.figures.panels import (
     label_rows,
     looks_of,
     plain_logarithm,
+    raised,
     shorten,
     some_of,
     told_apart,
@@ -74,7 +75,7 @@ def draw(inputs: ReportInputs) -> list[Drawing]:
             ax.plot([*left, rival[-1]], [*rows, row], color=LIGHT, linewidth=0.8, zorder=1)
             ax.plot(left, rows, label="chosen term", color=colour, **CHOSEN)
             ax.plot(rival, rows, label="its runner-up", **RUNNER_UP)
-            write_beside(ax, row, shorten(terms[row], 40))
+            write_beside(ax, row, shorten(raised(terms[row]), 40))
         plain_logarithm(ax, "x")
         low, high = np.log10(ax.get_xlim())
         ax.set_xlim(10.0 ** np.floor(low), 10.0 ** np.ceil(high))
