@@ -32,6 +32,7 @@ def clean(
     list, or that has changed since, and a folder or a link of somebody else, keep it. They are
     named.
     """
+    from mapmore_cli.pipeline.runs_page import write_runs_page
     from mapmore_cli.pipeline.staleness import named_runs
     from mapmore_cli.storage.atomic import refusals_told
     from mapmore_cli.storage.ownership import TRASH, contents_of, remove_own
@@ -55,6 +56,8 @@ def clean(
                     if not contents.others:
                         remove_own(folder, contents.own, now)
             (kept if contents.others else gone)[folder] = contents.others or contents.own
+    if yes:
+        write_runs_page(runs, [])
     print_view(_view(gone, kept, yes, f" to {runs / TRASH}" if yes and not now else ""), as_json)
 
 

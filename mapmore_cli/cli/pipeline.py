@@ -5,7 +5,7 @@ make-like commands over one spec.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -37,7 +37,6 @@ from mapmore_cli.domain.errors import LimitMissed
 if TYPE_CHECKING:
     from mapmore_cli.pipeline.jobs import Finished
     from mapmore_cli.pipeline.runner import RunOutcome
-    from mapmore_cli.study.loader import LoadedSpec
 
 
 def _bring_up_to_date(
@@ -55,6 +54,7 @@ def _bring_up_to_date(
     """Do what is stale up to the stage of a command, and print what the command is for."""
     from mapmore_cli.pipeline import runner
     from mapmore_cli.pipeline.jobs import Finished
+    from mapmore_cli.pipeline.runs_page import write_runs_page
     from mapmore_cli.study.loader import load
 
     loaded = load(config, overrides)
@@ -77,12 +77,15 @@ def _bring_up_to_date(
             listeners = reporter.listeners
             listeners["warn"] = warn
             outcome = runner.bring_up_to_date(loaded, runs, until, options=how, **listeners)
-            for guesses in _unconfirmed(loaded):
-                warn(guesses)
+            if loaded.spec.unconfirmed:
+                from mapmore_cli.reporting.alerts import unconfirmed_sentence
+
+                warn(unconfirmed_sentence(len(loaded.spec.unconfirmed)))
             if command in ("validate", "run"):
                 finished = Finished.of(loaded, outcome, warnings, started)
-                for message in finished.table.warnings:
-                    reporter.warn(message)
+                for alert in finished.alerts:
+                    reporter.warn(alert.sentence)
+                write_runs_page(runs, [finished], warn)
     except Exception as error:
         write_ci_files(junit, summary, {name: error})
         raise
@@ -95,16 +98,6 @@ def _bring_up_to_date(
                 "; ".join(finished.missed),
                 "the results are complete; see validate.require in the spec",
             )
-
-
-def _unconfirmed(loaded: LoadedSpec) -> Iterator[str]:
-    """Yield how many guesses of a spec nobody has confirmed, where there are any."""
-    if count := len(loaded.spec.unconfirmed):
-        guesses = "guess of the spec is" if count == 1 else "guesses of the spec are"
-        yield (
-            f"{count} {guesses} not confirmed: see `mapmore check {loaded.path}`, and `--confirm` "
-            "there where all are right"
-        )
 
 
 def _of_reasons(name: str, reasons: dict[str, str | None]) -> View:
@@ -131,7 +124,12 @@ def _of_outcome(
     if finished is None:
         return of_stage(command, done).under(head)
     scores = of_scores(finished.table, finished.published)
-    remarks = {"missed": finished.missed, "warnings": finished.warnings, "unconfirmed": questions}
+    remarks = {
+        "missed": finished.missed,
+        "warnings": finished.warnings,
+        "unconfirmed": questions,
+        "alerts": finished.alerts,
+    }
     lines = (*verdict_lines(done), *page_lines(done)) if command == "run" else ()
     return View({**head, **scores.document, **remarks}, scores.tables, lines)
 
@@ -144,7 +142,10 @@ Figures = Annotated[
     Option(
         "--figures",
         metavar="NAMES",
-        help="Draw these alone, as fit,error; or all, or none. Default: `report.figures`.",
+        help=(
+            "Draw these alone, as fit,error, or all, as for print and as SVG files too; or none. "
+            "Default: those of `report.figures`, drawn quickly on the page."
+        ),
     ),
 ]
 PrintSpec = Annotated[
@@ -152,11 +153,23 @@ PrintSpec = Annotated[
 ]
 
 
+def _with_figures(overrides: list[str], figures: str | None) -> list[str]:
+    """Return the values to replace in a spec, with what --figures says of the report."""
+    from mapmore_cli.reporting.order import FIGURES
+
+    if figures is None:
+        return overrides
+    names = {"all": ", ".join(FIGURES), "none": ""}.get(figures, figures)
+    files = ["report.formats=[html, csv, svg]"] if names else []
+    return [*overrides, f"report.figures=[{names}]", *files]
+
+
 def _stage(name: str, about: str) -> Callable[..., None]:
     """Return the command that brings a run up to date as far as a stage, with its help."""
 
     def bring(
         config: Config,
+        figures: Figures = None,
         runs: Runs = RUNS,
         overrides: Overrides = NONE,
         force: Force = False,
@@ -167,7 +180,7 @@ def _stage(name: str, about: str) -> Callable[..., None]:
         quiet: Quiet = False,
         verbose: Verbose = False,
     ) -> None:
-        how = (force, rehash, no_check)
+        how, overrides = (force, rehash, no_check), _with_figures(overrides, figures)
         _bring_up_to_date(
             name, config, runs, overrides, how, explain, Reporter(quiet, verbose), as_json
         )
@@ -185,33 +198,12 @@ fuse = _stage("fuse", f"Join the segments into one model that stands alone. {BEF
 validate = _stage("validate", f"Score the model and its competitors. {BEFORE}")
 
 
-def report(
-    config: Config,
-    figures: Figures = None,
-    runs: Runs = RUNS,
-    overrides: Overrides = NONE,
-    force: Force = False,
-    rehash: Rehash = False,
-    no_check: NoCheck = False,
-    explain: Explain = False,
-    as_json: AsJson = False,
-    quiet: Quiet = False,
-    verbose: Verbose = False,
-) -> None:
-    """Write the page, its figures and tables. Brings the stages before it up to date first."""
-    from mapmore_cli.reporting.order import FIGURES
-
-    if figures is not None:
-        names = {"all": ", ".join(FIGURES), "none": ""}.get(figures, figures)
-        overrides = [*overrides, f"report.figures=[{names}]"]
-    how = (force, rehash, no_check)
-    _bring_up_to_date(
-        "report", config, runs, overrides, how, explain, Reporter(quiet, verbose), as_json
-    )
+report = _stage("report", f"Write the page, its figures and tables. {BEFORE}")
 
 
 def run(
     config: Config,
+    figures: Figures = None,
     runs: Runs = RUNS,
     overrides: Overrides = NONE,
     force: Force = False,
@@ -226,6 +218,7 @@ def run(
     verbose: Verbose = False,
 ) -> None:
     """Run all stages; print scores and the page's path."""
+    overrides = _with_figures(overrides, figures)
     if print_spec:
         from mapmore_cli.study.loader import load
 

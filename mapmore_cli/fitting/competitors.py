@@ -134,9 +134,9 @@ class Contest:
             outputs = simple.arx(self.dataset, self._inputs)
         elif name != "backbone":
             degree, names = simple.DEGREES[name], self._inputs
-            outputs = simple.polynomial_fit(
-                degree, self.dataset, names, self._rows if names else None
-            )
+            rows = self._rows if names else None
+            polynomial = simple.polynomial_fit(degree, self.dataset, names, rows)
+            outputs = polynomial.of_curves(self.dataset) if polynomial else None
         elif self._backbone is not None:
             outputs = _formula_says(self._backbone, self.dataset.curves)
         return outputs or [np.full(curve.size, np.nan) for curve in self.dataset.curves]

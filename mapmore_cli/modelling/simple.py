@@ -7,13 +7,17 @@ A reviewer asks for them first: whatever a study models, a plane through its inp
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from itertools import combinations_with_replacement
 from math import comb
 
 import numpy as np
 
 from mapmore_cli.domain.arrays import Array, IntArray, by_blocks, in_blocks, picked, stacked
+from mapmore_cli.domain.models import Equation
 from mapmore_cli.domain.recording import Curve, Dataset
+from mapmore_cli.modelling.equations import as_equation
+from mapmore_cli.modelling.expressions import folded, parse
 from mapmore_cli.modelling.signals.sampling import even_share
 
 # total degree of each polynomial, every monomial up to it included
@@ -29,6 +33,7 @@ SIMPLE: Mapping[str, str] = {name: name.capitalize() for name in (*DEGREES, "bac
 
 ORDERS = (1, 2, 4, 8)  # samples that an ARX looks back; the free run on training data chooses
 MOST_ROWS = 50_000  # training rows that a fit takes, an even share
+DIGITS = 6  # of printed coefficients
 LARGEST = 1e3  # times the largest measured output, from which a free run has diverged
 
 
@@ -48,10 +53,43 @@ def training_rows(dataset: Dataset, names: Sequence[str]) -> Rows:
     return even_share(x[order], MOST_ROWS), even_share(y[order], MOST_ROWS)
 
 
+@dataclass(frozen=True)
+class Polynomial:
+    """A polynomial in the quantities `names`, (m,), each less its `middle` and over its `half`
+    range, with a coefficient `theta`, (k,), for every monomial up to a total degree.
+    """
+
+    names: Sequence[str]
+    degree: int
+    middle: Array
+    half: Array
+    theta: Array
+
+    def __call__(self, *at: Array) -> Array:
+        """Return its values at places of its quantities, (n,) each."""
+        ends = zip(at, self.middle, self.half, strict=True)
+        return self.theta @ _monomials([(x - m) / h for x, m, h in ends], self.degree)
+
+    def of_curves(self, dataset: Dataset) -> list[Array]:
+        """Return its values at the samples of every curve: (n_c,) each."""
+        return [by_blocks(self, *(one.columns[n] for n in self.names)) for one in dataset.curves]
+
+    def equation(self, name: str) -> Equation:
+        """Return it in coordinates `s_NAME` that are -1 and 1 at the ends of the training data."""
+        factors = _powers(len(self.names), self.degree)
+        terms = (
+            "*".join([f"({value!r})", *(f"s_{self.names[i]}^{of.count(i)}" for i in sorted({*of}))])
+            for value, of in zip(self.theta.tolist(), factors, strict=True)
+        )
+        scaled = zip(self.names, self.middle.tolist(), self.half.tolist(), strict=True)
+        where = {f"s_{one}": parse(f"({one} - ({m!r}))/({h!r})") for one, m, h in scaled}
+        return as_equation(name, folded(parse(" + ".join(terms))), DIGITS, where)
+
+
 def polynomial_fit(
     degree: int, dataset: Dataset, names: Sequence[str], rows: Rows | None = None
-) -> list[Array] | None:
-    """Least-squares polynomial in the quantities `names`, of every curve: (n_c,) each.
+) -> Polynomial | None:
+    """Return the least-squares polynomial in the quantities `names`.
 
     Inputs are scaled to [-1, 1] on the training samples; where these leave coefficients open, the
     solution of least norm is taken. It is fitted to `rows`, the `training_rows` where they are
@@ -64,13 +102,10 @@ def polynomial_fit(
         return None
     low, high = x.min(axis=0), x.max(axis=0)
     middle, half = (low + high) / 2, np.where(high > low, (high - low) / 2, 1.0)
-    theta = np.linalg.lstsq(_monomials(((x - middle) / half).T, degree).T, y, rcond=None)[0]
-
-    def polynomial(*at: Array) -> Array:
-        ends = zip(at, middle, half, strict=True)
-        return theta @ _monomials([(x - m) / h for x, m, h in ends], degree)
-
-    return [by_blocks(polynomial, *(one.columns[name] for name in names)) for one in dataset.curves]
+    theta: Array = np.linalg.lstsq(_monomials(((x - middle) / half).T, degree).T, y, rcond=None)[
+        0
+    ].astype(np.float64, copy=False)
+    return Polynomial(tuple(names), degree, middle, half, theta)
 
 
 def arx(dataset: Dataset, names: Sequence[str]) -> list[Array] | None:
@@ -116,10 +151,18 @@ def _thinning(dataset: Dataset) -> int:
 def _monomials(x: Sequence[Array] | Array, degree: int) -> Array:
     """Every monomial of `m` inputs, (n,) each, of total degree up to `degree`: (k, n)."""
     values: dict[tuple[int, ...], Array] = {(): np.ones(len(x[0]))}
-    for total in range(1, degree + 1):
-        for of in combinations_with_replacement(range(len(x)), total):
-            values[of] = values[of[:-1]] * x[of[-1]]
+    for of in _powers(len(x), degree)[1:]:
+        values[of] = values[of[:-1]] * x[of[-1]]
     return np.array([*values.values()])
+
+
+def _powers(inputs: int, degree: int) -> list[tuple[int, ...]]:
+    """Return the numbers of the inputs that are the factors of each monomial, in their order."""
+    return [
+        of
+        for total in range(degree + 1)
+        for of in combinations_with_replacement(range(inputs), total)
+    ]
 
 
 def _one_step_fit(dataset: Dataset, names: Sequence[str], order: int) -> Array | None:

@@ -15,6 +15,7 @@ from mapmore_cli.study.loader import load
 
 if TYPE_CHECKING:
     from mapmore_cli.domain.scores import Limit, Published, ScoreTable
+    from mapmore_cli.reporting.alerts import Alert
     from mapmore_cli.study.loader import LoadedSpec
 
 
@@ -57,6 +58,7 @@ class Finished:
     limits: tuple[Limit, ...]
     warnings: tuple[str, ...]
     seconds: float = 0.0
+    alerts: tuple[Alert, ...] = ()
 
     @classmethod
     def of(
@@ -65,7 +67,8 @@ class Finished:
         """Return what came of a spec whose run is up to date, with the `warnings` meanwhile;
         `started` is by `time.perf_counter`.
         """
-        table = RunFiles(outcome.run_dir).scores()
+        files = RunFiles(outcome.run_dir)
+        table = files.scores()
         published = loaded.spec.report.published
         return cls(
             outcome.name,
@@ -76,12 +79,23 @@ class Finished:
             required_limits(loaded.spec.validation.require, table.scores),
             (*table.warnings, *warnings),
             time.perf_counter() - started,
+            alerts_of_run(files, loaded.spec.unconfirmed, "search" in outcome.stages),
         )
 
     @property
     def missed(self) -> tuple[str, ...]:
         """The limits that it misses, each as a sentence."""
         return tuple(limit.sentence for limit in self.limits if not limit.kept)
+
+
+def alerts_of_run(files: RunFiles, unconfirmed: Sequence[str], searched: bool) -> tuple[Alert, ...]:
+    """Return what speaks against the scores of a finished run, as its page says it."""
+    from mapmore_cli.checking.findings import sentences
+    from mapmore_cli.reporting.alerts import alerts_of
+
+    results = files.dataset(), files.model(), files.validation()
+    search = files.search() if searched else None
+    return alerts_of(*results, unconfirmed, sentences(files.folder), search)
 
 
 def run_one(job: Job) -> Finished:

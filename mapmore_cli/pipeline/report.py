@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import os
+import shlex
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from mapmore_cli.domain.errors import DataError, SpecError, UsageError
 from mapmore_cli.fitting.stage import Stage, Workspace
@@ -61,12 +63,45 @@ def write_pages(part: ReportSlice, workspace: Workspace) -> None:
 
     inputs, *others = collected(part, workspace.run_dir, workspace.spec_text)
     inputs = replace(
-        inputs, search=RunFiles(workspace.run_dir).search() if workspace.searched else None
+        inputs,
+        search=RunFiles(workspace.run_dir).search() if workspace.searched else None,
+        **provenance_of(workspace.run_dir),
     )
     for warning in faults_of(inputs.style):
         workspace.warn(warning)
     out, wanted = workspace.out / "report", part.report
     write_report(inputs, out, wanted.figures, wanted.formats, others)
+
+
+def provenance_of(run_dir: Path) -> dict[str, Any]:
+    """Return where the numbers come from, as the record of the run says: the command that makes the
+    run again, in the folder that holds the folder of runs; versions, seconds by stage, and the
+    hashes of the recordings.
+    """
+    from mapmore_cli.storage.run_record import load_origin, load_records, tool_versions
+
+    records, origin = load_records(run_dir, lambda _message: None), load_origin(run_dir)
+    seconds = (f"{name} {record.seconds:.2f}" for name, record in records.items())
+    provenance = {**tool_versions(), "seconds by stage": ", ".join(seconds)}
+    inputs = {path: stamp for record in records.values() for path, stamp in record.inputs.items()}
+    for number, (path, stamp) in enumerate(inputs.items()):
+        if number == MOST_HASHES:
+            provenance["and"] = f"{len(inputs) - number} more, in run.json"
+            break
+        provenance[f"SHA-256 of {path}"] = stamp.sha256
+    command = ""
+    if origin is not None:
+        here = run_dir.absolute().parent.parent
+        spec = Path(os.path.relpath(run_dir.absolute() / origin.spec, here)).as_posix()
+        runs = run_dir.absolute().parent.name
+        words = ["mapmore", "run", spec, *([] if runs == "runs" else ["--runs", runs])]
+        words += [word for setting in origin.settings for word in ("--set", setting)]
+        command = shlex.join(words)
+    return {"provenance": provenance, "command": command}
+
+
+MOST_HASHES = 40
+"""Recordings whose hashes stand on the page."""
 
 
 def collected(part: ReportSlice, run_dir: Path, spec_text: str = "") -> tuple[ReportInputs, ...]:

@@ -20,6 +20,7 @@ from mapmore_cli.modelling.shape.violations import Violation
 from mapmore_cli.modelling.simple import SIMPLE
 from mapmore_cli.modelling.validation.intervals import INTERVAL, ends, half_widths_of
 from mapmore_cli.modelling.validation.shown import in_time, is_turned
+from mapmore_cli.reporting.alerts import Alert, alerts_of
 
 MOST_LINES = 7
 """Lines that can be told apart in one panel."""
@@ -79,6 +80,7 @@ class ReportInputs:
     - `whole`: the dataset, of which tables need counts alone.
     - `spec_text`: the resolved spec.
     - `provenance`: versions, hashes and the like, in the order in which to print them.
+    - `command`: makes the run again; empty where its spec is not known.
     - `other_equations`: the equations in other units, by the words that name these.
     - `style`: how its figures look.
     - `unconfirmed`: guesses of the spec that nobody has confirmed.
@@ -102,6 +104,7 @@ class ReportInputs:
     published: Published | None
     spec_text: str
     provenance: Mapping[str, str]
+    command: str = ""
     notes: tuple[str, ...] = ()
     other_equations: Mapping[str, tuple[Equation, ...]] = field(default_factory=dict)
     style: FigureStyle = field(default_factory=FigureStyle)
@@ -112,6 +115,14 @@ class ReportInputs:
     as_recorded: bool = False
     violations: Sequence[Violation] = ()
     prefix: str = ""
+
+    @property
+    def alerts(self) -> tuple[Alert, ...]:
+        """What speaks against the verdict of this output, the worst first."""
+        return alerts_of(
+            *(self.whole, self.model, self.validation),
+            *(self.unconfirmed, self.doubts, self.search),
+        )
 
     @property
     def dataset(self) -> Dataset:

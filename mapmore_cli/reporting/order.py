@@ -12,6 +12,7 @@ FIGURES = {
     "fit": "fit",
     "error": "fit",
     "surface": "fit",
+    "surface_3d": "fit",
     "residual_map": "fit",
     "residuals": "fit",
     "nrmse": "nrmse",
@@ -23,4 +24,7 @@ FIGURES = {
 """The figures in their order, with the section of the page that each stands in; those of plug-ins
 come last. A figure `NAME` is drawn by `reporting/figures/NAME.py`, or an entry point.
 """
+FILES_ALONE = frozenset({"surface_3d"})
+"""Figures that only Matplotlib can draw: a page has them where figures are asked for as files."""
+
 FIGURES |= {name: "nrmse" for name in sorted(entry_points("figures")) if name not in FIGURES}

@@ -1,6 +1,4 @@
-"""Writes a report: figures, tables, and one self-contained HTML page without scripts and
-network.
-"""
+"""Writes a report: figures, tables, and one self-contained HTML page that asks no network."""
 
 from __future__ import annotations
 
@@ -8,6 +6,7 @@ import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -23,10 +22,13 @@ from mapmore_cli.reporting.figures.drawing import (
     render_figure,
     to_bytes,
 )
+from mapmore_cli.reporting.figures.panels import evenly
+from mapmore_cli.reporting.figures.sketched import sketched
 from mapmore_cli.reporting.figures.style import figure_style
 from mapmore_cli.reporting.inputs import ReportInputs
-from mapmore_cli.reporting.order import FIGURES
+from mapmore_cli.reporting.order import FIGURES, FILES_ALONE
 from mapmore_cli.reporting.score_tables import scored, verdict_sentence
+from mapmore_cli.reporting.scripts import scripts, text_of
 from mapmore_cli.reporting.sections import all_tables, sections_of, shown_by
 from mapmore_cli.reporting.table import (
     Table,
@@ -36,7 +38,7 @@ from mapmore_cli.reporting.table import (
     to_csv,
     to_latex,
 )
-from mapmore_cli.reporting.tables import training_rmse
+from mapmore_cli.reporting.tables import competitor_equations, training_rmse
 
 TABLE_FILES: Mapping[str, Callable[[Table], str]] = {"csv": to_csv, "tex": to_latex}
 """What is written of a table, by format."""
@@ -56,18 +58,25 @@ def render_page(
     those of other outputs behind them; every text of the user's is escaped.
     """
     outputs = [_words_of(*own) for own in ((inputs, figures), *others)]
+    for output in outputs[1:]:  # what is said of the whole run stands at the first output
+        output["alerts"] = [one for one in output["alerts"] if one not in outputs[0]["alerts"]]
     template = environment().get_template("page.html")
-    return template.render(outputs=outputs, head=lambda table: table.head(MOST_ROWS))
+    return template.render(
+        outputs=outputs,
+        head=lambda table: table.head(MOST_ROWS),
+        scripts=scripts([text_of("tables.js")]),
+    )
 
 
-def _words_of(inputs: ReportInputs, figures: Figures) -> dict[str, object]:
+def _words_of(inputs: ReportInputs, figures: Figures) -> dict[str, Any]:
     """Return what the template knows of an output."""
     scores, table = inputs.validation.scores, inputs.validation.each[0].table
     known = (inputs.own, scored(table, inputs.dataset), inputs.failed, table.alert)
     return {
         "inputs": inputs,
         "verdict": verdict_sentence(scores, *known, inputs.validation.warnings),
-        "alert": bool(table.alert),
+        "alerts": inputs.alerts,
+        "competitors": competitor_equations(inputs),
         "has_own_section": shown_by(inputs.fit.body) is not None,
         "sections": sections_of(inputs),
         "figures": figures,
@@ -86,9 +95,10 @@ def write_report(
     """Write the report into the folder `out`, byte for byte the same for the same inputs.
 
     - `figures`: names out of `reporting.order.FIGURES`.
-    - `formats`: `html`: index.html, with the figures in it; `svg`: a file for each figure; `csv`,
-      `tex`: tables/*; `pdf`, `png`, `pgf`: panels/*, every panel of every figure in these formats
-      (and as SVG where that is asked for too), and as CSV.
+    - `formats`: `html`: index.html, with the figures in it as quick drawings; `svg`: a file for
+      each figure, drawn by Matplotlib, and the same on the page; `csv`, `tex`: tables/*; `pdf`,
+      `png`, `pgf`: panels/*, every panel of every figure in these formats (and as SVG where that is
+      asked for too), and as CSV.
     - `others`: the other outputs of the run, on the same page.
     """
     out.mkdir(parents=True, exist_ok=True)
@@ -101,24 +111,27 @@ def _write_files(
     inputs: ReportInputs, out: Path, figures: Sequence[str], formats: Sequence[str]
 ) -> Figures:
     """Write the files of one output beside the page; return its figures."""
-    for suffix, text_of in TABLE_FILES.items():
+    for suffix, written in TABLE_FILES.items():
         for table in all_tables(inputs) if suffix in formats else ():
             if suffix == "csv" or table.rows:  # a document does not want a table of nothing
                 path = out / "tables" / f"{inputs.prefix}{table.name}.{suffix}"
-                _write_file(path, text_of(table))
+                _write_file(path, written(table))
     sections: dict[str, list[RenderedFigure]] = {}
     if set(formats) <= set(TABLE_FILES):
         return sections
+    quick = set(formats) <= {"html", *TABLE_FILES}
     drawn = [
         (name, replace(drawing, name=f"{inputs.prefix}{drawing.name}"))
         for name in FIGURES
-        if name in figures
+        if name in figures and not (quick and name in FILES_ALONE)
         for drawing in drawings(name, inputs)
     ]
     for name, drawing in drawn if {"html", "svg"} & set(formats) else ():
-        figure = render_figure(drawing, inputs.style)
+        figure = None if "svg" in formats else sketched(drawing, inputs.style)
+        figure = figure or render_figure(drawing, inputs.style)
         if "svg" in formats:
             _write_file(out / f"{figure.name}.svg", SVG_PROLOGUE + figure.svg)
+        figure = replace(figure, numbers=numbers_of(drawing) if "html" in formats else "")
         sections.setdefault(FIGURES[name], []).append(figure)
     if set(formats) & {"pdf", "png", "pgf"}:
         suffixes = sorted(set(formats) & {"pdf", "png", "pgf", "svg"})
@@ -161,6 +174,29 @@ def data_csv(data: Mapping[str, Values]) -> str:
     """
     columns = (np.asarray(values, dtype=object) for values in data.values())
     return rows_to_csv(data, zip(*(map(number_text, cells) for cells in columns), strict=True))
+
+
+MOST_NUMBERS = 400
+"""Samples of a panel that a page has as numbers; files have all of them."""
+
+
+def numbers_of(drawing: Drawing) -> str:
+    """Return what the panels of a figure were drawn from as CSV, evenly thinned, six significant
+    digits: a block for each panel.
+    """
+    blocks = []
+    for panel in (one for one in drawing.panels if one.data):
+        columns = [np.asarray(values) for values in panel.data.values()]
+        rows = evenly(len(columns[0]), MOST_NUMBERS)
+        cells = (
+            (format(cell, ".6g") if np.isfinite(cell) else "" for cell in column[rows].tolist())
+            if column.dtype.kind == "f"
+            else column[rows].astype(str).tolist()
+            for column in columns
+        )
+        lines = ((panel.key, *row) for row in zip(*cells, strict=True))
+        blocks.append(rows_to_csv(("panel", *panel.data), lines))
+    return "\n".join(blocks)
 
 
 def _write_file(path: Path, text: str) -> None:

@@ -305,8 +305,9 @@ class Report(Section):
     """Figures and files of the report.
 
     - `figures`: the figures, in their order, as `[data, fit, error]`
-    - `formats`: `html` is the page, `svg` a file for each figure, `csv` and `tex` the tables; with
-      `pdf`, `png` or `pgf` every panel is a file of its own in `panels/`, beside the numbers that
+    - `formats`: `html` is the page, with quick drawings of the figures; `csv` and `tex` are the
+      tables; `svg` is a file for each figure, drawn as for print, also on the page; with `pdf`,
+      `png` or `pgf` every panel is a file of its own in `panels/`, beside the numbers that
       it was drawn from, as `[html, pdf]`
     - `style`: how figures look, as `{width: 85 mm, size: 9}`
     - `published`: numbers of a publication to show beside, as `{source: M2 table 5, nrmse: {sarosi:
@@ -318,11 +319,7 @@ class Report(Section):
     """
 
     figures: list[Literal[tuple(FIGURES)]] = list(FIGURES)  # type: ignore[valid-type]
-    formats: list[Literal["html", "csv", "tex", "svg", "pdf", "png", "pgf"]] = [
-        "html",
-        "csv",
-        "svg",
-    ]
+    formats: list[Literal["html", "csv", "tex", "svg", "pdf", "png", "pgf"]] = ["html", "csv"]
     style: Style = Style()
     over: Literal["time"] | None = None
     published: PublishedScores | None = None

@@ -32,13 +32,19 @@ def cleaned(runs, mapmore):
     return clean
 
 
+def there(runs):
+    """Names in a folder of runs, but the page of all of them and its lock."""
+    return {path.name for path in runs.iterdir()} - {"index.html", ".lock"}
+
+
 def everything(folder):
-    """All that lies below a folder, links not followed."""
-    return sorted(
+    """All that lies below a folder of runs but their page, links not followed."""
+    found = {
         (Path(parent) / name).relative_to(folder).as_posix()
         for parent, folders, names in os.walk(folder)
         for name in (*folders, *names)
-    )
+    }
+    return sorted(found - {"index.html", ".lock"})
 
 
 def test_files_are_listed_then_moved_to_the_trash_then_removed(runs, cleaned):
@@ -49,13 +55,13 @@ def test_files_are_listed_then_moved_to_the_trash_then_removed(runs, cleaned):
     assert (listed["removed"], everything(runs)) == (False, before)
     shutil.copytree(runs, runs.parent / "again")
     assert cleaned("--yes")["removed"] is True
-    assert [path.name for path in runs.iterdir()] == [".trash"]
+    assert there(runs) == {".trash"}
     (trash,) = (runs / ".trash").glob("*/bench")
     assert {f"bench/{one}" for one in everything(trash)} == {*before} - {"bench", "bench/.lock"}
     assert cleaned("--yes")["files"] == []  # the trash is no run
     (runs.parent / "again" / "bench").rename(runs / "bench")
     cleaned("--yes", "--now")
-    assert [path.name for path in runs.iterdir()] == [".trash"]
+    assert there(runs) == {".trash"}
 
 
 def precious(folder, name, text="mine"):
@@ -157,7 +163,7 @@ def test_what_killed_processes_left_goes_with_the_run(runs, cleaned):
     (run / ".tmp-0123456789ab-fit" / "fit.h5").write_text("half")
     (run / ".tmp-0123456789ab-run.json").write_text("half")
     cleaned("--yes")
-    assert [path.name for path in runs.iterdir()] == [".trash"]
+    assert there(runs) == {".trash"}
 
 
 def test_a_cleaning_that_is_killed_can_be_finished(runs, cleaned, monkeypatch):
@@ -181,7 +187,7 @@ def test_a_cleaning_that_is_killed_can_be_finished(runs, cleaned, monkeypatch):
             os._exit(0)
         assert os.waitpid(child, 0)[1] == signal.SIGKILL
         cleaned("--yes")
-        assert [path.name for path in runs.iterdir()] == [".trash"]
+        assert there(runs) == {".trash"}
         moved = {
             one
             for place in (runs / ".trash").glob("*/bench*")

@@ -1,20 +1,27 @@
 """`run` and the stage commands on a real study: results on stdout, everything else on stderr."""
 
 import json
+import re
+import shlex
 from dataclasses import fields
+from html import unescape
 from pathlib import Path
 
+import numpy as np
 import pytest
 from cli_samples import OWN, by_place, edit
 
 from mapmore_cli.domain.scores import Score
+from mapmore_cli.reporting.table import title_of
+from mapmore_cli.storage.run_folder import RunFiles
 
 STAGES = ["ingest", "segment", "fit", "fuse", "validate", "report"]
 
 
 def test_run_prints_scores_beside_the_published_ones_and_the_page(study, mapmore):
     result = mapmore("run", study, code=0)
-    assert [line.split(":")[0] for line in result.stderr.splitlines()] == STAGES
+    lines = [line.split(":")[0] for line in result.stderr.splitlines()]
+    assert [line for line in lines if line != "warning"] == STAGES
     assert "published NRMSE" in result.stdout
     assert "2.2" in result.stdout
     page = Path("runs", "bench", "report", "index.html")
@@ -34,7 +41,36 @@ def test_tables_are_neither_coloured_nor_cut_off_in_a_pipe(finished, mapmore, mo
 def test_second_run_does_nothing_and_says_so(finished, mapmore):
     spec, runs = finished
     result = mapmore("run", spec, "--runs", runs)
-    assert result.stderr.splitlines() == [f"{stage}: up-to-date" for stage in STAGES]
+    stages = [line for line in result.stderr.splitlines() if not line.startswith("warning: ")]
+    assert stages == [f"{stage}: up-to-date" for stage in STAGES]
+
+
+def test_what_speaks_against_the_number_is_said_in_the_same_words_everywhere(
+    finished, mapmore, document
+):
+    spec, runs = finished
+    alerts = document("run", spec, "--runs", runs, "-q")["alerts"]
+    assert {"few curves", "competitor"} <= {alert["kind"] for alert in alerts}
+    sentences = [alert["sentence"] for alert in alerts]
+    lines = mapmore("run", spec, "--runs", runs).stderr.splitlines()
+    assert [line for line in lines if line.startswith("warning")] == [
+        f"warning: {sentence}" for sentence in sentences
+    ]
+    page = unescape((runs / "bench" / "report" / "index.html").read_text())
+    places = [page.index(f">{sentence}</a>") for sentence in sentences]
+    assert places == sorted(places)
+
+
+def test_the_page_says_how_to_make_the_run_again(finished):
+    spec, runs = finished
+    page = unescape((runs / "bench" / "report" / "index.html").read_text())
+    command = re.search(r'<code data-copy="the command">(.*?)</code>', page)[1]
+    assert command.startswith("mapmore run ")
+    assert (runs.parent / shlex.split(command)[2]).resolve() == Path(spec).resolve()
+    record = json.loads((runs / "bench" / "run.json").read_text())
+    for stamp in record["stages"]["ingest"]["inputs"].values():
+        assert stamp["sha256"] in page
+    assert "seconds by stage" in page
 
 
 def test_json_has_the_promised_shape(finished, document):
@@ -49,6 +85,7 @@ def test_json_has_the_promised_shape(finished, document):
         "missed",
         "warnings",
         "unconfirmed",
+        "alerts",
     ]
     assert (run["name"], run["run_dir"]) == ("bench", str(runs / "bench"))
     assert run["stages"] == dict.fromkeys(STAGES, "up-to-date")
@@ -153,3 +190,32 @@ def test_guesses_that_nobody_confirmed_are_counted(count, words, study, mapmore)
     if count == 2:
         edit(study, "{method: even, count: 2}}", "{method: even, count: 2}}  # CHECK: so many?")
     mapmore("ingest", study, code=0, says=f"{words} not confirmed")
+
+
+def computed(text, columns):
+    """What an equation of a page says, computed by Python from its text."""
+    body, _, where = text.partition(", where ")
+    known = {"exp": np.exp, "log": np.log, "sqrt": np.sqrt, **columns}
+    for line in where.split(", ") if where else ():
+        name, _, meaning = line.partition(" = ")
+        known[name] = eval(meaning.replace("^", "**"), known)  # of our own page
+    return eval(body.replace("^", "**"), known)
+
+
+def test_competitors_can_be_computed_from_the_page(finished):
+    _, runs = finished
+    page = (runs / "bench" / "report" / "index.html").read_text()
+    listed = re.search(r'<dl class="equations competitors">(.*?)</dl>', page, re.DOTALL)[1]
+    pattern = r'<dt>(.*?)</dt>.*?<code class="line">(.*?)</code>'
+    shown = {title: unescape(text) for title, text in re.findall(pattern, listed, re.DOTALL)}
+    files = RunFiles(runs / "bench")
+    predictions, dataset = files.validation().predictions, files.dataset()
+    others = [name for name in predictions if name not in ("mapmore", "arx")]
+    assert {title_of(name) for name in others} == {*shown}
+    assert {"polynomial_2", "plane", "quadratic", "cubic"} <= {*others}
+    for name in others:
+        for number, curve in enumerate(dataset.curves):
+            rows = np.linspace(0, curve.size - 1, 3).astype(int)
+            columns = {key: values[rows] for key, values in curve.columns.items()}
+            found, known = computed(shown[title_of(name)], columns), predictions[name][number]
+            np.testing.assert_allclose(found, known[rows], rtol=1e-4, atol=1e-4 * np.ptp(known))

@@ -355,8 +355,8 @@ def try_text(chance, number, folder):
 def _figure(title, label, entry, maths):
     """Fault where a figure is no XML, or TeX obeys more of it than of one whose texts are plain."""
     from mapmore_cli.reporting.figures.drawing import to_svg
-    from mapmore_cli.reporting.figures.pgf import to_pgf
     from mapmore_cli.reporting.figures.style import figure_style, wrong_formula
+    from mapmore_cli.reporting.pgf import to_pgf
 
     with figure_style():
         ElementTree.fromstring(to_svg(_drawn(title, label, entry, False), "a", title))
@@ -383,7 +383,7 @@ def _drawn(title, label, entry, maths):
 
 @cache
 def tex_of_figures():
-    from mapmore_cli.reporting.figures.pgf import to_pgf
+    from mapmore_cli.reporting.pgf import to_pgf
 
     return frozenset(tex_commands(to_pgf(_drawn("a", "b", "c", False))))
 

@@ -21,7 +21,9 @@ def test_a_polynomial_is_found_exactly(degree, inputs, seed):
     truth = np.sum(x, axis=1) ** degree + 3.0
     held_out = np.arange(80) >= 60
     columns["y"] = np.where(held_out, 1e6, truth)
-    (found,) = simple.polynomial_fit(degree, dataset_of(columns, held_out=held_out), names) or []
+    dataset = dataset_of(columns, held_out=held_out)
+    fitted = simple.polynomial_fit(degree, dataset, names)
+    (found,) = fitted.of_curves(dataset)
     np.testing.assert_allclose(found, truth, rtol=1e-7, atol=1e-7)
 
 

@@ -89,6 +89,7 @@ def batch(
     from mapmore_cli.cli.views import page_lines
     from mapmore_cli.pipeline.jobs import Job
     from mapmore_cli.pipeline.runner import Options
+    from mapmore_cli.pipeline.runs_page import write_runs_page
     from mapmore_cli.pipeline.sealed import known_by_seal, run_and_seal
     from mapmore_cli.storage.run_folder import refuse_foreign
     from mapmore_cli.storage.run_record import CAMPAIGN_RECORD
@@ -145,6 +146,8 @@ def batch(
             )
             for one in campaigns
         ]
+        done = [one for one in results.values() if not isinstance(one, BaseException)]
+        write_runs_page(runs, done, reporter.warn)
     in_campaigns = {names[number] for one in campaigns for number in one.jobs}
     alone = {name: result for name, result in ordered.items() if name not in in_campaigns}
     tables = [table for _, of_page in pages for table in of_page]

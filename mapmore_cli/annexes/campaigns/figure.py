@@ -70,7 +70,7 @@ def campaign_figures(scores: CampaignScores) -> list[Drawing]:
             dots = (FLOOR if model == REPEATABILITY else dots) | {"zorder": 3 - 0.1 * place}
             ax.plot(errors[model][known], rows[known], linestyle="none", label=model, **dots)
         panels.label_rows(ax, panels.told_apart(runs, 40))
-        panels.plain_logarithm(ax.xaxis, (1.0, 2.0, 5.0))
+        panels.plain_logarithm(ax, "x", (1.0, 2.0, 5.0))
 
     caption = f"NRMSE of every run, further left is better. The {BEST_OTHER}: known afterwards."
     if exact:

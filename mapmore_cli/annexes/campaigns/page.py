@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 from mapmore_cli.domain.errors import SpecError, UsageError, error_text
 from mapmore_cli.reporting.order import RUN_PAGE
+from mapmore_cli.reporting.scripts import scripts, text_of
 from mapmore_cli.reporting.table import Table, environment, to_csv
 from mapmore_cli.storage.atomic import make_folder, refusals_told, write_text
 from mapmore_cli.storage.ownership import to_trash
@@ -142,7 +143,14 @@ def render_campaign(
 
     template = environment().get_template("campaign.html")
     tables = [table.head(MOST_ROWS) for table in tables]
-    return template.render(title=title, tables=tables, figures=figures, pages=pages, failed=failed)
+    return template.render(
+        title=title,
+        tables=tables,
+        figures=figures,
+        pages=pages,
+        failed=failed,
+        scripts=scripts([text_of("tables.js")]),
+    )
 
 
 def run_names(

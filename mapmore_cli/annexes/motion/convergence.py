@@ -5,15 +5,18 @@ iteration (P section 2.2).
 from __future__ import annotations
 
 from functools import partial
+from typing import TYPE_CHECKING
 
 import numpy as np
-from matplotlib.axes import Axes
 
 from mapmore_cli.annexes.motion.body import FALL, MotionFit
 from mapmore_cli.reporting.figures.drawing import DOUBLE, Drawing, Layout, Panel
 from mapmore_cli.reporting.figures.panels import key, plain_logarithm
 from mapmore_cli.reporting.figures.style import BLACK, GREY
 from mapmore_cli.reporting.inputs import ReportInputs
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 
 def draw(inputs: ReportInputs) -> list[Drawing]:
@@ -52,4 +55,4 @@ def draw_searches(ax: Axes, fit: MotionFit) -> None:
         # an exact fit has no place on a logarithmic axis
         best = np.maximum(search.history, np.finfo(np.float64).tiny)
         ax.plot(best, color=colour, linestyle=line, linewidth=0.7)
-    plain_logarithm(ax.yaxis)
+    plain_logarithm(ax, "y")

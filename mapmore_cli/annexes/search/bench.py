@@ -129,9 +129,9 @@ class Bench:
         inputs of the study, since what lies beyond is to be foretold.
         """
         target = self.study.target
-        plane = polynomial_fit(1, self.study, self.situation.inputs) or ()
+        plane = polynomial_fit(1, self.study, self.situation.inputs)
         every = [curve.columns[target][curve.training] for curve in self.study.curves]
-        return extremes(np.concatenate([*every, *plane]))
+        return extremes(np.concatenate([*every, *(plane.of_curves(self.study) if plane else ())]))
 
 
 def searchable(dataset: Dataset) -> Dataset:

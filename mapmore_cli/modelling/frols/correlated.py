@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from scipy.linalg.lapack import dtbtrs
 
 from mapmore_cli.domain.arrays import Array
 
@@ -155,14 +156,18 @@ def _rows(lengths: Sequence[int]) -> Iterator[slice]:
 
 
 def _together(columns: Array, lengths: Sequence[int], kept: float) -> Array:
-    """Return `R columns`, (n, k), with `R_ij = kept^|i-j|` within a recording."""
-    from scipy.signal import lfilter
+    """Return `R columns`, (n, k), with `R_ij = kept^|i-j|` within a recording.
 
+    `R = A^-1 + A^-T - I` with ones on the diagonal of A and `-kept` below it. SciPy's filters do
+    the same, but loading `scipy.signal` takes a quarter of the time of a small run.
+    """
     turned = np.empty_like(columns)
-    for rows in _rows(lengths):
+    for rows in (rows for rows in _rows(lengths) if rows.stop > rows.start):
         own = columns[rows]
-        back = lfilter([1.0], [1.0, -kept], own[::-1], axis=0)[::-1]
-        turned[rows] = lfilter([1.0], [1.0, -kept], own, axis=0) + back - own
+        band = np.repeat([[1.0], [-kept]], len(own), axis=1)
+        onward, _ = dtbtrs(band, own, uplo="L")
+        back, _ = dtbtrs(band, own, uplo="L", trans="T")
+        turned[rows] = onward + back - own
     return turned
 
 

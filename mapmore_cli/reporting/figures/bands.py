@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
-from matplotlib.axes import Axes
 
 from mapmore_cli.reporting.figures.drawing import Drawing, Layout, Panel
 from mapmore_cli.reporting.figures.panels import looks_of, plain_logarithm, told_apart
 from mapmore_cli.reporting.inputs import ReportInputs
 from mapmore_cli.reporting.table import title_of
 from mapmore_cli.reporting.tables import bands_table
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 
 def draw(inputs: ReportInputs) -> list[Drawing]:
@@ -29,7 +33,7 @@ def draw(inputs: ReportInputs) -> list[Drawing]:
             look = looks[model]
             ax.plot(line, marker=look.marker, markersize=3, label=name, **look.line)
         if positive and max(positive) > 20 * min(positive):
-            plain_logarithm(ax.yaxis, (1.0, 2.0, 5.0))
+            plain_logarithm(ax, "y", (1.0, 2.0, 5.0))
         else:
             ax.set_ylim(bottom=0)
         ends = [f"{_short(band.low)}\N{EN DASH}{_short(band.high)}" for band in sizes]

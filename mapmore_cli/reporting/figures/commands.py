@@ -5,10 +5,9 @@ model by itself for notebooks.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from matplotlib.axes import Axes
 
 from mapmore_cli.domain.arrays import Columns
 from mapmore_cli.domain.models import Formula, Model, Pieces
@@ -19,6 +18,9 @@ from mapmore_cli.modelling.validation.intervals import half_widths_of
 from mapmore_cli.modelling.validation.shown import varying_input
 from mapmore_cli.reporting.figures import panels, style
 from mapmore_cli.reporting.figures.drawing import Drawing, Layout, Panel
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 HELD_OUT: dict[str, Any] = panels.DOT | {"markersize": 2, "color": style.GREY, "zorder": 0}
 

@@ -4,17 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import partial
+from typing import TYPE_CHECKING
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.ticker import MaxNLocator
 
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.recording import Quantity
 from mapmore_cli.reporting.figures.drawing import Drawing, Layout, Panel
 from mapmore_cli.reporting.figures.panels import draw_trace, places, some_of
+from mapmore_cli.reporting.figures.sketch import is_sketch
 from mapmore_cli.reporting.figures.style import BLUE
 from mapmore_cli.reporting.inputs import ReportInputs
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 MOST_RECORDINGS, MOST_QUANTITIES = 5, 12
 """Panels beside each other and below each other: the time to draw them grows with the square of
@@ -75,5 +78,5 @@ def draw_columns(*axes: Axes, columns: Mapping[str, Array]) -> None:
     x, *others = columns.values()
     for ax, values in zip(axes, others, strict=False):
         draw_trace(ax, x, values, color=BLUE, linewidth=0.7)
-        ax.xaxis.set_major_locator(MaxNLocator(4))
-        ax.yaxis.set_major_locator(MaxNLocator(4))
+        if not is_sketch(ax):
+            ax.locator_params(nbins=4)

@@ -12,21 +12,21 @@ from dataclasses import dataclass, field, replace
 from functools import cache
 from html import escape
 from types import ModuleType
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
-from matplotlib import rc_context
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
-from matplotlib.layout_engine import ConstrainedLayoutEngine
 
 from mapmore_cli.domain import plugins
 from mapmore_cli.domain.errors import UsageError
 from mapmore_cli.domain.foreign import xml_text
-from mapmore_cli.reporting.figures.panels import titles
+from mapmore_cli.reporting.figures.panels import Key, titles
 from mapmore_cli.reporting.figures.style import PLAIN, figure_style
 from mapmore_cli.reporting.inputs import SINGLE, FigureStyle, ReportInputs
 from mapmore_cli.reporting.table import title_of
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 POINTS = 72
 """Points an inch. Figures have as many dots an inch, so that what is measured are points."""
@@ -100,7 +100,7 @@ class Drawing:
 
     - `name`: stem of its file, as `fit`.
     - `caption`: what it shows, and what was left out of it.
-    - `legend`: handles of the legend above the panels, where these are not what is drawn with a
+    - `legend`: entries of the legend above the panels, where these are not what is drawn with a
       label.
     """
 
@@ -108,7 +108,7 @@ class Drawing:
     caption: str
     panels: tuple[Panel, ...]
     grid: Layout
-    legend: Sequence[Any] = ()
+    legend: Sequence[Key] = ()
 
     @property
     def alt(self) -> str:
@@ -169,12 +169,13 @@ def panel_of(name: str, inputs: ReportInputs, words: str) -> tuple[Drawing, Pane
 
 @dataclass(frozen=True)
 class RenderedFigure:
-    """A figure as SVG; `width` in inches."""
+    """A figure as SVG; `width` in inches; `numbers` are what it was drawn from (CSV)."""
 
     name: str
     caption: str
     svg: str
     width: float
+    numbers: str = ""
 
 
 def render_figure(drawing: Drawing, style: FigureStyle = PLAIN) -> RenderedFigure:
@@ -189,6 +190,47 @@ def render_figure(drawing: Drawing, style: FigureStyle = PLAIN) -> RenderedFigur
         )
 
 
+class Arrangement(NamedTuple):
+    """The panels of a figure with their headings, how many stand side by side, and the width of
+    them all in inches.
+    """
+
+    panels: tuple[Panel, ...]
+    headings: list[str]
+    columns: int
+    width: float
+
+
+def arranged(
+    drawing: Drawing, style: FigureStyle, panel: Panel | None = None, width: float | None = None
+) -> Arrangement:
+    """Return how the panels of a figure stand on a page; or one `panel` alone, as wide as the style
+    says. With a `width`, all panels are as wide as that together, and fewer side by side.
+    """
+    grid, panels = drawing.grid, drawing.panels if panel is None else (panel,)
+    columns = min(grid.columns or (2 if len(panels) == 4 else 3), len(panels))
+    if panel is not None:
+        width = style.width
+    elif width is not None:
+        columns = min(columns, max(1, int(columns * width / DOUBLE)))
+    width = width or grid.width or (SINGLE if len(panels) == 1 else DOUBLE)
+    names = [title_of(one.title) for one in drawing.panels]
+    headings = titles(names, int((width / columns - BESIDE) / _letter(style.size - 1)))
+    own = [headings[drawing.panels.index(one)] for one in panels]
+    return Arrangement(panels, own, columns, width)
+
+
+def _letter(size: float) -> float:
+    """Return the width of a letter of so many points, inches."""
+    return 0.55 * size / POINTS
+
+
+def legend_columns(labels: Sequence[str], width: float, size: float) -> int:
+    """Return as many entries side by side as fit, by the longest, in rows of nearly one length."""
+    most = max(1, int(width / (_letter(size) * (max(map(len, labels)) + 7.6))))
+    return math.ceil(len(labels) / math.ceil(len(labels) / most))
+
+
 def compose(
     drawing: Drawing,
     style: FigureStyle = PLAIN,
@@ -200,17 +242,12 @@ def compose(
 
     With a `width`, in inches, all panels are as wide as that together, and fewer side by side.
     """
+    from matplotlib.figure import Figure
+    from matplotlib.layout_engine import ConstrainedLayoutEngine
+
     grid, stack = drawing.grid, len(drawing.grid.stack)
-    panels = drawing.panels if panel is None else (panel,)
-    columns = min(grid.columns or (2 if len(panels) == 4 else 3), len(panels))
-    if panel is not None:
-        width = style.width
-    elif width is not None:
-        columns = min(columns, max(1, int(columns * width / DOUBLE)))
-    width = width or grid.width or (SINGLE if len(panels) == 1 else DOUBLE)
-    rows, letter = math.ceil(len(panels) / columns), 0.55 * (style.size - 1) / POINTS
-    names = [title_of(one.title) for one in drawing.panels]
-    headings = titles(names, int((width / columns - BESIDE) / letter))
+    panels, headings, columns, width = arranged(drawing, style, panel, width)
+    rows = math.ceil(len(panels) / columns)
     figure = Figure(figsize=(width, rows * grid.height), dpi=POINTS)
     every = figure.subplots(
         stack * rows,
@@ -222,17 +259,15 @@ def compose(
         subplot_kw={"projection": grid.projection},
     )
     of_panels = every.reshape(rows, stack, columns).swapaxes(1, 2).reshape(-1, stack)
-    for one, axes in zip(panels, of_panels, strict=False):
-        _fill([*axes], one, headings[drawing.panels.index(one)], grid, style, columns)
+    for one, heading, axes in zip(panels, headings, of_panels, strict=False):
+        _fill([*axes], one, heading, grid, style, columns)
     for ax in of_panels[len(panels) :].flat:
         ax.remove()
-    handles = list(drawing.legend) or _labelled(figure)
+    handles = [one.artist() for one in drawing.legend] or _labelled(figure)
     figure.set_figheight(rows * grid.height + (0.45 if handles else 0.2))
     if handles:
         labels = [title_of(str(handle.get_label())) for handle in handles]
-        # as many entries side by side as fit, by the longest, and rows of nearly one length
-        most = max(1, int(width / (letter * (max(map(len, labels)) + 7.6))))
-        ncols = math.ceil(len(labels) / math.ceil(len(labels) / most))
+        ncols = legend_columns(labels, width, style.size - 1)
         scale = 1.0 if drawing.legend else LEGEND_SCALE
         figure.legend(handles, labels, loc="outside upper left", ncols=ncols, markerscale=scale)
     figure.align_ylabels()
@@ -273,15 +308,18 @@ SVG_PROLOGUE = '<?xml version="1.0" encoding="utf-8"?>\n'
 DOTS_PER_INCH = 300
 
 _PROLOGUE = re.compile(r"\A.*?(?=<svg\b)", re.DOTALL)
-_GROUP_ID = re.compile(r'<g id="[^"]*"')
+_GROUP_ID = re.compile(r'<g id="(?:(map)|[^"]*)"')
 
 
 def to_svg(figure: Figure, name: str, alt: str) -> str:
     """Return an `<svg>` element that can stand in a page or in a file of its own.
 
     No date, no creator, and definitions named by a hash of their content, salted by the `name`.
-    Groups lose their names (`axes_1`), which would repeat between the figures of one page.
+    Groups lose their names (`axes_1`), which would repeat between the figures of one page; those
+    with the name `map` get this class, as the colours of a map are not inverted on a dark page.
     """
+    from matplotlib import rc_context
+
     text = io.StringIO()
     with rc_context({"svg.hashsalt": name}):
         figure.savefig(
@@ -289,7 +327,8 @@ def to_svg(figure: Figure, name: str, alt: str) -> str:
             format="svg",
             metadata={"Date": None, "Creator": None, "Format": None, "Type": None},
         )
-    svg = _GROUP_ID.sub("<g", _PROLOGUE.sub("", xml_text(text.getvalue(), "\n")))
+    plain = _PROLOGUE.sub("", xml_text(text.getvalue(), "\n"))
+    svg = _GROUP_ID.sub(lambda group: '<g class="map"' if group[1] else "<g", plain)
     return svg.replace("<svg ", f'<svg role="img" aria-label="{escape(xml_text(alt))}" ', 1)
 
 
@@ -303,9 +342,11 @@ def to_bytes(figure: Figure, suffix: str, name: str, alt: str) -> bytes:
     if suffix == "svg":
         return (SVG_PROLOGUE + to_svg(figure, name, alt)).encode()
     if suffix == "pgf":
-        from mapmore_cli.reporting.figures.pgf import to_pgf  # a third of what figures import
+        from mapmore_cli.reporting.pgf import to_pgf  # a third of what figures import
 
         return to_pgf(figure).encode()
+    from matplotlib import rc_context
+
     unsaid = dict.fromkeys(("CreationDate", "Creator", "Producer"))
     metadata: dict[str, Any] = (
         {**unsaid, "Title": alt} if suffix == "pdf" else {"Software": None, "Description": alt}

@@ -10,10 +10,9 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from matplotlib.axes import Axes
 
 from mapmore_cli.domain.arrays import Array, BoolArray, IntArray
 from mapmore_cli.domain.models import Formula, Pieces
@@ -26,6 +25,9 @@ from mapmore_cli.reporting.figures.drawing import DOUBLE, Drawing, Layout, Panel
 from mapmore_cli.reporting.figures.style import ModelStyle
 from mapmore_cli.reporting.inputs import MOST_LINES, ReportInputs
 from mapmore_cli.reporting.table import title_of
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 MOST_TIMED, MOST_LOOPS, MOST_SPANS, MOST_CURVES = 5, 3, 6, 10
 """Models over time; recordings and models of loops; grey regions of a curve; training curves."""

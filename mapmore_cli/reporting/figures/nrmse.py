@@ -3,10 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Any
-
-from matplotlib.axes import Axes
-from matplotlib.patches import Patch
+from typing import TYPE_CHECKING, Any
 
 from mapmore_cli.domain.scores import REPEATABILITY
 from mapmore_cli.reporting.figures.drawing import Drawing, Layout, Panel
@@ -15,6 +12,9 @@ from mapmore_cli.reporting.figures.style import BLACK, GREY
 from mapmore_cli.reporting.inputs import ReportInputs
 from mapmore_cli.reporting.score_tables import full_scale
 from mapmore_cli.reporting.table import title_of
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 BAR = 0.36
 SPLITS = {"validate": "held out", "train": "training"}
@@ -71,9 +71,7 @@ def draw(inputs: ReportInputs) -> list[Drawing]:
         label_rows(ax, titles([title_of(model) for model in inputs.models], 18))
         ax.set_xlim(left=0)
 
-    handles: list[Any] = [
-        Patch(label=SPLITS[split], **_bar_look(BLACK, split == splits[0])) for split in splits
-    ]
+    handles = [key(SPLITS[split], **_bar_look(BLACK, split == splits[0])) for split in splits]
     caption = (
         "Normalised root mean square error of all curves pooled. "
         f"{full_scale(pooled, inputs.target.unit)}"

@@ -7,29 +7,32 @@ from __future__ import annotations
 import re
 import textwrap
 from collections.abc import Iterable, Sequence
-from typing import Any
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
-from matplotlib import rcParams
-from matplotlib.axes import Axes
-from matplotlib.axis import Axis
-from matplotlib.lines import Line2D
-from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from mapmore_cli.domain.arrays import Array, IntArray
 from mapmore_cli.domain.recording import Quantity
 from mapmore_cli.modelling.signals.sampling import envelope
 from mapmore_cli.modelling.validation.intervals import INTERVAL, interval_limits
+from mapmore_cli.reporting.figures.sketch import is_sketch
 from mapmore_cli.reporting.figures.style import GREY, ModelStyle, model_styles
 from mapmore_cli.reporting.inputs import ReportInputs
 from mapmore_cli.reporting.table import title_of
+
+if TYPE_CHECKING:
+    from matplotlib.artist import Artist
+    from matplotlib.axes import Axes
 
 MOST_PANELS = 6
 """Panels of curves in one figure; of more curves, some stand for all."""
 
 DOTS = 200
-POINTS = 2000
-"""Dots of a curve, and points of a line over time; of more samples some are drawn."""
+POINTS, SKETCHED = 2000, 600
+"""Dots of a curve, and points of a line over time, in print and on a page; of more samples some are
+drawn.
+"""
 
 STRETCHES = 150
 """A line of more than four samples a stretch of the axis is drawn as their means and their range.
@@ -44,9 +47,13 @@ DOT: dict[str, Any] = {"linestyle": "none", "marker": "o", "markersize": 3}
 
 def draw_line(ax: Axes, x: Array, y: Array, sets_scale: bool = True, **look: Any) -> None:
     """Draw a line or dots; axes do not grow for one that does not set the scale."""
-    if sets_scale:
+    if is_sketch(ax):
+        ax.plot(x, y, scales=sets_scale, **look)
+    elif sets_scale:
         ax.plot(x, y, **look)
     else:
+        from matplotlib.lines import Line2D
+
         ax.add_artist(Line2D(x, y, **look))
 
 
@@ -58,7 +65,7 @@ def draw_dots(ax: Axes, x: Array, y: Array, most: int = DOTS, **look: object) ->
 
 def draw_trace(ax: Axes, x: Array, y: Array, **look: Any) -> None:
     """Draw a line over time, thinned so that its peaks remain."""
-    rows = envelope(y, POINTS)
+    rows = envelope(y, SKETCHED if is_sketch(ax) else POINTS)
     draw_line(ax, x[rows], y[rows], **look)
 
 
@@ -127,11 +134,18 @@ def evenly(count: int, limit: int) -> list[int]:
 # --------------------------------------------------------------------------------------------------
 
 
-def plain_logarithm(axis: Axis, subs: Sequence[float] | None = None) -> None:
+def plain_logarithm(ax: Axes, side: Literal["x", "y"], subs: Sequence[float] | None = None) -> None:
     """Scale an axis by logarithms, labelled with plain numbers as 0.5, 1, 2; `subs` are the
     labelled multiples of the powers of ten.
     """
-    (axis.axes.set_xscale if axis is axis.axes.xaxis else axis.axes.set_yscale)("log")
+    if is_sketch(ax):
+        scaled = ax.xaxis if side == "x" else ax.yaxis
+        scaled.logarithmic, scaled.subs = True, subs or (1.0,)
+        return
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+    axis = ax.xaxis if side == "x" else ax.yaxis
+    (ax.set_xscale if side == "x" else ax.set_yscale)("log")
     if subs is not None:
         axis.set_major_locator(LogLocator(subs=subs))
     axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
@@ -154,18 +168,55 @@ def write_at(
     ax: Axes, text: str, place: tuple[Any, Any], offset: tuple[int, int], **look: Any
 ) -> None:
     """Write small letters so many points beside a place."""
-    size = rcParams["xtick.labelsize"]
-    ax.annotate(text, place, offset, textcoords="offset points", fontsize=size, **look)
+    if not is_sketch(ax):
+        from matplotlib import rcParams
+
+        look |= {"textcoords": "offset points", "fontsize": rcParams["xtick.labelsize"]}
+    ax.annotate(text, place, offset, **look)
 
 
-def key(label: str, **look: Any) -> Line2D:
+@dataclass(frozen=True)
+class Key:
+    """An entry of a legend: a line with its markers, or a patch, which has a `facecolor`."""
+
+    label: str
+    look: dict[str, Any]
+
+    def artist(self) -> Artist:
+        """Return the entry as Matplotlib draws it."""
+        from matplotlib.lines import Line2D
+        from matplotlib.patches import Patch
+
+        if "facecolor" in self.look:
+            return Patch(label=self.label, **self.look)
+        return Line2D([], [], label=self.label, **self.look)
+
+
+def colour_bar(ax: Any, shades: Any, label: str, **look: Any) -> None:
+    """Draw what the colours of `shades` mean, at the right of axes; both are named as a map, whose
+    colours a dark page must not invert.
+    """
+    bar = ax.figure.colorbar(shades, ax=ax, label=label, use_gridspec=False, **look)
+    for part in () if is_sketch(ax) else (shades, bar.solids):
+        part.set_gid("map")
+
+
+def key(label: str, **look: Any) -> Key:
     """Return the entry of a legend."""
-    return Line2D([], [], label=label, **look)
+    return Key(label, look)
 
 
 def heading(quantity: Quantity) -> str:
     """Return the heading of a quantity's column among the numbers of a panel."""
     return f"{quantity.name} [{quantity.unit}]"
+
+
+RAISED = str.maketrans("0123456789", "⁰¹²³⁴⁵⁶⁷⁸⁹")
+
+
+def raised(term: str) -> str:
+    """Return a term with its powers as people write them: `strain^2` as `strain²`."""
+    return re.sub(r"\^(\d+)(?![\d.])", lambda power: power[1].translate(RAISED), term)
 
 
 def shorten(text: str, length: int) -> str:

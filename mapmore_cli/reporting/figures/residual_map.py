@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.colors import BoundaryNorm
-from matplotlib.ticker import MaxNLocator
 
 from mapmore_cli.reporting.figures.drawing import Drawing, Layout, Panel
-from mapmore_cli.reporting.figures.panels import DOTS, evenly
+from mapmore_cli.reporting.figures.panels import DOTS, colour_bar, evenly
+from mapmore_cli.reporting.figures.sketch import levels_of
 from mapmore_cli.reporting.figures.surface import plane_of
 from mapmore_cli.reporting.inputs import ReportInputs
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 
 def draw(inputs: ReportInputs) -> list[Drawing]:
@@ -33,12 +34,11 @@ def draw(inputs: ReportInputs) -> list[Drawing]:
     label = f"Predicted less measured ({inputs.target.unit or '–'})"
 
     def on(ax: Axes) -> None:
-        steps = MaxNLocator(11, symmetric=True).tick_values(-largest, largest)
-        norm = BoundaryNorm(steps, 256, extend="both")
-        look: dict[str, Any] = {"norm": norm, "cmap": "RdBu_r", "linewidths": 0.3}
+        look: dict[str, Any] = {"vmin": -largest, "vmax": largest, "cmap": "RdBu_r"}
+        look["linewidths"] = 0.3
         for some, size, rim in ((~held, 8, "none"), (held, 16, "0.3")):
             dots = ax.scatter(x[some], y[some], size, error[some], edgecolors=rim, **look)
-        ax.figure.colorbar(dots, ax=ax, label=label, use_gridspec=False)
+        colour_bar(ax, dots, label, boundaries=levels_of(-largest, largest, 11))
 
     x_label, y_label = plane.labels
     data = {x_label: x, y_label: y, label: error, "held out": held.astype(int)}

@@ -5,14 +5,16 @@ themselves, or with the inputs?
 from __future__ import annotations
 
 from functools import partial
-
-from matplotlib.axes import Axes
+from typing import TYPE_CHECKING
 
 from mapmore_cli.domain.results import ResidualTest
 from mapmore_cli.reporting.figures.drawing import Drawing, Layout, Panel
 from mapmore_cli.reporting.figures.panels import draw_dots, looks_of, zero_line
 from mapmore_cli.reporting.figures.style import LIGHT
 from mapmore_cli.reporting.inputs import ReportInputs
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 MOST_INPUTS = 11
 """Inputs with a panel: the time to draw them grows with the square of their number."""

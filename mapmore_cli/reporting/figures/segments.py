@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import partial
+from typing import TYPE_CHECKING
 
 import numpy as np
-from matplotlib.axes import Axes
 
 from mapmore_cli.domain.arrays import Array, IntArray
 from mapmore_cli.domain.joining import Fusion
@@ -18,6 +18,9 @@ from mapmore_cli.modelling.pieces.segmentation import training_curves
 from mapmore_cli.reporting.figures import panels, style
 from mapmore_cli.reporting.figures.drawing import Drawing, Layout, Panel
 from mapmore_cli.reporting.inputs import ReportInputs
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 LOOKS = (
     (style.BLUE, "o", "-"),

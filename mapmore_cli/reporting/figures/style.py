@@ -12,10 +12,8 @@ from logging import ERROR, getLogger
 from typing import Any
 
 import numpy as np
-from matplotlib import colormaps, rc_context, rcParamsDefault
-from matplotlib.font_manager import fontManager
-from matplotlib.mathtext import MathTextParser
 
+from mapmore_cli.reporting.figures.colours import colour_at
 from mapmore_cli.reporting.inputs import FigureStyle
 
 RC: dict[Any, Any] = {
@@ -49,6 +47,8 @@ def figure_style(style: FigureStyle = PLAIN) -> Iterator[None]:
     A character that the layout font lacks is no fault: as text in SVG, it is drawn with the
     reader's fonts. Nor is an absent font here, of which the user has been told once.
     """
+    from matplotlib import rc_context, rcParamsDefault
+
     sizes: dict[Any, Any] = dict.fromkeys(("axes.labelsize", "font.size"), style.size)
     small = ("axes.titlesize", "legend.fontsize", "xtick.labelsize", "ytick.labelsize")
     sizes |= dict.fromkeys(small, style.size - 1.0)
@@ -67,6 +67,8 @@ def figure_style(style: FigureStyle = PLAIN) -> Iterator[None]:
 
 def has_font(name: str) -> bool:
     """Tell whether this machine has a font of that name."""
+    from matplotlib.font_manager import fontManager
+
     return name in {font.name for font in fontManager.ttflist}
 
 
@@ -76,6 +78,8 @@ def wrong_formula(label: str) -> str | None:
     How deep it may be nested before Matplotlib's recursion ends depends on who draws, so that less
     is allowed here.
     """
+    from matplotlib.mathtext import MathTextParser
+
     steps = [_BRACES.get(token, 0) for token in re.findall(r"\\left|\\right|\\.|[{}]", label)]
     if (depth := max(accumulate(steps), default=0)) > DEEPEST_FORMULA:
         return f"nested {depth} levels deep, and {DEEPEST_FORMULA} can be drawn"
@@ -152,8 +156,8 @@ def model_styles(models: Sequence[str], palette: Sequence[str] = ()) -> dict[str
     return styles
 
 
-def level_colours(count: int) -> list[Any]:
+def level_colours(count: int) -> list[str]:
     """Return blues for ordered curves, from pale (but not too pale for white paper) to dark: they
     stay apart from the model's own colour.
     """
-    return list(colormaps["Blues"](np.linspace(1.0, 0.45, count)))[::-1]
+    return [colour_at("Blues", share) for share in np.linspace(1.0, 0.45, count)][::-1]

@@ -2,21 +2,23 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.ticker import MaxNLocator
 
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.modelling.kinds import outside_range, predict
 from mapmore_cli.reporting.figures.drawing import Drawing, Layout, Panel
-from mapmore_cli.reporting.figures.panels import DOT, DOTS, SOME_DOTS, evenly
-from mapmore_cli.reporting.figures.style import BLACK
+from mapmore_cli.reporting.figures.panels import DOTS, SOME_DOTS, colour_bar, evenly
+from mapmore_cli.reporting.figures.sketch import levels_of
 from mapmore_cli.reporting.inputs import ReportInputs
 
-CELLS, STRIDE = 61, 4
-"""Places along each input, and of how many of them the surface in space has one."""
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+CELLS = 61
+"""Places along each input."""
 
 
 class Plane(NamedTuple):
@@ -46,51 +48,69 @@ def plane_of(inputs: ReportInputs) -> Plane | None:
     return Plane(names, tuple(map(inputs.axis_label, pair)), x, y, z)
 
 
-def draw(inputs: ReportInputs) -> list[Drawing]:
-    """Return one panel where the model has two inputs, and the same in space; what lies beyond its
-    training range is left white.
+class Sheet(NamedTuple):
+    """The model over its plane: places of a grid, `(CELLS, CELLS)` each, with NaN as `output`
+    beyond the training range; `rows` are the samples that a panel shows.
+    """
+
+    plane: Plane
+    across: Array
+    up: Array
+    output: Array
+    rows: list[int]
+    label: str
+
+    def panel(self, draw: Callable[..., None]) -> Panel:
+        """Return the panel that `draw` fills."""
+        x_label, y_label = self.plane.labels
+        columns = (self.across.ravel(), self.up.ravel(), self.output.ravel())
+        data = dict(zip((x_label, y_label, self.label), columns, strict=True))
+        return Panel("", draw, x_label, (y_label,), data)
+
+    @property
+    def samples(self) -> tuple[Array, Array, Array]:
+        """The samples that are drawn, `(m,)` each."""
+        x, y, z = (values[self.rows] for values in self.plane[2:])
+        return x, y, z
+
+
+def sheet_of(inputs: ReportInputs) -> Sheet | None:
+    """Return the model over its two inputs; None where it has not two, or another quantity than its
+    output is shown.
     """
     plane = plane_of(inputs)
     if plane is None or inputs.dataset.target != inputs.model.output.name:
-        return []
-    rows = evenly(len(plane.x), DOTS)
-    x, y, z = (values[rows] for values in plane[2:])
+        return None
     ends = (np.linspace(values.min(), values.max(), CELLS) for values in (plane.x, plane.y))
     across, up = np.meshgrid(*ends)
     grid = dict(zip(plane.names, (across.ravel(), up.ravel()), strict=True))
     output = np.where(outside_range(inputs.model, grid), np.nan, predict(inputs.model, grid))
     if not np.isfinite(output).any():
+        return None
+    rows, label = evenly(len(plane.x), DOTS), inputs.axis_label(inputs.target)
+    return Sheet(plane, across, up, output.reshape(across.shape), rows, label)
+
+
+def draw(inputs: ReportInputs) -> list[Drawing]:
+    """Return one panel where the model has two inputs; what lies beyond its training range is left
+    white.
+    """
+    sheet = sheet_of(inputs)
+    if sheet is None:
         return []
-    label = inputs.axis_label(inputs.target)
-    shown = output.reshape(across.shape)
+    (x, y, z), output = sheet.samples, sheet.output
 
     def on(ax: Axes) -> None:
-        every = [*plane.z, *output[np.isfinite(output)]]
-        levels = MaxNLocator(12).tick_values(min(every), max(every))
-        filled = ax.contourf(across, up, shown, levels=levels, cmap="viridis")
+        every = [*sheet.plane.z, *output[np.isfinite(output)]]
+        levels = np.array(levels_of(min(every), max(every), 12))
+        filled = ax.contourf(sheet.across, sheet.up, output, levels=levels, cmap="viridis")
         look: dict[str, Any] = {"cmap": "viridis", "edgecolors": "white", "linewidths": 0.3}
         ax.scatter(x, y, 7, z, vmin=levels[0], vmax=levels[-1], **look)
-        ax.figure.colorbar(filled, ax=ax, label=label, use_gridspec=False)
+        colour_bar(ax, filled, sheet.label)
 
-    def in_space(ax: Any) -> None:
-        places = (values[::STRIDE, ::STRIDE] for values in (across, up, shown))
-        ax.plot_surface(*places, cmap="viridis", rstride=1, cstride=1, antialiased=False)
-        ax.plot(x, y, z, color=BLACK, **DOT | {"markersize": 1.2})
-        ax.set_zlabel(label)
-        ax.view_init(elev=28, azim=-60)
-
-    x_label, y_label = plane.labels
-    data = {x_label: across.ravel(), y_label: up.ravel(), label: output}
-    flat, space = (Panel("", draw, x_label, (y_label,), data) for draw in (on, in_space))
-    target, over = inputs.target.name, " and ".join(plane.names)
     caption = (
-        f"The model's {target} over {over}, within its "
-        "training range; dots are samples in the colours "
-        "of what was measured: one that stands out is not "
-        f"met.{SOME_DOTS if len(rows) < len(plane.x) else ''}"
+        f"The model's {inputs.target.name} over {' and '.join(sheet.plane.names)}, within its "
+        "training range; dots are samples in the colours of what was measured: a dot that stands "
+        f"out is not met.{SOME_DOTS if len(sheet.rows) < len(sheet.plane.x) else ''}"
     )
-    above = f"The same in space, with samples as dots: {target} upwards."
-    return [
-        Drawing("surface", caption, (flat,), Layout(2.4)),
-        Drawing("surface_3d", above, (space,), Layout(2.6, projection="3d")),
-    ]
+    return [Drawing("surface", caption, (sheet.panel(on),), Layout(2.4))]

@@ -5,9 +5,9 @@ have left.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
-from matplotlib.axes import Axes
 
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.fits import SegmentFit
@@ -18,6 +18,7 @@ from mapmore_cli.reporting.figures.panels import (
     label_rows,
     looks_of,
     plain_logarithm,
+    raised,
     shorten,
     some_of,
     told_apart,
@@ -25,6 +26,9 @@ from mapmore_cli.reporting.figures.panels import (
 )
 from mapmore_cli.reporting.figures.style import GREY, LIGHT
 from mapmore_cli.reporting.inputs import ReportInputs
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 MOST_SEGMENTS = 40
 CHOSEN = DOT | {"markersize": 4, "zorder": 3}
@@ -71,8 +75,8 @@ def draw(inputs: ReportInputs) -> list[Drawing]:
             ax.plot([*left, rival[-1]], [*rows, row], color=LIGHT, linewidth=0.8, zorder=1)
             ax.plot(left, rows, label="chosen term", color=colour, **CHOSEN)
             ax.plot(rival, rows, label="its runner-up", **RUNNER_UP)
-            write_beside(ax, row, shorten(terms[row], 40))
-        plain_logarithm(ax.xaxis)
+            write_beside(ax, row, shorten(raised(terms[row]), 40))
+        plain_logarithm(ax, "x")
         low, high = np.log10(ax.get_xlim())
         ax.set_xlim(10.0 ** np.floor(low), 10.0 ** np.ceil(high))
         label_rows(ax, told_apart([fit.id for fit in fits], 40))

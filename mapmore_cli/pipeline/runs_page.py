@@ -1,0 +1,202 @@
+"""The page of all runs of a folder, `RUNS/index.html`, which holds its own rows."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Callable, Iterable, Sequence
+from contextlib import suppress
+from dataclasses import asdict, dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mapmore_cli.domain.errors import WriteError
+from mapmore_cli.domain.scores import OWN, REPEATABILITY, deciding
+from mapmore_cli.storage.atomic import refusals_told, write_text
+from mapmore_cli.storage.run_folder import RunFiles, run_lock
+from mapmore_cli.storage.run_record import RUN_RECORD
+
+if TYPE_CHECKING:
+    from mapmore_cli.domain.arrays import Array
+    from mapmore_cli.domain.results import Validation
+    from mapmore_cli.pipeline.jobs import Finished
+
+PAGE = "index.html"
+MARK = '<script type="application/json" id="runs">'
+"""What the rows of a page stand behind, and what tells it from a page of the user."""
+
+POINTS, WIDTH, HEIGHT = 40, 120, 36
+"""Places of a small picture, and its size in pixels."""
+
+
+@dataclass(frozen=True)
+class Row:
+    """One output of a run.
+
+    - `nrmse`: by model, in per cent: of held-out data, where there are any.
+    - `alerts`: what speaks against the number, the worst first.
+    - `ended`: when the scores were written, in seconds since 1970.
+    - `picture`: what was measured and predicted along a curve, as two paths of SVG.
+    """
+
+    run: str
+    muscle: str
+    campaign: str
+    data: str
+    target: str
+    split: str
+    nrmse: dict[str, float]
+    alerts: tuple[str, ...]
+    ended: float
+    picture: tuple[str, str]
+
+    @property
+    def own(self) -> float | None:
+        """NRMSE of the run's own model."""
+        return self.nrmse.get(OWN)
+
+    @property
+    def best_other(self) -> tuple[str, float] | None:
+        """Name and NRMSE of the competitor that errs least."""
+        others = [(name, error) for name, error in self.nrmse.items() if name != OWN]
+        return min(others, key=lambda one: one[1], default=None)
+
+    @property
+    def day(self) -> str:
+        """When it ended, to the minute."""
+        return f"{datetime.fromtimestamp(self.ended, UTC):%Y-%m-%d %H:%M}"
+
+
+def write_runs_page(
+    runs: Path, finished: Sequence[Finished], warn: Callable[[str], None] = lambda _message: None
+) -> None:
+    """Write `RUNS/index.html`: the rows that it has, of runs that are still there, and those of
+    `finished` runs in place of theirs.
+
+    Another page of that name stays as it is, and `warn` is told of it; a folder that cannot be
+    written is no fault of a finished run either.
+    """
+    place = runs / PAGE
+    if not finished and not place.is_file():
+        return
+    try:
+        with run_lock(runs, patient=True), refusals_told(runs):
+            known = _rows_of(place)
+            if known is None:
+                warn(f"{place}: is not a page of runs, and stays as it is")
+                return
+            of_run: dict[str, list[Row]] = {}
+            for row in known:
+                of_run.setdefault(row.run, []).append(row)
+            of_run |= {one.name: _rows(one, of_run.get(one.name, ())) for one in finished}
+            there = {entry.name for entry in os.scandir(runs)}
+            rows = [row for run, own in of_run.items() if run in there for row in own]
+            rows.sort(key=lambda row: (-row.ended, row.run, row.target))
+            write_text(place, _page(runs, rows))
+    except WriteError as fault:
+        warn(f"the page of all runs was not written: {fault.message}")
+
+
+def _rows_of(place: Path) -> list[Row] | None:
+    """Return the rows of a page: none where there is no page yet, None where another page is
+    there.
+    """
+    if not place.exists() and not place.is_symlink():
+        return []
+    with suppress(OSError, ValueError, TypeError):
+        _, mark, rest = place.read_text(encoding="utf-8").partition(MARK)
+        if mark:
+            return [
+                Row(**row | {"alerts": tuple(row["alerts"]), "picture": tuple(row["picture"])})
+                for row in json.loads(rest.partition("</script>")[0])
+            ]
+    return None
+
+
+def _rows(one: Finished, known: Iterable[Row]) -> list[Row]:
+    """Return the rows of a run, those that are known where its scores have not changed since."""
+    ended = (one.run_dir / "scores.json").stat().st_mtime
+    if same := [row for row in known if row.ended == ended]:
+        return same
+    record = json.loads((one.run_dir / RUN_RECORD).read_bytes())
+    muscle, data = "", list[str]()
+    with suppress(LookupError, TypeError):
+        muscle = record["stages"]["report"]["slice"]["muscle"]["name"]
+    with suppress(LookupError, TypeError):
+        data = [str(path) for path in record["stages"]["ingest"]["slice"]["data"]["files"]]
+    files = RunFiles(one.run_dir)
+    scored = zip(one.table.each, files.validation().each, files.dataset().each, strict=True)
+    return [
+        Row(
+            run=one.name,
+            muscle=str(muscle or ""),
+            campaign=str(record.get("origin", {}).get("campaign", "")),
+            data=f"{data[0]} and {len(data) - 1} more" if data[1:] else "".join(data),
+            target=table.scores[0].target if table.scores else "",
+            split="".join({score.split: "" for score in deciding(table.scores)}),
+            nrmse={
+                score.model: round(100 * score.nrmse, 6)
+                for score in deciding(table.scores)
+                if score.model != REPEATABILITY and np.isfinite(score.nrmse)
+            },
+            alerts=tuple(
+                alert.sentence
+                for alert in one.alerts
+                if alert.target in ("", table.scores[0].target if table.scores else "")
+            ),
+            ended=ended,
+            picture=_picture(validation, dataset),
+        )
+        for table, validation, dataset in scored
+    ]
+
+
+def _picture(validation: Validation, dataset: Any) -> tuple[str, str]:
+    """Return paths of what was measured and predicted along the first held-out curve."""
+    curves = (validation.shown or dataset).curves
+    number = next((i for i, curve in enumerate(curves) if curve.held_out.any()), 0)
+    curve, predicted = curves[number], validation.predictions[OWN][number]
+    name = dataset.target
+    x = curve.columns.get(validation.along, np.arange(curve.size))
+    rows = np.argsort(x, kind="stable") if "time" not in curve.columns else np.arange(curve.size)
+    rows = rows[np.unique(np.linspace(0, curve.size - 1, POINTS).round().astype(int))]
+    lines = [curve.columns[name][rows], predicted[rows]] if name in curve.columns else []
+    known = np.concatenate([line[np.isfinite(line)] for line in lines]) if lines else np.array([])
+    if not known.size:
+        return "", ""
+    low, high = known.min(), max(known.max(), known.min() + 1e-300)
+    across = np.linspace(1, WIDTH - 1, len(rows))
+    scale = (HEIGHT - 2) / (high - low)
+    measured, predicted_path = (_path(across, HEIGHT - 1 - scale * (y - low)) for y in lines)
+    return measured, predicted_path
+
+
+def _path(x: Array, y: Array) -> str:
+    places = (f"{a:.0f} {b:.0f}" for a, b in zip(x, y, strict=True) if np.isfinite(b))
+    return "M" + "L".join(places)
+
+
+def _page(runs: Path, rows: Sequence[Row]) -> str:
+    """Return the page of these rows."""
+    from mapmore_cli.reporting.order import RUN_PAGE
+    from mapmore_cli.reporting.scripts import json_text, scripts, text_of
+    from mapmore_cli.reporting.table import environment, title_of
+
+    pages = {row.run for row in rows if (runs / row.run / RUN_PAGE).is_file()}
+    return (
+        environment()
+        .get_template("runs.html")
+        .render(
+            rows=rows,
+            pages=pages,
+            page=RUN_PAGE,
+            title_of=title_of,
+            mark=MARK,
+            data=json_text([asdict(row) for row in rows]),
+            size=(WIDTH, HEIGHT),
+            scripts=scripts([text_of("tables.js"), text_of("runs.js")]),
+        )
+    )

@@ -1,0 +1,157 @@
+"""What speaks against the number of a verdict: one list for the page, `--json` and stderr."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from mapmore_cli.domain.models import Model
+from mapmore_cli.domain.recording import Dataset
+from mapmore_cli.domain.results import AUTOCORRELATION, ResidualTest, Search, Validation
+from mapmore_cli.domain.scores import OWN, REPEATABILITY, STRUCTURE_SEEN, Score, deciding
+from mapmore_cli.modelling.kinds import outside_range
+from mapmore_cli.reporting.table import title_of
+
+FEW_CURVES = 3
+"""Held-out curves below which an error says little about others, and has no standard error."""
+
+
+@dataclass(frozen=True)
+class Alert:
+    """One sentence that speaks against a number.
+
+    - `kind`: what it is about, a word for scripts, as `residuals`.
+    - `section`: the section of the page that shows it.
+    - `target`: the output that it is about; empty where it is about all of them.
+    """
+
+    kind: str
+    sentence: str
+    section: str
+    target: str = ""
+
+
+def alerts_of(
+    dataset: Dataset,
+    model: Model,
+    validation: Validation,
+    unconfirmed: Sequence[str] = (),
+    doubts: Sequence[str] = (),
+    search: Search | None = None,
+) -> tuple[Alert, ...]:
+    """Return the alerts of all outputs, the worst first.
+
+    - `unconfirmed`: guesses of the spec that nobody has confirmed.
+    - `doubts`: what the rules of `check` say of the data.
+    - `search`: the structures that were tried, with what is to be known of the choice.
+    """
+    outputs = list(zip(dataset.each, model.each, validation.each, strict=True))
+    found: list[Alert] = []
+    for curves, own, scored in outputs:
+        target = scored.scores[0].target if len(outputs) > 1 and scored.scores else ""
+        found += (Alert(*alert, target) for alert in _of_output(curves, own, scored))
+    found += (Alert("search", note, "terms") for note in (search.notes if search else ()))
+    found += (Alert("check", doubt, "data") for doubt in doubts)
+    if unconfirmed:
+        found.append(Alert("unconfirmed", unconfirmed_sentence(len(unconfirmed)), "unconfirmed"))
+    ranks = {kind: rank for rank, kind in enumerate(WORST_FIRST)}
+    return tuple(dict.fromkeys(sorted(found, key=lambda alert: ranks[alert.kind])))
+
+
+WORST_FIRST = (
+    "structure",
+    "unconfirmed",
+    "warning",
+    "competitor",
+    "residuals",
+    "mean error",
+    "extrapolated",
+    "near",
+    "few curves",
+    "search",
+    "check",
+)
+
+
+def unconfirmed_sentence(count: int) -> str:
+    """Say how many guesses of a spec nobody has confirmed, and what to do."""
+    guesses = "guess of the spec is" if count == 1 else "guesses of the spec are"
+    return (
+        f"{count} {guesses} not confirmed, and the scores mean nothing if one of them is wrong: "
+        "see `mapmore check`, and `--confirm` there if all are right"
+    )
+
+
+def _of_output(
+    dataset: Dataset, model: Model, validation: Validation
+) -> Iterator[tuple[str, str, str]]:
+    """Yield kind, sentence and section of the alerts of one output."""
+    for warning in validation.warnings:
+        yield "structure" if warning.startswith(STRUCTURE_SEEN) else "warning", warning, "fit"
+    yield from _of_competitors(validation.scores, next(iter(validation.units.values()), ""))
+    for test in validation.residual_tests:
+        if test.fails:
+            yield _of_residuals(test)
+    yield from _of_held_out(dataset, model)
+
+
+def _of_residuals(test: ResidualTest) -> tuple[str, str, str]:
+    count = f"{test.beyond} of {test.tested}"
+    if test.name == AUTOCORRELATION:
+        words = f"the errors are not noise alone: {count} lags of their autocorrelation are outside"
+        return "residuals", words, "fit"
+    words = f"the errors go with {test.name}: {count} checks of it are outside what noise explains"
+    return "mean error", words, "fit"
+
+
+def _of_held_out(dataset: Dataset, model: Model) -> Iterator[tuple[str, str, str]]:
+    """Yield alerts of how many samples and curves are held out, and where they lie."""
+    held_out = [curve for curve in dataset.curves if curve.held_out.any()]
+    if not held_out:
+        words = "nothing is held out: errors on the training data say little about new data"
+        yield "few curves", words, "nrmse"
+        return
+    if len(held_out) < FEW_CURVES:
+        curves = "curve has" if len(held_out) == 1 else "curves have"
+        words = f"only {len(held_out)} {curves} held-out samples: the error on others may be larger"
+        yield "few curves", words, "fit"
+    known = [curve for curve in held_out if {one.name for one in model.inputs} <= {*curve.columns}]
+    beyond = [outside_range(model, curve.columns)[curve.held_out] for curve in known]
+    share = float(np.mean(np.concatenate(beyond))) if beyond else 0.0
+    if share > 0:
+        words = f"{100 * share:.3g} % of the held-out samples lie beyond the training range"
+        yield "extrapolated", words, "fit"
+
+
+def _of_competitors(scores: Sequence[Score], unit: str) -> Iterator[tuple[str, str, str]]:
+    """Yield alerts of competitors that err less, or within one standard error as much."""
+    compared = [s for s in deciding(scores) if math.isfinite(s.rmse) and s.model != REPEATABILITY]
+    ours = next((score for score in compared if score.model == OWN), None)
+    if ours is None:
+        return
+    better = [s for s in compared if s.rmse < ours.rmse]
+    for score in sorted(better, key=lambda one: one.rmse):
+        errors = f"RMSE {score.rmse:.3g} against {ours.rmse:.3g} {unit}".rstrip()
+        yield "competitor", f"{title_of(score.model)} errs less: {errors}", "nrmse"
+    curves = _errors_of_curves(scores, ours.split)
+    near = []
+    for score in (s for s in compared if s.model != OWN and s not in better):
+        shared = curves.get(score.model, {}).keys() & curves.get(OWN, {}).keys()
+        more = [curves[score.model][curve] - curves[OWN][curve] for curve in sorted(shared)]
+        if len(more) >= FEW_CURVES and np.mean(more) <= np.std(more, ddof=1) / len(more) ** 0.5:
+            near.append(title_of(score.model))
+    if near:
+        words = f"not told apart from {OWN} by the curves (within one standard error)"
+        yield "near", f"{', '.join(near)}: {words}", "nrmse"
+
+
+def _errors_of_curves(scores: Sequence[Score], split: str) -> dict[str, dict[str, float]]:
+    """Return the RMSE of every curve, by model."""
+    errors: dict[str, dict[str, float]] = {}
+    for score in scores:
+        if score.split == split and score.curve != "all" and math.isfinite(score.rmse):
+            errors.setdefault(score.model, {})[score.curve] = score.rmse
+    return errors

@@ -1,0 +1,185 @@
+"""The panels of a figure side by side as one SVG, drawn without Matplotlib."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from html import escape
+from typing import Any
+
+import numpy as np
+
+from mapmore_cli.domain.foreign import xml_text
+from mapmore_cli.reporting.figures.drawing import Drawing, Panel, RenderedFigure, arranged
+from mapmore_cli.reporting.figures.sketch import Sketch, box, face, line_svg, text
+from mapmore_cli.reporting.inputs import FigureStyle
+from mapmore_cli.reporting.table import title_of
+
+POINTS, SCREEN = 72, 1.8
+"""Points an inch, and pixels of a screen for each: it is read from further away than paper."""
+
+LETTER = 0.55
+"""Width of a letter, in sizes of the font."""
+
+TICK = 2.5
+
+
+def sketched(drawing: Drawing, style: FigureStyle) -> RenderedFigure | None:
+    """Draw the panels of a figure, each as an SVG of its own, so that they stand below each other
+    on a narrow screen; so do the entries of the legend.
+
+    None where a panel calls more of its axes than a `Sketch` has, or its words are formulas, so
+    that Matplotlib has to draw it.
+    """
+    if drawing.grid.projection or any("$" in own for own in style.labels.values()):
+        return None
+    try:
+        return _sketched(drawing, style)
+    except (AttributeError, KeyError, TypeError):
+        return None
+
+
+def _sketched(drawing: Drawing, style: FigureStyle) -> RenderedFigure:
+    plan, size, grid = arranged(drawing, style), style.size - 1, drawing.grid
+    panels = [_filled(one.draw, grid.stack, plan.columns, size) for one in plan.panels]
+    _share_axes(panels, plan.columns, grid.common_x, grid.common_y)
+    keys: dict[str, dict[str, Any]] = {one.label: one.look for one in drawing.legend}
+    for sheet in (sheet for panel in panels for sheet in panel if not drawing.legend):
+        keys |= {label: look for label, look in sheet.keys.items() if label not in keys}
+    above = max(heading.count("\n") + 1 if heading else 0 for heading in plan.headings) * size * 1.2
+    room = [
+        _room_left(panel, one.y_labels, size)
+        for panel, one in zip(panels, plan.panels, strict=True)
+    ]
+    width, height = plan.width * POINTS / plan.columns, grid.height * POINTS
+    parts = [_entry(title_of(label), look, style) for label, look in keys.items()]
+    for number, (one, heading) in enumerate(zip(plan.panels, plan.headings, strict=True)):
+        left = max(room[number % plan.columns :: plan.columns])
+        inside = _panel(panels[number], one, heading, (left, above + 4, width, height), style)
+        alt = drawing.caption if number == 0 else ""
+        alt = f"{alt} {one.reach if one.data else ''}".strip() or one.title
+        named = f'role="img" aria-label="{escape(xml_text(alt))}"'
+        parts.append(_svg(inside, width, height, style, f'class="panel" {named}'))
+    columns = f'data-columns="{plan.columns}" style="--columns: {plan.columns}"'
+    svg = f'<div class="panels" {columns}>{"".join(parts)}</div>'
+    return RenderedFigure(drawing.name, drawing.caption, svg, plan.width)
+
+
+def _svg(inside: str, width: float, height: float, style: FigureStyle, attributes: str) -> str:
+    """Return an element with what is drawn inside."""
+    family = escape(f"{style.font}, sans-serif" if style.font else "sans-serif")
+    return (
+        f'<svg {attributes} xmlns="http://www.w3.org/2000/svg" width="{width * SCREEN:.1f}" '
+        f'height="{height * SCREEN:.1f}" viewBox="0 0 {width:.1f} {height:.1f}" '
+        f'font-family="{family}">{inside}</svg>'
+    )
+
+
+def _panel(
+    sheets: list[Sketch],
+    panel: Panel,
+    heading: str,
+    frame: tuple[float, float, float, float],
+    style: FigureStyle,
+) -> str:
+    """Return a panel with its title above and its x axis labelled below it; `frame` is the room at
+    the left and above its axes, and the size of all.
+    """
+    left, start, width, height = frame
+    size, right = style.size - 1, width - 6 - max(sheet.right for sheet in sheets)
+    below = size + 3 + 1.3 * style.size
+    stop, gap = height - below - 4, 7.0 if len(sheets) > 1 else 0.0
+    parts = [text(heading, left, start - 4, size)] if heading else []
+    shares = [sheet.share for sheet in sheets]
+    axes_height = stop - start - gap * (len(sheets) - 1)
+    for place, sheet in enumerate(sheets):
+        end = start + axes_height * sheet.share / sum(shares)
+        label = panel.y_labels[place] if place < len(panel.y_labels) else ""
+        parts.append(_axes(sheet, (left, right, start, end), label, left, place == len(sheets) - 1))
+        start = end + gap
+    parts.append(text(panel.x_label, (left + right) / 2, stop + below, style.size, "middle"))
+    return "".join(parts)
+
+
+def _filled(draw: Any, stack: Sequence[float], columns: int, size: float) -> list[Sketch]:
+    """Return the axes of a panel, drawn on, from top to bottom; they have one x axis."""
+    sheets = [Sketch(size) for _ in stack]
+    for sheet, share in zip(sheets, stack, strict=True):
+        sheet.share, sheet.xaxis = share, sheets[0].xaxis
+        sheet.xaxis.most = 5 if columns < 2 else 4
+        sheet.yaxis.most = 6 if len(stack) == 1 else 4
+    draw(*sheets)
+    return sheets
+
+
+def _share_axes(panels: list[list[Sketch]], columns: int, all_x: bool, common_y: str) -> None:
+    """Let axes be equally long that a figure's grid says are one."""
+    sheets = [sheet for panel in panels for sheet in panel]
+    if all_x:
+        _make_equal([sheet.xaxis for sheet in sheets])
+    rows = [panels[start : start + columns] for start in range(0, len(panels), columns)]
+    for together in {"row": rows, "all": [panels], "none": []}[common_y]:
+        for of_row in zip(*together, strict=True):
+            _make_equal([sheet.yaxis for sheet in of_row])
+
+
+def _make_equal(axes: Sequence[Any]) -> None:
+    low, high = min(axis.low for axis in axes), max(axis.high for axis in axes)
+    for axis in axes:
+        axis.low, axis.high = low, high
+
+
+def _room_left(panel: list[Sketch], labels: Sequence[str], size: float) -> float:
+    """Return how many points the labels of a panel's y axes take."""
+    words = [words for sheet in panel for words in sheet.yaxis.labels().values()]
+    longest = max((len(line) for one in words for line in one.split("\n")), default=0)
+    lines = max((label.count("\n") + 1 for label in labels if label), default=0)
+    return LETTER * size * longest + 6 + lines * (size + 2.5)
+
+
+def _axes(
+    sheet: Sketch, frame: tuple[float, float, float, float], label: str, room: float, last: bool
+) -> str:
+    """Return one pair of axes with all that is drawn; `frame` is left, right, top and bottom."""
+    left, right, top, bottom = frame
+    across, up = sheet.xaxis.scale(left, right), sheet.yaxis.scale(bottom, top)
+    marks = [svg(across, up) for _, svg in sorted(sheet.marks, key=lambda mark: mark[0])]
+    view = f'x="{left:.1f}" y="{top:.1f}" width="{right - left:.1f}" height="{bottom - top:.1f}"'
+    box_of = f'viewBox="{left:.1f} {top:.1f} {right - left:.1f} {bottom - top:.1f}"'
+    parts = [f"<svg {view} {box_of}>{''.join(marks)}</svg>"]
+    ticks, size = [f"M{left:.1f} {top:.1f}V{bottom:.1f}H{right:.1f}"], sheet.size
+    for at, words in sheet.xaxis.labels().items():
+        x = float(across(at))
+        ticks.append(f"M{x:.1f} {bottom:.1f}v{TICK}")
+        if last:
+            parts.append(text(words, x, bottom + size + 3, size, "middle"))
+    for at, words in sheet.yaxis.labels().items():
+        y = float(up(at))
+        ticks.append(f"M{left:.1f} {y:.1f}h-{TICK}")
+        lines = words.count("\n")
+        parts.append(text(words, left - 4, y + size * (0.35 + lines * 0.58), size, "end"))
+    parts.append(f'<path d="{"".join(ticks)}" fill="none" stroke="#000" stroke-width=".6"/>')
+    if label:
+        lines = label.count("\n")
+        x = left - room + size + lines * size * 1.15
+        parts.append(text(label, x, (top + bottom) / 2, size + 1, "middle", turned=True))
+    parts += [svg(across, up) for _, svg in sheet.beside]
+    return "".join(parts)
+
+
+def _entry(label: str, look: dict[str, Any], style: FigureStyle) -> str:
+    """Return an entry of the legend."""
+    size = style.size - 1
+    y = size
+    if "facecolor" in look:
+        inside = face({"edgecolor": "none", "hatch": None} | look)
+        inside += f' fill-opacity="{look["alpha"]:g}"' if "alpha" in look else ""
+        mark = box(1, y - size * 0.7, 1 + 2 * size, y, inside)
+    else:
+        at = y - size * 0.35
+        line = look | {"marker": None}
+        ends = np.array([1, 1 + 2 * size])
+        mark = line_svg(ends, np.full(2, at), line)
+        mark += line_svg(np.array([1 + size]), np.full(1, at), look | {"linestyle": "none"})
+    width = (len(label) * LETTER + 4.5) * size
+    inside = mark + text(label, 1 + 2.5 * size, y, size)
+    return _svg(inside, width, 1.4 * size, style, 'class="key"')

@@ -1,0 +1,143 @@
+"""The page of all runs: one row for each output, kept in the page itself."""
+
+import json
+import shutil
+import time
+from dataclasses import replace
+from html.parser import HTMLParser
+from threading import Thread
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from mapmore_cli.domain.scores import Score, ScoreTable
+from mapmore_cli.pipeline import runs_page
+from mapmore_cli.pipeline.runs_page import MARK, Row, write_runs_page
+from mapmore_cli.reporting.alerts import Alert
+
+HOSTILE = "</script><script>alert(1)</script>\"'&"
+
+
+class Folder:
+    """A folder of runs whose results are not read from files."""
+
+    def __init__(self, path, monkeypatch):
+        self.runs, self.page = path, path / "index.html"
+        curve = SimpleNamespace(
+            columns={"strain": np.arange(9.0), "force": np.arange(9.0) ** 2},
+            held_out=np.ones(9, bool),
+            size=9,
+        )
+        dataset = SimpleNamespace(curves=(curve,), target="force")
+        validation = SimpleNamespace(
+            shown=None, predictions={"mapmore": (np.arange(9.0),)}, along="strain"
+        )
+        files = SimpleNamespace(
+            validation=lambda: SimpleNamespace(each=(validation,)),
+            dataset=lambda: SimpleNamespace(each=(dataset,)),
+        )
+        monkeypatch.setattr(runs_page, "RunFiles", lambda _folder: files)
+
+    def finish(self, name, muscle="Peano", nrmse=0.01, alerts=()):
+        """A run that came to its end."""
+        folder = self.runs / name
+        folder.mkdir(exist_ok=True)
+        slices = {
+            "report": {"slice": {"muscle": {"name": muscle}}},
+            "ingest": {"slice": {"data": {"files": ["a.csv", "b.csv"]}}},
+        }
+        (folder / "run.json").write_text(json.dumps({"stages": slices}))
+        (folder / "scores.json").write_text("{}")
+        scores = [
+            Score(model, "force", "validate", "all", 9, 1.0, error, 100.0, "max", 1.0, 0.01, 0.9, 0)
+            for model, error in (("mapmore", nrmse), ("sarosi", 0.02))
+        ]
+        table = ScoreTable(tuple(scores), {"force": "N"})
+        return SimpleNamespace(name=name, run_dir=folder, table=table, alerts=alerts)
+
+    @property
+    def rows(self):
+        return runs_page._rows_of(self.page)
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    return Folder(tmp_path, monkeypatch)
+
+
+def test_a_run_that_ends_gets_a_row_and_replaces_its_own(folder):
+    alert = Alert("few curves", "only 1 curve", "fit")
+    write_runs_page(folder.runs, [folder.finish("a", alerts=(alert,)), folder.finish("b")])
+    row = next(row for row in folder.rows if row.run == "a")
+    assert (row.muscle, row.data, row.target) == ("Peano", "a.csv and 1 more", "force")
+    assert (row.own, row.best_other, row.alerts) == (1.0, ("sarosi", 2.0), ("only 1 curve",))
+    assert [line.count("L") for line in row.picture] == [8, 8]
+    time.sleep(0.02)
+    write_runs_page(folder.runs, [folder.finish("a", nrmse=0.005)])
+    assert {row.run: row.own for row in folder.rows} == {"a": 0.5, "b": 1.0}
+    assert folder.rows[0].run == "a"  # the latest first
+
+
+def test_runs_that_are_gone_have_no_row(folder):
+    write_runs_page(folder.runs, [folder.finish("a"), folder.finish("b")])
+    shutil.rmtree(folder.runs / "a")
+    write_runs_page(folder.runs, [])
+    assert [row.run for row in folder.rows] == ["b"]
+
+
+@pytest.mark.parametrize("text", ["<h1>My thesis</h1>", f"{MARK}no rows</script>", ""])
+def test_a_page_of_the_user_stays(folder, text):
+    folder.page.write_text(text)
+    warnings = []
+    write_runs_page(folder.runs, [folder.finish("a")], warnings.append)
+    assert folder.page.read_text() == text
+    assert "stays as it is" in warnings[0]
+
+
+def test_nothing_is_written_through_a_link(folder, tmp_path):
+    away = tmp_path / "away.html"
+    folder.page.symlink_to(away)
+    write_runs_page(folder.runs, [folder.finish("a")], lambda _message: None)
+    assert not away.exists()
+
+
+def test_names_are_words_and_no_markup(folder):
+    write_runs_page(folder.runs, [folder.finish("a", muscle=HOSTILE)])
+    (row,) = folder.rows
+    assert row.muscle == HOSTILE
+    scripts = []
+    parser = HTMLParser()
+    parser.handle_starttag = lambda tag, attrs: scripts.append(attrs) if tag == "script" else None
+    parser.feed(folder.page.read_text())
+    assert scripts == [[("type", "application/json"), ("id", "runs")], [], []]
+
+
+def test_runs_that_end_at_once_are_all_kept(folder):
+    every = [folder.finish(f"r{number}") for number in range(8)]
+    threads = [Thread(target=write_runs_page, args=(folder.runs, [one])) for one in every]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert {row.run for row in folder.rows} == {one.name for one in every}
+
+
+def test_two_thousand_runs_take_less_than_a_second(folder):
+    write_runs_page(folder.runs, [folder.finish("a")])
+    (row,) = folder.rows
+    rows = [replace(row, run=f"r{number}") for number in range(2000)]
+    for one in rows:
+        (folder.runs / one.run).mkdir()
+    folder.page.write_text(runs_page._page(folder.runs, rows))
+    start = time.process_time()
+    write_runs_page(folder.runs, [folder.finish("a", nrmse=0.002)])
+    assert time.process_time() - start < 1.0
+    assert len(folder.rows) == 2001
+
+
+def test_a_row_without_scores_says_nothing(folder):
+    row = Row("a", "", "", "", "force", "", {}, (), 0.0, ("", ""))
+    page = runs_page._page(folder.runs, [row])
+    assert (row.own, row.best_other, row.day) == (None, None, "1970-01-01 00:00")
+    assert "<svg" not in page

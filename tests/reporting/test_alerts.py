@@ -1,0 +1,104 @@
+"""What speaks against a number: one list, the worst first."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from report_builder import build
+
+from mapmore_cli.domain.results import AUTOCORRELATION, ResidualTest
+from mapmore_cli.domain.scores import STRUCTURE_SEEN
+from mapmore_cli.reporting.alerts import FEW_CURVES, WORST_FIRST
+from mapmore_cli.reporting.report import render_page
+
+
+@pytest.fixture(scope="module")
+def inputs():
+    return build()
+
+
+def kinds(inputs):
+    return [alert.kind for alert in inputs.alerts]
+
+
+def with_tests(inputs, **values):
+    tests = tuple(
+        ResidualTest(name, np.arange(21.0), np.full(21, value), np.ones(21))
+        for name, value in values.items()
+    )
+    return replace(inputs, validation=replace(inputs.validation, residual_tests=tests))
+
+
+def test_residuals_that_fail_are_alerts_and_those_that_pass_are_none(inputs):
+    noisy = with_tests(inputs, **{AUTOCORRELATION: 2.0, "strain": 0.5})
+    assert {"residuals", "mean error"} & {*kinds(noisy)} == {"residuals"}
+    noisy = with_tests(inputs, **{AUTOCORRELATION: 0.5, "strain": 2.0})
+    (alert,) = (one for one in noisy.alerts if one.kind == "mean error")
+    assert "strain: 21 of 21" in alert.sentence
+
+
+def test_the_worst_is_first_and_nothing_is_said_twice(inputs):
+    chosen = f"{STRUCTURE_SEEN}levels"
+    worst = replace(inputs, validation=replace(inputs.validation, warnings=("odd", chosen, "odd")))
+    worst = replace(worst, doubts=("a doubt",), unconfirmed=("is it N?", "is it kPa?"))
+    found = kinds(worst)
+    assert found == sorted(found, key=WORST_FIRST.index)
+    assert found[:3] == ["structure", "unconfirmed", "warning"]
+    assert found.count("warning") == 1
+    assert worst.alerts[0].sentence == chosen
+
+
+@pytest.mark.parametrize(
+    ("levels", "held_out", "words"),
+    [
+        ((80, 150, 250), lambda _level, strain: np.zeros(len(strain), bool), "nothing is held out"),
+        ((80, 150, 250), lambda level, strain: np.full(len(strain), level == 150), "only 1 curve "),
+    ],
+)
+def test_few_curves_are_an_alert(levels, held_out, words):
+    (alert,) = (one for one in build(levels, held_out).alerts if one.kind == "few curves")
+    assert alert.sentence.startswith(words)
+
+
+def test_held_out_samples_beyond_the_training_range_are_counted():
+    def top(level, strain):
+        return np.full(len(strain), level == 350)
+
+    (alert,) = (one for one in build(held_out=top).alerts if one.kind == "extrapolated")
+    assert alert.sentence == "100 % of the held-out samples lie beyond the training range"
+
+
+def curve_rows(inputs, model, factors):
+    """Scores of as many held-out curves as there are factors, of a model that errs so much more."""
+    row = next(one for one in inputs.validation.scores if one.curve == "all")
+    row = replace(row, split="validate")
+    every = []
+    for name, errors in (("mapmore", np.ones(len(factors))), (model, np.array(factors))):
+        every += [replace(row, model=name, rmse=float(np.sqrt(np.mean(errors**2))))]
+        every += [
+            replace(row, model=name, curve=f"c{place}", rmse=float(error))
+            for place, error in enumerate(errors)
+        ]
+    return replace(inputs, validation=replace(inputs.validation, scores=tuple(every)))
+
+
+@pytest.mark.parametrize(
+    ("factors", "kind"),
+    [
+        ([0.5, 0.6, 0.7], "competitor"),
+        ([0.7, 1.5, 1.1], "near"),
+        ([2.0, 2.1, 2.2], None),
+        ([1.01] * (FEW_CURVES - 1), None),
+    ],
+)
+def test_competitors_that_err_less_or_as_much_are_alerts(inputs, factors, kind):
+    found = {*kinds(curve_rows(inputs, "sarosi", factors))} & {"competitor", "near"}
+    assert found == ({kind} if kind else set())
+
+
+def test_every_alert_is_on_the_page_with_a_link_to_a_section(inputs):
+    worst = replace(with_tests(inputs, **{AUTOCORRELATION: 2.0}), unconfirmed=("N?",))
+    page = render_page(worst, {})
+    for alert in worst.alerts:
+        assert f'<a href="#{alert.section}">{alert.sentence}' in page.replace("&#39;", "'")
+        assert f'id="{alert.section}"' in page

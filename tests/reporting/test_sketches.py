@@ -1,0 +1,131 @@
+"""Quick drawings: what they show, and that a page needs no Matplotlib for them."""
+
+import subprocess
+import sys
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+from report_builder import build
+
+from mapmore_cli.reporting.figures.drawing import Drawing, Layout, Panel, drawings, render_figure
+from mapmore_cli.reporting.figures.panels import key, raised
+from mapmore_cli.reporting.figures.sketch import Axis, Sketch, levels_of, nice_ticks
+from mapmore_cli.reporting.figures.sketched import sketched
+from mapmore_cli.reporting.figures.style import PLAIN
+from mapmore_cli.reporting.inputs import FigureStyle
+from mapmore_cli.reporting.order import FIGURES, FILES_ALONE
+
+
+@pytest.fixture(scope="module")
+def inputs():
+    return build()
+
+
+def texts(svg):
+    return [
+        "".join(one.itertext()) for one in ElementTree.fromstring(svg).iter() if "text" in one.tag
+    ]
+
+
+@pytest.mark.parametrize("name", [*FIGURES.keys() - FILES_ALONE])
+def test_every_figure_of_a_page_is_a_quick_drawing(inputs, name):
+    for drawing in drawings(name, inputs):
+        figure = sketched(drawing, inputs.style)
+        words = texts(figure.svg)
+        for panel in drawing.panels:
+            assert panel.x_label in words
+        assert not {"nan", "inf"} & {*figure.svg.replace('"', " ").split()}
+
+
+def test_a_page_does_not_load_matplotlib(tmp_path):
+    code = (
+        "import sys; sys.path.insert(0, 'tests/reporting'); from report_builder import build\n"
+        "from pathlib import Path; from mapmore_cli.reporting.report import write_report\n"
+        "from mapmore_cli.reporting.order import FIGURES\n"
+        f"write_report(build(), Path({str(tmp_path)!r}), FIGURES, ['html', 'csv'])\n"
+        "assert 'matplotlib' not in sys.modules\n"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)
+    assert (tmp_path / "index.html").read_text(encoding="utf-8").count("<figure") > 8
+
+
+def test_what_a_sketch_does_not_know_is_drawn_by_matplotlib():
+    def on(ax):
+        ax.quiver([0.0], [0.0], [1.0], [1.0])
+
+    assert sketched(Drawing("q", "", (Panel("", on, "x", ("y",)),), Layout()), PLAIN) is None
+
+
+def test_words_that_are_formulas_are_set_by_matplotlib():
+    drawing = Drawing("q", "", (Panel("", lambda ax: ax.plot([0, 1]), "x", ("y",)),), Layout())
+    assert sketched(drawing, PLAIN) is not None
+    assert sketched(drawing, FigureStyle(labels={"force": "$F$ (N)"})) is None
+
+
+def test_places_are_true_to_the_numbers():
+    """Matplotlib's own axes say where a number stands: the same share of the axis."""
+    axis = Axis(0.05)
+    axis.hold([2.0, np.nan, 10.0])
+    assert axis.ends == pytest.approx((1.6, 10.4))
+    assert axis.scale(100.0, 0.0)([1.6, 6.0, 10.4]) == pytest.approx([100.0, 50.0, 0.0])
+    axis = Axis(0.0, limits=(0.1, 1000.0), logarithmic=True)
+    assert axis.scale(0.0, 4.0)([0.1, 1.0, 1000.0]) == pytest.approx([0.0, 1.0, 4.0])
+    assert [*axis.labels().values()] == ["0.1", "1", "10", "100", "1000"]
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "ticks"),
+    [
+        (0.0, 1.0, ["0.0", "0.2", "0.4", "0.6", "0.8", "1.0"]),
+        (-120.0, 60.0, ["−100", "−50", "0", "50"]),
+        (0.0, 0.3, ["0.0", "0.1", "0.2", "0.3"]),
+        (0.0, 1e-7, ["0", "2e-08", "4e-08", "6e-08", "8e-08", "1e-07"]),
+        (1.0, 3.2, ["1.0", "1.5", "2.0", "2.5", "3.0"]),
+        (0.0, 10.0, ["0.0", "2.5", "5.0", "7.5", "10.0"]),
+    ],
+)
+def test_ticks_are_round_numbers(low, high, ticks):
+    most = 4 if high == 10.0 else 5
+    assert [*Axis(0.0, limits=(low, high), most=most).labels().values()] == ticks
+
+
+@pytest.mark.parametrize(
+    ("term", "words"),
+    [("strain^2*p^10", "strain²*p¹⁰"), ("x^0.5", "x^0.5"), ("x^-1", "x^-1"), ("1", "1")],
+)
+def test_powers_are_raised(term, words):
+    assert raised(term) == words
+
+
+def test_levels_reach_beyond_the_data():
+    levels = levels_of(-3.0, 801.0, 12)
+    assert levels[0] <= -3.0
+    assert levels[-1] >= 801.0
+    assert nice_ticks(5.0, 5.0, 4) == [5.0]
+
+
+def test_marks_keep_their_order_and_gaps():
+    ax = Sketch(7.0)
+    ax.plot([0.0, 1.0, 2.0, 3.0], [0.0, np.nan, 1.0, 2.0], color="#123456", label="a", zorder=3)
+    ax.axhline(0.5, color="0.3", zorder=0)
+    assert [order for order, _ in ax.marks] == [3, 0]
+    svg = ax.marks[0][1](ax.xaxis.scale(0, 100), ax.yaxis.scale(100, 0))
+    assert svg.count("M") == 2
+    assert [*ax.keys] == ["a"]
+
+
+def test_a_legend_of_its_own_and_names_that_are_markup():
+    panel = Panel("", lambda ax: ax.plot([0.0, 1.0], label="left out"), "<b>x & y", ("y",))
+    drawing = Drawing("q", "", (panel,), Layout(), [key("<i>solid", facecolor="#00f", hatch=None)])
+    words = texts(sketched(drawing, PLAIN).svg)
+    assert {"<b>x & y", "<i>solid"} <= {*words}
+    assert "left out" not in words
+
+
+@pytest.mark.parametrize("name", ["surface", "residual_map"])
+def test_colours_of_a_map_are_named_in_both_ways_of_drawing(inputs, name):
+    """On a dark page, figures are inverted, and what has this class is inverted twice."""
+    (drawing,) = drawings(name, inputs)
+    for figure in (sketched(drawing, inputs.style), render_figure(drawing, inputs.style)):
+        assert figure.svg.count('class="map"') >= 2
