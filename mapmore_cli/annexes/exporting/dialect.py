@@ -1,4 +1,4 @@
-"""A program in C, Python or MATLAB: what differs between the languages, and how numbers,
+"""A program in C, Python, MATLAB or JavaScript: what differs between the languages, and how numbers,
 expressions and statements are written.
 """
 
@@ -150,6 +150,18 @@ MATLAB = Dialect(
     queued=("s.{queue} = [s.{queue}(2:end), {value}];",),
     several=("[{names}] = {function}({arguments});",),
     branches=("if {}", "elseif {}", "else", "end"),
+)
+
+JAVASCRIPT = replace(
+    DOUBLE,
+    language="javascript",
+    power="Math.pow({}, {})",
+    constant="const {} = {};",
+    nothing="NaN",
+    state="s.",
+    recalled="s.{queue}[{left}]",
+    queued=("s.{queue}.shift();", "s.{queue}.push({value});"),
+    several=("let {names};", "[{names}] = {function}({arguments});"),
 )
 
 
