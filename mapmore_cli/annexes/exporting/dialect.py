@@ -1,5 +1,5 @@
-"""A program in C, Python, MATLAB or JavaScript: what differs between the languages, and how numbers,
-expressions and statements are written.
+"""A program in C, Python, MATLAB or JavaScript: what differs between the languages, and how
+numbers, expressions and statements are written.
 """
 
 from __future__ import annotations

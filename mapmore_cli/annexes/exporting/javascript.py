@@ -37,13 +37,12 @@ def javascript_file(model: Model, wanted: Wanted) -> dict[str, str]:
     return {f"{identifier(model.name)}.mjs": text}
 
 
-def javascript_module(model: Model, page: bool = False) -> Code:
-    """Return the text of the module, or of the inside of a function that returns what the module
-    exports: a `page` that is opened as a file imports nothing.
+def javascript_module(model: Model) -> Code:
+    """Return the text of the module.
 
-    It has `INPUTS`, `OUTPUT` and `outsideRange`; without memory `evaluate` and `derivatives`, with
-    memory `STEP`, `reset`, `step` and, where the output is fed back, `measured`. Numbers come in the
-    order of `INPUTS`.
+    It exports `INPUTS`, `OUTPUT` and `outsideRange`; without memory `evaluate` and `derivatives`,
+    with memory `STEP`, `reset`, `step` and, where the output is fed back, `measured`. They take
+    numbers in the order of `INPUTS`.
 
     Raises DataError where a part of the model is no closed expression.
     """
@@ -51,10 +50,10 @@ def javascript_module(model: Model, page: bool = False) -> Code:
     used = [*words_of("JavaScript"), *NAMES, *(one.name for one in program.functions)]
     words = words_of_module(model, JAVASCRIPT, names_of_inputs(model.inputs, used))
     slopes = None
-    if program.step is None and not page:
+    if program.step is None:
         slopes = program_words(with_slopes(program), JAVASCRIPT)
         words["helpers"] |= slopes["helpers"]
-    return rendered_template("module.mjs", **words, slopes=slopes, page=page)
+    return rendered_template("module.mjs", **words, slopes=slopes)
 
 
 def _verify(model: Model, text: str) -> None:
