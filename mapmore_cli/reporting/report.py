@@ -1,6 +1,4 @@
-"""Writes a report: figures, tables, and one self-contained HTML page without scripts and
-network.
-"""
+"""Writes a report: figures, tables, and one self-contained HTML page that asks no network."""
 
 from __future__ import annotations
 
@@ -12,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from mapmore_cli.domain.scores import deciding
+from mapmore_cli.reporting.explore import explored
 from mapmore_cli.reporting.figures.drawing import (
     SVG_PROLOGUE,
     Drawing,
@@ -27,6 +26,7 @@ from mapmore_cli.reporting.figures.style import figure_style
 from mapmore_cli.reporting.inputs import ReportInputs
 from mapmore_cli.reporting.order import FIGURES
 from mapmore_cli.reporting.score_tables import scored, verdict_sentence
+from mapmore_cli.reporting.scripts import BEFORE, BEHIND, json_text, scripts, text_of
 from mapmore_cli.reporting.sections import all_tables, sections_of, shown_by
 from mapmore_cli.reporting.table import (
     Table,
@@ -55,9 +55,18 @@ def render_page(
     """Return the page, from the template `templates/page.html`, with `figures` by section, and
     those of other outputs behind them; every text of the user's is escaped.
     """
-    outputs = [_words_of(*own) for own in ((inputs, figures), *others)]
+    pages = ((inputs, figures), *others)
+    outputs = [_words_of(*own) for own in pages]
+    known = explored([own for own, _ in pages]) if inputs.explore else None
+    words: dict[str, object] = {"scripts": ()}
+    if known is not None:
+        for output, study in zip(outputs, known.outputs, strict=True):
+            output["explored"] = study is not None
+        texts = [*map(text_of, BEFORE), known.code, *map(text_of, BEHIND)]
+        data = json_text({"explore": known.outputs})
+        words = {"scripts": scripts(texts), "data": data, "uplot_css": text_of("uplot.css")}
     template = environment().get_template("page.html")
-    return template.render(outputs=outputs, head=lambda table: table.head(MOST_ROWS))
+    return template.render(outputs=outputs, head=lambda table: table.head(MOST_ROWS), **words)
 
 
 def _words_of(inputs: ReportInputs, figures: Figures) -> dict[str, object]:
@@ -66,6 +75,7 @@ def _words_of(inputs: ReportInputs, figures: Figures) -> dict[str, object]:
     known = (inputs.own, scored(table, inputs.dataset), inputs.failed, table.alert)
     return {
         "inputs": inputs,
+        "explored": False,
         "verdict": verdict_sentence(scores, *known, inputs.validation.warnings),
         "alert": bool(table.alert),
         "has_own_section": shown_by(inputs.fit.body) is not None,
@@ -101,11 +111,11 @@ def _write_files(
     inputs: ReportInputs, out: Path, figures: Sequence[str], formats: Sequence[str]
 ) -> Figures:
     """Write the files of one output beside the page; return its figures."""
-    for suffix, text_of in TABLE_FILES.items():
+    for suffix, written in TABLE_FILES.items():
         for table in all_tables(inputs) if suffix in formats else ():
             if suffix == "csv" or table.rows:  # a document does not want a table of nothing
                 path = out / "tables" / f"{inputs.prefix}{table.name}.{suffix}"
-                _write_file(path, text_of(table))
+                _write_file(path, written(table))
     sections: dict[str, list[RenderedFigure]] = {}
     if set(formats) <= set(TABLE_FILES):
         return sections

@@ -1,0 +1,49 @@
+"""Scripts of pages, each with the hash by which a page allows it and no other."""
+
+from __future__ import annotations
+
+import json
+from base64 import b64encode
+from collections.abc import Sequence
+from dataclasses import dataclass
+from hashlib import sha256
+from importlib.resources import files
+
+BEFORE, BEHIND = (
+    ("uplot.js", "widgets.js", "joining.js", "pieces.js", "fixed.js", "running.js"),
+    ("explore.js",),
+)
+"""The scripts of "Explore" before the code of the models, and behind it, in their order."""
+
+
+@dataclass(frozen=True)
+class Script:
+    """A classic script within a page."""
+
+    text: str
+
+    @property
+    def allowed(self) -> str:
+        """What a Content-Security-Policy names it by."""
+        return f"'sha256-{b64encode(sha256(self.text.encode()).digest()).decode()}'"
+
+
+def text_of(name: str) -> str:
+    """Return a file of this folder."""
+    return files(__package__).joinpath(name).read_text(encoding="utf-8")
+
+
+def scripts(texts: Sequence[str]) -> tuple[Script, ...]:
+    """Return texts as scripts of a page; raises ValueError for one that would end before its
+    end.
+    """
+    for text in texts:
+        if "</script" in text.lower() or "<!--" in text:
+            raise ValueError("a script holds `</script` or `<!--`, which would end it on a page")
+    return tuple(Script(f"\n{text.strip()}\n") for text in texts)
+
+
+def json_text(value: object) -> str:
+    """Return JSON that nothing in it can end between two tags."""
+    text = json.dumps(value, separators=(",", ":"), allow_nan=False)
+    return text.replace("<", "\\u003c")
