@@ -6,7 +6,7 @@ The code comes from the annex that exports models; without it, a page has no "Ex
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -21,6 +21,7 @@ from mapmore_cli.modelling import literature
 from mapmore_cli.modelling.programs import program_of
 from mapmore_cli.modelling.validation.intervals import INTERVAL, half_widths_of
 from mapmore_cli.reporting.inputs import ReportInputs
+from mapmore_cli.reporting.scripts import json_text
 from mapmore_cli.reporting.table import title_of
 
 MOST_SAMPLES = 4000
@@ -50,21 +51,17 @@ def explored(every: Sequence[ReportInputs]) -> Explored | None:
     is exported here.
     """
     try:
-        export = plugins.load("python", "export")
+        plugins.load("python", "export")
     except plugins.NotInstalled:
         return None
     code: dict[str, str] = {}
 
     def module(key: str, model: Model, more: str = "") -> bool:
-        """Keep the code of a model as a function that is called at once; tell whether there is
-        any.
-        """
+        """Keep the code of a model; tell whether there is any."""
         try:
-            (text,) = export(model, "js", verify=False).values()
+            code[key] = wrapped(key, model, more)
         except MapmoreError:  # a part of it is no closed expression
             return False
-        inside = _EXPORTED.sub(rf"\nreturn {{ \1{more} }};\n", text.decode())
-        code[key] = f"mapmore.models[{key!r}] = (() => {{\n{inside}}})();\n"
         return True
 
     outputs = []
@@ -81,13 +78,25 @@ def explored(every: Sequence[ReportInputs]) -> Explored | None:
         known = _known(inputs, key) | {"others": others}
         pieces = inputs.model.pieces
         if pieces is not None and pieces.segments and program_of(inputs.model).step is None:
-            bare, more = _bare(inputs.model)
+            bare, more = bare_of(inputs.model)
             if module(f"{key}.pieces", bare, more):
-                known["pieces"] = _pieces(inputs, pieces) | {"key": f"{key}.pieces"}
+                texts = {one.id: one.text for one in inputs.equations}
+                known["pieces"] = pieces_of(pieces, texts) | {"key": f"{key}.pieces"}
         outputs.append(known)
     if not code:
         return None
     return Explored(tuple(outputs), '"use strict";\n' + "".join(code.values()))
+
+
+def wrapped(key: str, model: Model, more: str = "") -> str:
+    """Return the exported module of a model as a function that is called at once, for a page cannot
+    import; its result is `mapmore.models[key]`, and has `more` than the module exports.
+
+    Raises DataError where a part of the model is no closed expression.
+    """
+    (text,) = plugins.load("python", "export")(model, "js", verify=False).values()
+    inside = _EXPORTED.sub(rf"\nreturn {{ \1{more} }};\n", text.decode())
+    return f"mapmore.models[{json_text(key)}] = (() => {{\n{inside}}})();\n"
 
 
 def _formulas(inputs: ReportInputs) -> dict[str, Model]:
@@ -118,8 +127,9 @@ def _known(inputs: ReportInputs, key: str) -> dict[str, Any]:
         "name": model.name,
         "inputs": [_quantity(one) for one in model.inputs],
         "output": _quantity(model.output),
-        "along": max(names.index(inputs.along.name), 0) if inputs.along.name in names else 0,
+        "along": names.index(inputs.along.name) if inputs.along.name in names else 0,
         "memory": program.step is not None,
+        "spans": {name: _numbers(np.array(_span(curves, name))) for name in names},
         "signals": {
             one.name: {"kind": one.kind, "of": one.of, "factor": one.factor * one.seconds}
             for one in model.signals
@@ -129,6 +139,13 @@ def _known(inputs: ReportInputs, key: str) -> dict[str, Any]:
         else _samples(inputs, curves, kept),
         "interval": _interval(inputs),
     }
+
+
+def _span(curves: Sequence[Curve], name: str) -> tuple[float, float]:
+    """Return least and greatest value of a quantity; from 0 to 1 where it has none."""
+    values = np.concatenate([curve.columns[name] for curve in curves])
+    values = values[np.isfinite(values)]
+    return (values.min(), values.max()) if values.size else (0.0, 1.0)
 
 
 def _quantity(one: Quantity) -> dict[str, str]:
@@ -184,7 +201,7 @@ def _interval(inputs: ReportInputs) -> dict[str, Any] | None:
     return {"of": level, "at": _numbers(at), "half": _numbers(half), "level": INTERVAL}
 
 
-def _bare(model: Model) -> tuple[Model, str]:
+def bare_of(model: Model) -> tuple[Model, str]:
     """Return a model of pieces whose segment functions are held nowhere, and code that gives away
     its curves and segments with their slopes: the page joins them in other ways.
 
@@ -206,9 +223,10 @@ def _bare(model: Model) -> tuple[Model, str]:
     return bare, more
 
 
-def _pieces(inputs: ReportInputs, body: Pieces) -> dict[str, Any]:
-    """Return how the pieces are joined, and where each of them was fitted."""
-    texts = {one.id: one.text for one in inputs.equations}
+def pieces_of(body: Pieces, equations: Mapping[str, str]) -> dict[str, Any]:
+    """Return how the pieces are joined, where each of them was fitted, and its equation by its
+    id.
+    """
     fusion = body.fusion
     return {
         "level": body.level,
@@ -229,7 +247,7 @@ def _pieces(inputs: ReportInputs, body: Pieces) -> dict[str, Any]:
                         "id": one.id,
                         "cell": list(one.cell),
                         "limits": {name: list(ends) for name, ends in one.limits.items()},
-                        "equation": texts.get(one.id, ""),
+                        "equation": equations.get(one.id, ""),
                     }
                     for one in curve.segments
                 ],

@@ -242,6 +242,7 @@ class Page(HTMLParser):
         self.open = []
         self.tags = []
         self.text = ""
+        self.scripts = []
         self.feed(html)
         self.close()
         assert self.open == []
@@ -258,7 +259,10 @@ class Page(HTMLParser):
         assert self.open.pop() == tag
 
     def handle_data(self, data):
-        self.text += data
+        if self.open and self.open[-1] == "script":
+            self.scripts.append(data)
+        else:
+            self.text += data
 
     def named(self, tag):
         return [attrs for name, attrs in self.tags if name == tag]

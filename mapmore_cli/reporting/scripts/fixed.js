@@ -1,7 +1,7 @@
 // "Explore" of a model without memory: the output along one input, at values of the others.
 (() => {
     "use strict";
-    const { element, numberText, words, withUnit, axisLabel, rangeOf, wider, knob, choice, tick, button, chart } = window.mapmore;
+    const { element, numberText, words, withUnit, axisLabel, wider, knob, choice, tick, button, chart } = window.mapmore;
     const POINTS = 401, NEAR = 0.06, MOST_DOTS = 1200;
     const PALETTE = ["--other1", "--other2", "--other3", "--other4", "--other5"];
 
@@ -19,7 +19,7 @@
     function explore(box, study) {
         const model = mapmore.models[study.key], { inputs, output, samples } = study, { columns, held } = samples;
         const measured = columns[output.name], names = inputs.map((one) => one.name);
-        const spans = Object.fromEntries(names.map((name) => [name, rangeOf(columns[name])]));
+        const spans = Object.fromEntries(names.map((name) => [name, study.spans[name]]));
         const inOrder = (x) => names.map((name) => x[name]);
         const valueAt = (x, one = model) => one.evaluate(...one.INPUTS.map((name) => x[name]));
         const outside = (x) => model.outsideRange(...inOrder(x));
@@ -60,7 +60,7 @@
         buttons.append(button(heldRows.length ? "Worst held-out sample" : "Worst sample", worstSample));
 
         const legend = element("div", { className: "legend" },
-            element("span", { className: "key line" }, "model, dashed where it is extrapolated"),
+            element("span", { className: "key" }, "model, dashed where it is extrapolated"),
             element("span", { className: "key grey" }, "measured, trained"),
             ...(heldRows.length ? [element("span", { className: "key held" }, "measured, held out")] : []),
             ...others.map((one) => one.tick.row));
@@ -104,11 +104,11 @@
         function changed() {
             const x = at(), along = axis.value, beyond = outside(x), half = halfWidth(study.interval, x);
             const slope = model.derivatives(...inOrder(x))[names.indexOf(along)], value = valueAt(x);
-            const unit = `${output.unit || "1"} per ${inputs[names.indexOf(along)].unit || "1"}`;
+            const per = inputs[names.indexOf(along)].unit, unit = per ? `${output.unit || "1"}/${per}` : output.unit;
             reading.replaceChildren(
                 element("strong", {}, `${words(output.name)} = ${withUnit(value, output)}`),
                 !beyond && Number.isFinite(half) ? ` ± ${numberText(half)} (${100 * study.interval.level} %)` : "",
-                element("span", { className: "slope" }, `slope along ${words(along)}: ${numberText(slope)} ${unit}`),
+                element("span", { className: "slope" }, `slope along ${words(along)}: ${numberText(slope)} ${unit}`.trim()),
                 beyond ? element("span", { className: "beyond" }, "beyond the training range: the model is extrapolated") : "");
             reading.dataset.value = String(value);
             const ends = wider(spans[along], 0.15), quantity = inputs[names.indexOf(along)];
@@ -120,7 +120,6 @@
             for (const follow of followers) follow();
         }
 
-        view.onTheme(() => changed());
         if (heldRows.length) heldOutCurve(); else changed();
         if (study.pieces) {
             const frame = { study, at, along: () => axis.value, spans, heldRows, sampleAt, measured, inOrder, model };

@@ -1,7 +1,7 @@
 // The pieces of a model: their functions and weights along the curve, and what other joints would make of them.
 (() => {
     "use strict";
-    const { element, numberText, words, withUnit, axisLabel, wider, knob, choice, button, chart, zonesOf, weightsAt, joinedCurve } = window.mapmore;
+    const { element, words, withUnit, axisLabel, wider, knob, choice, button, chart, zonesOf, weightsAt, joinedCurve } = window.mapmore;
     const POINTS = 301, PALETTE = ["--piece1", "--piece2", "--piece3", "--piece4"];
     const SIDES = { continue: "continue", continue_linear: "continue straight", saturate: "saturate", zero: "zero" };
 
@@ -31,7 +31,7 @@
             element("div", { className: "choices" }, transition.row, ...variables.map((name) => sides[name].row)),
             element("div", { className: "knobs" }, zs.row), score, element("p", { className: "line-of-yaml" }, yaml, " ", copy));
         const row = element("div", { className: "two" });
-        inner.append(row, list, equation);
+        inner.append(list, row, equation);
         box.append(inner);
         const functions = chart(row, "The pieces, and the curve that they are joined to", 300), weights = chart(row, "The weights of the pieces", 300);
 
@@ -101,13 +101,13 @@
                 const share = xs.map((one) => (weightsAt(one, zones, how.transition).find(([which]) => which === cell) ?? [0, 0])[1]);
                 shares.push({ kind: "line", x: xs, y: share, color });
             }
-            if (axis !== pieces.level) layers.push({ kind: "line", x: xs, y: xs.map((one) => value(here(one))), color: "--model", width: 1.5 });
+            if (axis !== pieces.level) layers.push({ kind: "line", x: xs, y: xs.map((one) => value(here(one))), color: "--ink", width: 1.2 });
             row.hidden = place < 0;
             if (place < 0) list.replaceChildren(element("p", { className: "note" }, `Choose ${variables.map(words).join(" or ")} above to see the pieces along it.`));
             else {
                 functions.show(axisLabel(unfit), axisLabel(study.output), ends, layers);
                 weights.show(axisLabel(unfit), "Weight (–)", ends, shares);
-                const heading = pieces.level === null ? "Segments: " : `Segments at ${words(pieces.level)} ${numberText(curve.level)}: `;
+                const heading = pieces.level === null ? "Segments: " : `Segments at ${words(pieces.level)} ${withUnit(curve.level, study.inputs.find((one) => one.name === pieces.level))}: `;
                 list.replaceChildren(heading, ...shown.map((segment, k) => {
                     const made = button(segment.id, () => showEquation(segment));
                     made.style.borderColor = `var(${PALETTE[k % PALETTE.length]})`;
@@ -122,8 +122,6 @@
             };
         }
 
-        functions.onTheme(() => changed());
-        weights.onTheme(() => changed());
         changed();
         return changed;
     }

@@ -14,10 +14,10 @@
         const signals = study.signals, names = inputs.map((one) => one.name);
         const own = inputs.filter((one) => !(one.name in signals) && one.name !== "time");
         const recorded = samples.columns, rate = 1 / (PER_PERIOD * STEP);
-        const spans = Object.fromEntries(names.map((name) => [name, rangeOf(recorded[name])]));
+        const spans = Object.fromEntries(names.map((name) => [name, study.spans[name]]));
         const middle = (name) => (spans[name][0] + spans[name][1]) / 2;
 
-        const driven = choice("Input", own.map((one) => [one.name, words(one.name)]), (own[0] ?? { name: "" }).name, () => chosen());
+        const driven = choice("Input", own.map((one) => [one.name, words(one.name)]), (own.find((one) => one.name === names[study.along]) ?? own[0] ?? { name: "" }).name, () => chosen());
         const shape = choice("Course", [["steps", "steps"], ["ramp", "ramps"], ["sine", "sine"], ["chirp", "chirp"], ["record", "the record's own"]],
             "sine", () => changed());
         const offset = knob("offset", "", [0, 1], 0, () => changed());
@@ -25,9 +25,10 @@
         const frequency = knob("frequency", "Hz", [rate / 20, rate * 5], rate, () => changed());
         const rest = Object.fromEntries(own.map((one) => [one.name, knob(words(one.name), one.unit, wider(spans[one.name], 0.15), middle(one.name), () => changed())]));
         const reading = element("output", { className: "reading" });
+        const key = element("span", { className: "key held" }, `measured, ${samples.name}${samples.held ? ", held out" : ""}`);
         const knobs = element("div", { className: "knobs" });
         box.append(element("div", { className: "choices" }, driven.row, shape.row), knobs, reading, element("div", { className: "legend" },
-            element("span", { className: "key line" }, "model, free run"), element("span", { className: "key held" }, "measured (of the record)")));
+            element("span", { className: "key" }, "model, free run"), key));
         const row = element("div", { className: "two" });
         box.append(row);
         const overTime = chart(row, `${words(output.name)} over time`, 300), loop = chart(row, `${words(output.name)} over the input: the loop`, 300);
@@ -115,6 +116,7 @@
             reading.dataset.last = String(y[count - 1]);
             const layers = (x) => [...(measured ? [{ kind: "line", x, y: measured, color: "--held", width: 1.2 }] : []), { kind: "line", x, y, color: "--model", width: 1.8 }];
             overTime.show("Time (s)", axisLabel(output), [0, t[count - 1]], layers(t));
+            key.hidden = !ofRecord;
             loop.holder.hidden = !along;
             if (along) {
                 const x = columns[along], quantity = own.find((one) => one.name === along);
@@ -122,8 +124,6 @@
             }
         }
 
-        overTime.onTheme(() => changed());
-        loop.onTheme(() => changed());
         chosen();
     }
 

@@ -113,7 +113,7 @@
         const holder = element("div", { className: "chart", role: "img" });
         holder.setAttribute("aria-label", summary);
         box.append(holder);
-        let plot = null, labelled = "", shown = "", layers = [], limits = [[0, 1], [0, 1]];
+        let plot = null, labelled = [], shown = "", layers = [], limits = [[0, 1], [0, 1]];
         const colour = (name) => getComputedStyle(holder).getPropertyValue(name).trim();
 
         function paint(u) {
@@ -174,15 +174,15 @@
                 axes: [axis(x), axis(y)], series: [{}, { stroke: "transparent", width: 0, points: { show: false } }],
                 hooks: { draw: [paint] },
             }, [limits[0], limits[1]], holder);
-            labelled = `${x} ${y}`;
+            labelled = [x, y];
         }
 
         /** Show layers over an axis of these limits; a zoom stays as long as the axis does. */
         function show(x, y, ends, next) {
             layers = next;
-            const ys = next.filter((one) => one.kind !== "at").flatMap((one) => (one.free ? [] : [rangeOf(one.y)]));
-            limits = [ends, wider(rangeOf(ys.flat()), 0.06)];
-            if (!plot || labelled !== `${x} ${y}`) build(x, y);
+            const scaling = next.filter((one) => one.kind !== "at" && !one.free);
+            limits = [ends, wider(rangeOf(scaling.flatMap((one) => one.y)), 0.06)];
+            if (String(labelled) !== String([x, y])) build(x, y);
             else {
                 const same = shown === String(ends);
                 plot.setData([limits[0], limits[1]], !same);
@@ -191,10 +191,12 @@
             shown = String(ends);
         }
 
-        const again = () => { if (plot) { const names = labelled; labelled = ""; again.draw?.(); labelled ||= names; } };
         new ResizeObserver(() => plot?.setSize({ width: holder.clientWidth, height })).observe(holder);
-        dark.addEventListener("change", () => again());
-        return { show, holder, at: (pixel) => plot.posToVal(pixel, "x"), onTheme: (draw) => { again.draw = draw; } };
+        dark.addEventListener("change", () => {
+            const [x, y] = labelled;
+            if (plot) build(x, y);
+        });
+        return { show, holder, at: (pixel) => plot.posToVal(pixel, "x") };
     }
 
     Object.assign(mapmore, { element, numberText, words, withUnit, axisLabel, rangeOf, wider, knob, choice, tick, button, chart });
