@@ -234,6 +234,7 @@ def pieces_of(body: Pieces, equations: Mapping[str, str]) -> dict[str, Any]:
         "joint": {
             "z_s": fusion.z_s,
             "transition": fusion.transition,
+            "levels": fusion.levels,
             "hold": fusion.hold,
             "extrapolation": {name: list(sides) for name, sides in fusion.extrapolation.items()},
         },

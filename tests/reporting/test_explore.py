@@ -4,15 +4,18 @@ import json
 import math
 import shutil
 import subprocess
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from export_samples import STATIC, fused
+import yaml
+from export_samples import SAROSI, STATIC, fused
 from test_memory_report import report_of
 
 from mapmore_cli.domain import plugins
 from mapmore_cli.modelling.kinds import predict, simulate
+from mapmore_cli.modelling.pieces.recipe import Fuse
 from mapmore_cli.reporting import explore
 from mapmore_cli.reporting.report import render_page, write_report
 from mapmore_cli.reporting.scripts import json_text, scripts, text_of
@@ -31,13 +34,14 @@ globalThis.window = globalThis;
 globalThis.mapmore = { models: {} };
 runInThisContext(readFileSync("joining.js", "utf8"));
 runInThisContext(readFileSync("code.js", "utf8"));
-const answers = JSON.parse(readFileSync("tasks.json", "utf8")).map(({ key, pieces, names, joint, rows }) => {
+const tasks = JSON.parse(readFileSync("tasks.json", "utf8"));
+const answers = tasks.map(({ key, pieces: { curves, variables }, names, joint, rows }) => {
     const code = mapmore.models[key];
     let at = 0;
-    code.rejoin(pieces.curves.map((curve) => {
+    code.rejoin(curves.map((curve) => {
         const own = [at, (at += curve.segments.length)];
-        return mapmore.joinedCurve(
-            curve, code.segments.slice(...own), code.slopes.slice(...own), pieces.variables, names, joint);
+        const [f, slopes] = [code.segments.slice(...own), code.slopes.slice(...own)];
+        return mapmore.joinedCurve(curve, f, slopes, variables, names, joint);
     }));
     return rows.map((row) => code.evaluate(...row));
 });
@@ -81,8 +85,6 @@ def test_pieces_are_joined_as_python_joins_them(tmp_path):
 
 def test_a_page_without_explore_has_no_script(inputs, monkeypatch):
     """`report.explore: false`, and the exporting annex missing."""
-    from dataclasses import replace
-
     assert "<script" not in render_page(replace(inputs, explore=False), {})
 
     def missing(_group, _name):
@@ -129,6 +131,9 @@ def browser():
 def opened(browser, inputs, tmp_path_factory):
     """Opens a page; what it says on the console and asks for is a fault."""
     folder, contexts, faults = tmp_path_factory.mktemp("pages"), [], []
+    sarosi = replace(inputs.validation.formulas["sarosi"], parameters=SAROSI.parameters)
+    validation = replace(inputs.validation, formulas={"sarosi": sarosi})
+    inputs = replace(inputs, validation=validation)
     studies = {"fixed": inputs, "running": report_of(["pressure", "motion[k-1]"])}
     for name, study in studies.items():
         write_report(study, folder / name, ("fit",), ("html",))
@@ -185,12 +190,15 @@ def test_another_joint_has_the_error_that_a_run_would_have(opened):
 
     assert shown(page, 1, "rmse") == pytest.approx(rmse(), rel=1e-5)  # of samples of seven digits
     set_number(page, "z_s", 0.1)
-    page.get_by_label("transition").select_option("cubic")
+    page.get_by_label("transition", exact=True).select_option("cubic")
     assert shown(page, 1, "rmse") == pytest.approx(rmse(z_s=0.1, transition="cubic"), rel=1e-5)
-    assert "z_s: 0.1, transition: cubic" in page.locator(".yaml").inner_text()
+    fuse = yaml.safe_load(page.locator(".yaml").inner_text())["fuse"]
+    assert Fuse(**fuse).z_s == 0.1  # the section of a spec, whole
+    assert Fuse(**fuse).transition == "cubic"
+    assert fuse.keys() == {"transition", "z_s", "levels", "hold", "extrapolation"}
     page.locator(".segments button").first.click()
     assert page.locator(".equation").inner_text() != ""
-    page.get_by_label("Sárosi").check()
+    page.get_by_role("checkbox", name="Sárosi").check()
     page.get_by_role("button", name="Worst held-out sample").click()
     page.emulate_media(color_scheme="dark")
 
@@ -205,31 +213,36 @@ def test_a_model_with_memory_runs_freely(opened):
     resting |= {"time": 0.01 * np.arange(count), "motion": np.full(count, start)}
     expected = simulate(inputs.model, resting).values[-1]
     assert shown(page) == pytest.approx(expected, rel=1e-4)  # knobs of seven digits
-    page.get_by_label("Course").select_option("record")
-    assert np.isfinite(shown(page, key="last"))
+    page.get_by_label("Course", exact=True).select_option("record")
+    held, number = inputs.pooled_held_out, int(np.argmax(inputs.pooled_held_out))
+    columns = {name: inputs.pooled(name)[held] for name in inputs.dataset.quantities}
+    errors = simulate(inputs.model, columns).values - columns["motion"]
+    assert number > 0
+    assert shown(page) == pytest.approx(math.sqrt(np.nanmean(errors**2)), rel=1e-3)
 
 
 @pytest.mark.parametrize("name", ["fixed", "running"])
 def test_nothing_is_wider_than_a_telephone(name, opened):
     page = opened[1](name, viewport={"width": 400, "height": 800})
     wide = page.evaluate(
-        """() => [...document.querySelectorAll("main *")].filter((one) => !one.closest(".scroll, svg, math, pre")
-        && one.getBoundingClientRect().right > innerWidth + 1).map((one) => one.className || one.tagName)"""
+        """() => [...document.querySelectorAll("main *")]
+        .filter((one) => !one.closest(".scroll, svg, math, pre"))
+        .filter((one) => one.getBoundingClientRect().right > innerWidth + 1)
+        .map((one) => one.className || one.tagName)"""
     )
     assert wide == []
     assert page.evaluate("document.documentElement.scrollWidth") <= 400
 
 
-@pytest.mark.parametrize("scheme", ["light", "dark"])
-def test_no_serious_finding_of_axe(scheme, opened):
+@pytest.mark.parametrize(("name", "scheme"), [("fixed", "light"), ("running", "dark")])
+def test_no_serious_finding_of_axe(name, scheme, opened):
     axe = pytest.importorskip("axe_playwright_python")
     code = (Path(axe.__file__).parent / "axe.min.js").read_text(encoding="utf-8")
-    for name in ("fixed", "running"):
-        page = opened[1](name, color_scheme=scheme)
-        page.evaluate(code)
-        found = page.evaluate("axe.run('section.explore')")["violations"]
-        serious = [one for one in found if one["impact"] in ("serious", "critical")]
-        assert [(one["id"], one["nodes"][0]["html"]) for one in serious] == []
+    page = opened[1](name, color_scheme=scheme)
+    page.evaluate(code)
+    found = page.evaluate("axe.run('section.explore')")["violations"]
+    serious = [one for one in found if one["impact"] in ("serious", "critical")]
+    assert [(one["id"], one["nodes"][0]["html"]) for one in serious] == []
 
 
 def test_it_is_readable_with_scripts_off(opened):

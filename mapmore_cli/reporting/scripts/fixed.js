@@ -86,6 +86,7 @@
             const ys = places.map((place) => valueAt(place)), beyond = places.map(outside);
             const inside = ys.map((y, k) => (beyond[k] ? null : y));
             const dashed = ys.map((y, k) => (beyond[k] || beyond[k - 1] || beyond[k + 1] ? y : null));
+            /** @type {any[]} */
             const layers = [{ kind: "line", x: xs, y: dashed, color: "--model", dash: [5, 5] }, { kind: "line", x: xs, y: inside, color: "--model" }];
             const half = places.map((place, k) => (beyond[k] ? NaN : halfWidth(study.interval, place)));
             const known = [...half.keys()].filter((k) => Number.isFinite(half[k]));

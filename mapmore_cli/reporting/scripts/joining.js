@@ -73,10 +73,12 @@
                     if (side !== "continue") x[j] = typeof side === "number" ? side : end;
                 }
             }
+            /** @type {[number[], number][]} */
             let parts = [[[], 1]];
             variables.forEach((name, j) => {
                 const along = weightsAt(x[columns[j]], zones[j], joint.transition);
-                parts = parts.flatMap(([cell, w]) => along.map(([place, weight]) => [[...cell, place], w * weight]));
+                parts = parts.flatMap(([cell, w]) => along.map(([place, weight]) => (
+                    /** @type {[number[], number]} */ ([[...cell, place], w * weight]))));
             });
             return parts.reduce((sum, [cell, w]) => sum + (w === 0 ? 0 : w * segmentAt(cells.get(String(cell)), x, asked)), 0);
         };

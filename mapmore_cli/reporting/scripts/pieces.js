@@ -52,6 +52,15 @@
             return (x) => code.evaluate(...inOrder(x));
         }
 
+        /** The section of a spec that joins pieces in this way. */
+        function yamlOf(how) {
+            const word = ([below, above]) => (below === above ? below : `{below: ${below}, above: ${above}}`);
+            const beyond = Object.entries({ ...joint.extrapolation, ...how.extrapolation })
+                .map(([name, ends]) => `${name}: ${word(ends)}`).join(", ");
+            const z_s = Number(how.z_s.toPrecision(4));
+            return `fuse: {transition: ${how.transition}, z_s: ${z_s}, levels: ${joint.levels}, hold: ${how.hold}, extrapolation: {${beyond}}}`;
+        }
+
         function errorOf(value) {
             let sum = 0, count = 0;
             for (const k of heldRows) {
@@ -79,8 +88,7 @@
             score.replaceChildren(count ? element("strong", {}, `RMSE ${withUnit(rmse, study.output)}`) : "no held-out samples",
                 count ? element("span", { className: "slope" }, `on ${count} ${count < study.samples.all_held ? `of ${study.samples.all_held} ` : ""}held-out samples; as fitted ${withUnit(before.rmse, study.output)}`) : "");
             score.dataset.rmse = String(rmse);
-            const beyond = variables.filter((name) => sides[name].value !== "fitted").map((name) => `${name}: ${sides[name].value}`);
-            yaml.textContent = `fuse: {z_s: ${Number(zs.value.toPrecision(4))}, transition: ${how.transition}, hold: ${how.hold}${beyond.length ? `, extrapolation: {${beyond.join(", ")}}` : ""}}`;
+            yaml.textContent = yamlOf(how);
             copy.textContent = "Copy";
 
             const number = nearestCurve(x), curve = pieces.curves[number], ends = wider(spans[axis], 0.15);
@@ -103,6 +111,7 @@
             }
             if (axis !== pieces.level) layers.push({ kind: "line", x: xs, y: xs.map((one) => value(here(one))), color: "--ink", width: 1.2 });
             row.hidden = place < 0;
+            if (place < 0) equation.replaceChildren();
             if (place < 0) list.replaceChildren(element("p", { className: "note" }, `Choose ${variables.map(words).join(" or ")} above to see the pieces along it.`));
             else {
                 functions.show(axisLabel(unfit), axisLabel(study.output), ends, layers);

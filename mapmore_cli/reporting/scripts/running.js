@@ -107,13 +107,15 @@
             const t = Array.from({ length: count }, (_, k) => k * STEP), still = Math.min(MOST, Math.round(REST / STEP));
             const settled = run(courses(still, Array(still).fill(offset.value)), still, null).y[still - 1];
             const seconds = still === MOST ? still * STEP : REST;
+            const errors = (measured ?? []).map((one, k) => (one === null ? NaN : y[k] - one)).filter(Number.isFinite);
+            const rmse = Math.sqrt(errors.reduce((sum, one) => sum + one * one, 0) / errors.length);
+            knobs.hidden = ofRecord;
             reading.replaceChildren(
-                element("strong", {}, `${words(output.name)} = ${withUnit(settled, output)}`),
-                element("span", { className: "slope" }, `at rest after ${Number(seconds.toPrecision(3))} s${along ? ` at the offset of ${words(along)}` : ""}`),
-                beyond ? element("span", { className: "beyond" }, `${Math.round((100 * beyond) / count)} % of the course lie beyond the training range`) : "",
+                element("strong", {}, ofRecord ? `RMSE ${withUnit(rmse, output)}` : `${words(output.name)} = ${withUnit(settled, output)}`),
+                element("span", { className: "slope" }, ofRecord ? `along ${samples.name}, in free run` : `at rest after ${Number(seconds.toPrecision(3))} s${along ? ` at the offset of ${words(along)}` : ""}`),
+                beyond ? element("span", { className: "beyond" }, `${Math.round((100 * beyond) / count)} % of the course lies beyond the training range`) : "",
                 y.some(Number.isNaN) ? element("span", { className: "slope" }, "no value before there is history, and where the run diverges") : "");
-            reading.dataset.value = String(settled);
-            reading.dataset.last = String(y[count - 1]);
+            reading.dataset.value = String(ofRecord ? rmse : settled);
             const layers = (x) => [...(measured ? [{ kind: "line", x, y: measured, color: "--held", width: 1.2 }] : []), { kind: "line", x, y, color: "--model", width: 1.8 }];
             overTime.show("Time (s)", axisLabel(output), [0, t[count - 1]], layers(t));
             key.hidden = !ofRecord;

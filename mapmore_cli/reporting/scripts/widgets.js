@@ -23,6 +23,7 @@
         return text.replace("-", "−");
     }
 
+    const digits = (x) => String(Number(x.toPrecision(5)));
     const words = (name) => name.replaceAll("_", " ");
     const withUnit = (x, quantity) => `${numberText(x)} ${quantity.unit}`.trim();
     const axisLabel = (quantity) => {
@@ -54,16 +55,16 @@
         let value = start;
         const step = Number(((ends[1] - ends[0]) / 500).toPrecision(2));
         const slider = element("input", { type: "range", id, min: ends[0], max: ends[1], step, value: start });
-        const field = element("input", { type: "number", step: "any", value: Number(start.toPrecision(4)) });
+        const field = element("input", { type: "number", step: "any", value: digits(start) });
         field.setAttribute("aria-label", `${label} as a number`);
         const set = (x) => {
             value = x;
             slider.value = String(x);
-            field.value = String(Number(x.toPrecision(6)));
+            field.value = digits(x);
         };
         slider.addEventListener("input", () => {
             value = Number(slider.value);
-            field.value = String(Number(value.toPrecision(4)));
+            field.value = digits(value);
             changed();
         });
         field.addEventListener("input", () => {
@@ -181,7 +182,11 @@
         function show(x, y, ends, next) {
             layers = next;
             const scaling = next.filter((one) => one.kind !== "at" && !one.free);
-            limits = [ends, wider(rangeOf(scaling.flatMap((one) => one.y)), 0.06)];
+            let [low, high] = rangeOf(scaling.flatMap((one) => one.y));
+            const [least, most] = rangeOf([low, high, ...next.flatMap((one) => (one.free ? one.y : []))]);
+            const room = high - low; // what is free may double the scale to each side, and no more
+            [low, high] = [Math.max(least, low - room), Math.min(most, high + room)];
+            limits = [ends, wider([low, high], 0.06)];
             if (String(labelled) !== String([x, y])) build(x, y);
             else {
                 const same = shown === String(ends);
