@@ -64,7 +64,7 @@ def explored(every: Sequence[ReportInputs]) -> Explored | None:
             return False
         return True
 
-    outputs = []
+    outputs: list[dict[str, Any] | None] = []
     for number, inputs in enumerate(every):
         key = f"model{number}"
         if not module(key, inputs.model):
@@ -77,7 +77,7 @@ def explored(every: Sequence[ReportInputs]) -> Explored | None:
         ]
         known = _known(inputs, key) | {"others": others}
         pieces = inputs.model.pieces
-        if pieces is not None and pieces.segments and program_of(inputs.model).step is None:
+        if pieces is not None and pieces.segments:
             bare, more = bare_of(inputs.model)
             if module(f"{key}.pieces", bare, more):
                 texts = {one.id: one.text for one in inputs.equations}
@@ -118,25 +118,23 @@ def _formulas(inputs: ReportInputs) -> dict[str, Model]:
 
 def _known(inputs: ReportInputs, key: str) -> dict[str, Any]:
     """Return what the script knows of any model."""
-    model, program = inputs.model, program_of(inputs.model)
+    model, timed = inputs.model, inputs.has_memory
     curves = inputs.dataset.curves
     names = [quantity.name for quantity in model.inputs]
-    kept = [*names, *(["time"] if program.step is not None else []), model.output.name]
+    kept = [*names, *(["time"] if timed else []), model.output.name]
     return {
         "key": key,
         "name": model.name,
         "inputs": [_quantity(one) for one in model.inputs],
         "output": _quantity(model.output),
         "along": names.index(inputs.along.name) if inputs.along.name in names else 0,
-        "memory": program.step is not None,
+        "memory": timed,
         "spans": {name: _numbers(np.array(_span(curves, name))) for name in names},
         "signals": {
             one.name: {"kind": one.kind, "of": one.of, "factor": one.factor * one.seconds}
             for one in model.signals
         },
-        "samples": _recording(curves, kept)
-        if program.step is not None
-        else _samples(inputs, curves, kept),
+        "samples": _recording(curves, kept) if timed else _samples(inputs, curves, kept),
         "interval": _interval(inputs),
     }
 

@@ -165,7 +165,7 @@ JAVASCRIPT = replace(
 )
 
 
-def program_words(program: Program, dialect: Dialect, apart: bool = True) -> dict[str, object]:
+def program_words(program: Program, dialect: Dialect, apart: bool = True) -> dict[str, Any]:
     """Return what templates know of a program: its `functions`, its `lines` and their `results`,
     and the `limits` of its inputs, which stand in a function `apart` with lines of its own.
 

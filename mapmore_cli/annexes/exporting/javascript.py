@@ -5,14 +5,15 @@ time.
 from __future__ import annotations
 
 import shutil
+from typing import Any
 
 from mapmore_cli.annexes.exporting.dialect import JAVASCRIPT, program_words
-from mapmore_cli.annexes.exporting.python_module import words_of_module
 from mapmore_cli.annexes.exporting.templates import (
     Code,
     Wanted,
     identifier,
     names_of_inputs,
+    notes_of,
     rendered_template,
 )
 from mapmore_cli.annexes.exporting.verifying import CompilerMissing, verify_files
@@ -21,6 +22,7 @@ from mapmore_cli.domain.models import Model
 from mapmore_cli.modelling.kinds import fed_back
 from mapmore_cli.modelling.program.slopes import with_slopes
 from mapmore_cli.modelling.programs import program_of
+from mapmore_cli.modelling.ranges import OUTSIDE_TOLERANCE
 
 NAMES = ("INPUTS", "OUTPUT", "STEP", "beyond", "interpolated", "measured", "outsideRange")
 """Names in the module that its inputs must not hide."""
@@ -48,12 +50,20 @@ def javascript_module(model: Model) -> Code:
     """
     program = program_of(model)
     used = [*words_of("JavaScript"), *NAMES, *(one.name for one in program.functions)]
-    words = words_of_module(model, JAVASCRIPT, names_of_inputs(model.inputs, used))
-    slopes = None
+    names = names_of_inputs(model.inputs, used)
+    words, slopes = program_words(program, JAVASCRIPT), dict[str, Any]()
     if program.step is None:
         slopes = program_words(with_slopes(program), JAVASCRIPT)
         words["helpers"] |= slopes["helpers"]
-    return rendered_template("module.mjs", **words, slopes=slopes)
+    return rendered_template(
+        "module.mjs",
+        **words,
+        model=model,
+        names=names,
+        notes=notes_of(model, names),
+        tolerance=OUTSIDE_TOLERANCE,
+        slopes=slopes,
+    )
 
 
 def _verify(model: Model, text: str) -> None:
