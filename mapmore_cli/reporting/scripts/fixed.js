@@ -1,7 +1,7 @@
 // "Explore" of a model without memory: the output along one input, at values of the others.
 (() => {
     "use strict";
-    const { element, numberText, words, withUnit, axisLabel, wider, knob, choice, tick, button, chart } = window.mapmore;
+    const { element, span, numberText, words, withUnit, axisLabel, wider, evenly, knob, choice, tick, button } = mapmore;
     const POINTS = 401, NEAR = 0.06, MOST_DOTS = 1200;
     const PALETTE = ["--other1", "--other2", "--other3", "--other4", "--other5"];
 
@@ -31,7 +31,8 @@
             const ends = wider(spans[one.name], 0.15), start = (spans[one.name][0] + spans[one.name][1]) / 2;
             return [one.name, knob(words(one.name), one.unit, ends, start, () => changed())];
         }));
-        const axis = choice("Along", inputs.map((one) => [one.name, words(one.name)]), names[study.along], () => changed());
+        const options = inputs.map((one) => [one.name, words(one.name)]);
+        const axis = choice("Along", options, names[study.along], () => changed());
         const others = study.others.map((one, k) => ({
             ...one, color: PALETTE[k % PALETTE.length], dash: k < PALETTE.length ? [7, 3] : [2, 3],
             tick: tick(one.title, PALETTE[k % PALETTE.length], false, () => changed()),
@@ -60,12 +61,12 @@
         buttons.append(button(heldRows.length ? "Worst held-out sample" : "Worst sample", worstSample));
 
         const legend = element("div", { className: "legend" },
-            element("span", { className: "key" }, "model, dashed where it is extrapolated"),
-            element("span", { className: "key grey" }, "measured, trained"),
-            ...(heldRows.length ? [element("span", { className: "key held" }, "measured, held out")] : []),
+            span("key", "model, dashed where it is extrapolated"), span("key grey", "measured, trained"),
+            ...(heldRows.length ? [span("key held", "measured, held out")] : []),
             ...others.map((one) => one.tick.row));
-        box.append(axis.row, element("div", { className: "knobs" }, ...names.map((name) => knobs[name].row)), reading, buttons, legend);
-        const view = chart(box, `${words(output.name)} by the model along an input, beside measured samples`);
+        const rows_ = names.map((name) => knobs[name].row);
+        box.append(axis.row, element("div", { className: "knobs" }, ...rows_), reading, buttons, legend);
+        const view = mapmore.chart(box, `${words(output.name)} by the model along an input, beside measured samples`);
         const followers = [];
 
         const at = () => Object.fromEntries(names.map((name) => [name, knobs[name].value]));
@@ -81,20 +82,20 @@
 
         /** Layers of the model along an axis: solid within the training range, dashed beyond. */
         function lines(x, along, ends) {
-            const xs = Array.from({ length: POINTS }, (_, k) => ends[0] + ((ends[1] - ends[0]) * k) / (POINTS - 1));
+            const xs = evenly(ends, POINTS);
             const places = xs.map((place) => ({ ...x, [along]: place }));
             const ys = places.map((place) => valueAt(place)), beyond = places.map(outside);
             const inside = ys.map((y, k) => (beyond[k] ? null : y));
             const dashed = ys.map((y, k) => (beyond[k] || beyond[k - 1] || beyond[k + 1] ? y : null));
             /** @type {any[]} */
-            const layers = [{ kind: "line", x: xs, y: dashed, color: "--model", dash: [5, 5] }, { kind: "line", x: xs, y: inside, color: "--model" }];
+            const layers = [
+                { kind: "line", x: xs, y: dashed, color: "--model", dash: [5, 5] },
+                { kind: "line", x: xs, y: inside, color: "--model" },
+            ];
             const half = places.map((place, k) => (beyond[k] ? NaN : halfWidth(study.interval, place)));
             const known = [...half.keys()].filter((k) => Number.isFinite(half[k]));
-            if (known.length) {
-                layers.unshift({
-                    kind: "band", color: "--model", x: known.map((k) => xs[k]), y: known.map((k) => ys[k] - half[k]), y2: known.map((k) => ys[k] + half[k]),
-                });
-            }
+            const [low, high] = [-1, 1].map((side) => known.map((k) => ys[k] + side * half[k]));
+            if (known.length) layers.unshift({ kind: "band", color: "--model", x: known.map((k) => xs[k]), y: low, y2: high });
             for (const one of others.filter((other) => other.tick.on)) {
                 const y = places.map((place) => valueAt(place, mapmore.models[one.key]));
                 layers.push({ kind: "line", x: xs, y, color: one.color, dash: one.dash, width: 1.6, free: true });
@@ -109,8 +110,8 @@
             reading.replaceChildren(
                 element("strong", {}, `${words(output.name)} = ${withUnit(value, output)}`),
                 !beyond && Number.isFinite(half) ? ` ± ${numberText(half)} (${100 * study.interval.level} %)` : "",
-                element("span", { className: "slope" }, `slope along ${words(along)}: ${numberText(slope)} ${unit}`.trim()),
-                beyond ? element("span", { className: "beyond" }, "beyond the training range: the model is extrapolated") : "");
+                span("slope", `slope along ${words(along)}: ${numberText(slope)} ${unit}`.trim()),
+                beyond ? span("beyond", "beyond the training range: the model is extrapolated") : "");
             reading.dataset.value = String(value);
             const ends = wider(spans[along], 0.15), quantity = inputs[names.indexOf(along)];
             view.show(axisLabel(quantity), axisLabel(output), ends, [

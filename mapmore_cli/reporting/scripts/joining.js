@@ -80,7 +80,8 @@
                 parts = parts.flatMap(([cell, w]) => along.map(([place, weight]) => (
                     /** @type {[number[], number]} */ ([[...cell, place], w * weight]))));
             });
-            return parts.reduce((sum, [cell, w]) => sum + (w === 0 ? 0 : w * segmentAt(cells.get(String(cell)), x, asked)), 0);
+            const counting = parts.filter(([, w]) => w !== 0);
+            return counting.reduce((sum, [cell, w]) => sum + w * segmentAt(cells.get(String(cell)), x, asked), 0);
         };
     }
 

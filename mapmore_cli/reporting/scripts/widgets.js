@@ -14,6 +14,8 @@
         return made;
     }
 
+    const span = (className, text) => element("span", { className, hidden: text === "" && className !== "" }, text);
+
     /** A number of four digits, without an exponent where that can be read. */
     function numberText(x) {
         if (!Number.isFinite(x)) return "no value";
@@ -47,15 +49,18 @@
         return [low - more, high + more];
     };
 
+    const evenly = ([low, high], count) => (
+        Array.from({ length: count }, (_, k) => low + ((high - low) * k) / (count - 1)));
+    const rootMeanSquare = (errors) => Math.sqrt(errors.reduce((sum, one) => sum + one * one, 0) / errors.length);
+
     let labels = 0;
 
     /** A slider beside a number field: `row` for the page, `value` to ask or to set. */
     function knob(label, unit, ends, start, changed) {
         const id = `knob${(labels += 1)}`;
         let value = start;
-        const step = Number(((ends[1] - ends[0]) / 500).toPrecision(2));
-        const slider = element("input", { type: "range", id, min: ends[0], max: ends[1], step, value: start });
-        const field = element("input", { type: "number", step: "any", value: digits(start) });
+        const slider = element("input", { type: "range", id });
+        const field = element("input", { type: "number", step: "any", });
         field.setAttribute("aria-label", `${label} as a number`);
         const set = (x) => {
             value = x;
@@ -73,9 +78,18 @@
             slider.value = String(value);
             changed();
         });
-        const name = element("label", { htmlFor: id }, label);
-        const row = element("div", { className: "knob" }, name, slider, field, element("span", {}, unit));
-        return { row, set, get value() { return value; } };
+        const name = element("label", { htmlFor: id }, label), units = span("", unit);
+        const row = element("div", { className: "knob" }, name, slider, field, units);
+        /** Another range, and a value within it. */
+        const reach = ([low, high], x, of) => {
+            slider.min = String(low);
+            slider.max = String(high);
+            slider.step = String(Number(((high - low) / 500).toPrecision(2)));
+            units.textContent = of;
+            set(x);
+        };
+        reach(ends, start, unit);
+        return { row, set, reach, get value() { return value; } };
     }
 
     /** A choice out of a few words. */
@@ -95,7 +109,8 @@
         box.addEventListener("change", changed);
         const sample = element("span", { className: "swatch" });
         sample.style.background = `var(${colour})`;
-        return { row: element("label", { className: "tick" }, box, sample, label), get on() { return box.checked; } };
+        const row = element("label", { className: "tick" }, box, sample, label);
+        return { row, get on() { return box.checked; } };
     }
 
     const button = (text, pressed) => {
@@ -182,7 +197,7 @@
         function show(x, y, ends, next) {
             layers = next;
             const scaling = next.filter((one) => one.kind !== "at" && !one.free);
-            let [low, high] = rangeOf(scaling.flatMap((one) => one.y));
+            let [low, high] = rangeOf(scaling.flatMap((one) => [...one.y, ...(one.y2 ?? [])]));
             const [least, most] = rangeOf([low, high, ...next.flatMap((one) => (one.free ? one.y : []))]);
             const room = high - low; // what is free may double the scale to each side, and no more
             [low, high] = [Math.max(least, low - room), Math.min(most, high + room)];
@@ -201,8 +216,16 @@
             const [x, y] = labelled;
             if (plot) build(x, y);
         });
-        return { show, holder, at: (pixel) => plot.posToVal(pixel, "x") };
+        /** Call a function with the place on the axis that is clicked. */
+        const whenClicked = (call) => {
+            holder.onclick = (event) => {
+                const left = holder.querySelector(".u-over").getBoundingClientRect().left;
+                call(plot.posToVal(event.clientX - left, "x"));
+            };
+        };
+        return { show, holder, whenClicked };
     }
 
-    Object.assign(mapmore, { element, numberText, words, withUnit, axisLabel, rangeOf, wider, knob, choice, tick, button, chart });
+    Object.assign(mapmore, { element, span, numberText, words, withUnit, axisLabel, knob, choice, tick, button, chart });
+    Object.assign(mapmore, { rangeOf, wider, evenly, rootMeanSquare });
 })();
