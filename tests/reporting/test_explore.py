@@ -2,6 +2,7 @@
 
 import json
 import math
+import re
 import shutil
 import subprocess
 from dataclasses import replace
@@ -16,6 +17,11 @@ from test_memory_report import report_of
 from mapmore_cli.domain import plugins
 from mapmore_cli.modelling.kinds import predict, simulate
 from mapmore_cli.modelling.pieces.recipe import Fuse
+from mapmore_cli.modelling.validation.intervals import (
+    INTERVAL,
+    half_widths_of,
+    left_out_summary,
+)
 from mapmore_cli.reporting import explore
 from mapmore_cli.reporting.report import render_page, write_report
 from mapmore_cli.reporting.scripts import json_text, scripts, text_of
@@ -133,7 +139,9 @@ def opened(browser, inputs, tmp_path_factory):
     folder, contexts, faults = tmp_path_factory.mktemp("pages"), [], []
     sarosi = replace(inputs.validation.formulas["sarosi"], parameters=SAROSI.parameters)
     validation = replace(inputs.validation, formulas={"sarosi": sarosi})
-    inputs = replace(inputs, validation=validation)
+    errors = {f"part {k}": [offset + np.zeros(50)] for k, offset in enumerate((3.0, -2.0, 1.0))}
+    model = replace(inputs.model, left_out=left_out_summary("recordings", 4, errors))
+    inputs = replace(inputs, validation=validation, model=model)
     studies = {"fixed": inputs, "running": report_of(["pressure", "motion[k-1]"])}
     for name, study in studies.items():
         write_report(study, folder / name, ("fit",), ("html",))
@@ -172,6 +180,12 @@ def test_a_slider_shows_the_value_of_predict(opened):
         columns = {"pressure": np.array([pressure]), "strain": np.array([strain])}
         assert shown(page) == pytest.approx(predict(model, columns)[0], rel=1e-12)
         assert page.locator(".beyond").count() == (strain == 0.4)
+    set_number(page, "strain", 0.05)
+    set_number(page, "pressure", 300)
+    half = half_widths_of(model, {"pressure": np.array([300.0])}, INTERVAL)[0]
+    text = page.locator("output.reading").first.inner_text()
+    assert float(re.search(r"± (\S+) \(95 %\)", text)[1]) == pytest.approx(half, rel=1e-3)
+    set_number(page, "strain", 0.4)
     page.get_by_label("pressure", exact=True).press("ArrowRight")
     slid = float(page.get_by_label("pressure", exact=True).input_value())
     columns = {"pressure": np.array([slid]), "strain": np.array([0.4])}
