@@ -58,15 +58,16 @@ def render_page(
     pages = ((inputs, figures), *others)
     outputs = [_words_of(*own) for own in pages]
     known = explored([own for own, _ in pages]) if inputs.explore else None
-    words: dict[str, object] = {"scripts": ()}
+    texts, words = list[str](), {"data": "", "uplot_css": ""}
     if known is not None:
         for output, study in zip(outputs, known.outputs, strict=True):
             output["explored"] = study is not None
-        texts = [*map(text_of, BEFORE), known.code, *map(text_of, BEHIND)]
+        texts += [*map(text_of, BEFORE), known.code, *map(text_of, BEHIND)]
         data = json_text({"explore": known.outputs})
-        words = {"scripts": scripts(texts), "data": data, "uplot_css": text_of("uplot.css")}
+        words = {"data": data, "uplot_css": text_of("uplot.css")}
     template = environment().get_template("page.html")
-    return template.render(outputs=outputs, head=lambda table: table.head(MOST_ROWS), **words)
+    head = lambda table: table.head(MOST_ROWS)  # noqa: E731
+    return template.render(outputs=outputs, head=head, scripts=scripts(texts), **words)
 
 
 def _words_of(inputs: ReportInputs, figures: Figures) -> dict[str, object]:
