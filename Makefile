@@ -8,10 +8,15 @@ unexport PYTHONDONTWRITEBYTECODE  # a set one has each of some hundred processes
 
 STUDIES := configs/m2/dmsp-20-88-found.yaml configs/m2/peano-found.yaml
 
+UPLOT := 1.6.32
+comma := ,
+# TypeScript checks the scripts of pages; .ci/run puts it into build/ where it is not installed.
+TSC := $(firstword $(shell command -v tsc) $(wildcard build/typescript/node_modules/.bin/tsc))
+
 # The tests of one file follow each other in one process, so that what they share is made once; the folders with the long ones come first.
 TESTS := $(BIN)/pytest -q -n 2 --dist worksteal
 
-.PHONY: release-check generated demo test test-all lint schema docs datasets measured motion paper peers bench fuzz torture mutants test-lowest test-newest audit sbom constraints clean bench-id
+.PHONY: release-check generated demo test test-all lint vendored schema docs datasets measured motion paper peers bench fuzz torture mutants test-lowest test-newest audit sbom constraints clean bench-id
 
 demo: .venv/program
 	$(BIN)/mapmore batch $(STUDIES)
@@ -27,6 +32,16 @@ lint: .venv/development
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports --no-cache
+	$(if $(TSC),$(TSC) --noEmit --allowJs --checkJs --target es2023 --lib es2023$(comma)dom$(comma)dom.iterable tests/reporting/globals.d.ts \
+	  $(filter-out %/uplot.js,$(wildcard mapmore_cli/reporting/scripts/*.js)),@echo "There is no tsc here, so the scripts of pages are not checked.")
+
+vendored:  # uPlot (MIT) from its package, and the checksums that a test asks for; needs npm and the network
+	mkdir -p build/uplot
+	cd build/uplot && npm pack --silent uplot@$(UPLOT) && tar xzf uplot-$(UPLOT).tgz
+	cp build/uplot/package/dist/uPlot.iife.min.js mapmore_cli/reporting/scripts/uplot.js
+	cp build/uplot/package/dist/uPlot.min.css mapmore_cli/reporting/scripts/uplot.css
+	cp build/uplot/package/LICENSE mapmore_cli/reporting/scripts/uplot.LICENSE
+	cd mapmore_cli/reporting/scripts && sha256sum uplot.js uplot.css uplot.LICENSE > vendored.sha256
 
 schema: .venv/program
 	$(BIN)/mapmore schema > configs/experiment.schema.new && mv configs/experiment.schema.new configs/experiment.schema.json

@@ -161,6 +161,7 @@ def _collected(
         unconfirmed=part.unconfirmed,
         doubts=sentences(run_dir),
         notes=tuple(notes),
+        explore=part.report.explore,
         as_recorded=part.report.over == "time" and "time" in dataset.quantities,
         violations=known_shape(part.muscle.kind, model, dataset.curves),
         style=FigureStyle(
@@ -278,4 +279,4 @@ def _in_units(model: Model, units: Mapping[str, str]) -> dict[str, tuple[Equatio
     return {", ".join(words): model_equations(model, factors)} if factors else {}
 
 
-STAGE = Stage(name="report", revision=9, outputs=("report",), reads=report_slice, run=write_pages)
+STAGE = Stage(name="report", revision=10, outputs=("report",), reads=report_slice, run=write_pages)

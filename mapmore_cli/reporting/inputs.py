@@ -90,6 +90,7 @@ class ReportInputs:
     - `search`: the structures that were tried, where the spec left the structure to a search.
     - `as_recorded`: whether recordings are drawn over time, whatever the model.
     - `violations`: of the shape that the spec asks for, or the kind of muscle implies.
+    - `explore`: whether the page computes the model in the browser.
     - `prefix`: how names of files and sections begin, where the run has several outputs.
     """
 
@@ -114,6 +115,7 @@ class ReportInputs:
     search: Search | None = None
     as_recorded: bool = False
     violations: Sequence[Violation] = ()
+    explore: bool = True
     prefix: str = ""
 
     @property

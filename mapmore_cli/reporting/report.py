@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from mapmore_cli.domain.scores import deciding
+from mapmore_cli.reporting.explore import explored
 from mapmore_cli.reporting.figures.drawing import (
     SVG_PROLOGUE,
     Drawing,
@@ -28,7 +29,7 @@ from mapmore_cli.reporting.figures.style import figure_style
 from mapmore_cli.reporting.inputs import ReportInputs
 from mapmore_cli.reporting.order import FIGURES, FILES_ALONE
 from mapmore_cli.reporting.score_tables import scored, verdict_sentence
-from mapmore_cli.reporting.scripts import scripts, text_of
+from mapmore_cli.reporting.scripts import BEFORE, BEHIND, json_text, scripts, text_of
 from mapmore_cli.reporting.sections import all_tables, sections_of, shown_by
 from mapmore_cli.reporting.table import (
     Table,
@@ -57,14 +58,24 @@ def render_page(
     """Return the page, from the template `templates/page.html`, with `figures` by section, and
     those of other outputs behind them; every text of the user's is escaped.
     """
-    outputs = [_words_of(*own) for own in ((inputs, figures), *others)]
+    pages = ((inputs, figures), *others)
+    outputs = [_words_of(*own) for own in pages]
     for output in outputs[1:]:  # what is said of the whole run stands at the first output
         output["alerts"] = [one for one in output["alerts"] if one not in outputs[0]["alerts"]]
+    known = explored([own for own, _ in pages]) if inputs.explore else None
+    texts, words = [text_of("tables.js")], {"data": "", "uplot_css": ""}
+    if known is not None:
+        for output, study in zip(outputs, known.outputs, strict=True):
+            output["explored"] = study is not None
+        texts += [*map(text_of, BEFORE), known.code, *map(text_of, BEHIND)]
+        data = json_text({"explore": known.outputs})
+        words = {"data": data, "uplot_css": text_of("uplot.css")}
     template = environment().get_template("page.html")
     return template.render(
         outputs=outputs,
         head=lambda table: table.head(MOST_ROWS),
-        scripts=scripts([text_of("tables.js")]),
+        scripts=scripts(texts),
+        **words,
     )
 
 
@@ -74,6 +85,7 @@ def _words_of(inputs: ReportInputs, figures: Figures) -> dict[str, Any]:
     known = (inputs.own, scored(table, inputs.dataset), inputs.failed, table.alert)
     return {
         "inputs": inputs,
+        "explored": False,
         "verdict": verdict_sentence(scores, *known, inputs.validation.warnings),
         "alerts": inputs.alerts,
         "competitors": competitor_equations(inputs),

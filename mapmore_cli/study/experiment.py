@@ -316,12 +316,15 @@ class Report(Section):
       `{pressure: bar}`
     - `over`: `time` draws the fit of recordings over time whatever the model; by default models
       without memory are drawn over an input, as `time`
+    - `explore`: whether the page computes the model in the browser; `false` leaves its scripts out,
+      as `false`
     """
 
     figures: list[Literal[tuple(FIGURES)]] = list(FIGURES)  # type: ignore[valid-type]
     formats: list[Literal["html", "csv", "tex", "svg", "pdf", "png", "pgf"]] = ["html", "csv"]
     style: Style = Style()
     over: Literal["time"] | None = None
+    explore: bool = True
     published: PublishedScores | None = None
     units: dict[Quantity, str] = {}
 

@@ -35,7 +35,19 @@ HOSTILE = (
 )
 ALL = "".join(HOSTILE)
 HARMLESS = "aq1"
-LANGUAGES = ("c", "fmu", "fmu3", "py", "numpy", "matlab", "tex", "mujoco", "simulink", "table")
+LANGUAGES = (
+    "c",
+    "fmu",
+    "fmu3",
+    "py",
+    "numpy",
+    "matlab",
+    "js",
+    "tex",
+    "mujoco",
+    "simulink",
+    "table",
+)
 MODELS = [
     dataclasses.replace(model, notes=("a note",))
     for model in (*STATIC.values(), *WITH_MEMORY.values(), *FORMULAS.values())
@@ -169,6 +181,9 @@ def structure(language, data):
             return len(text.splitlines())
         case "m":
             return re.sub(r"[A-Za-z_]\w*", "w", re.sub(r"%.*", "%", text))
+        case "mjs":
+            text = re.sub(r"/\*.*?\*/|^//.*?$", "", text, flags=re.DOTALL | re.MULTILINE)
+            return re.sub(r"[A-Za-z_]\w*", "w", re.sub(r'"(?:[^"\\\n]|\\.)*"', '""', text))
         case "mo":
             return re.sub(r"[A-Za-z_]\w*", "w", re.sub(r'"(?:[^"\\\n]|\\.)*"', '""', text))
         case "txt":
@@ -249,6 +264,7 @@ INSIDE = {
     "c": r"/\*.*?\*/",
     "h": r"/\*.*?\*/",
     "m": r"^%.*?$",
+    "mjs": r"/\*\*.*?\*/|^//.*?$",
     **dict.fromkeys(("mo", "sh"), r"(?!)"),
     "py": r'""".*?"""',
     "tex": r"^%.*?$",

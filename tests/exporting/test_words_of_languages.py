@@ -25,7 +25,7 @@ from mapmore_cli.modelling.expressions.functions import FUNCTIONS
 
 ROWS = {**KEYWORDS, **LIBRARY, "templates": " ".join(OWN)}
 EVERY = sorted({word for row in ROWS.values() for word in row.split()} | {"curve_1", "segment_2"})
-TO = ("c", "py", "numpy", "matlab", "simulink", "table", "tex", "fmu", "fmu3")
+TO = ("c", "py", "numpy", "matlab", "js", "simulink", "table", "tex", "fmu", "fmu3")
 
 
 def called(name, inputs, output):
@@ -86,7 +86,7 @@ def check(name, inputs, output, to):
 @needs_compiler
 @pytest.mark.parametrize(("name", "inputs", "output"), FAULTS)
 def test_words_that_a_target_reserves(name, inputs, output):
-    for to in ("c", "py", "simulink", "table"):
+    for to in ("c", "py", "js", "simulink", "table"):
         check(name, inputs, output, to)
 
 

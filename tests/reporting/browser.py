@@ -15,8 +15,9 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 sys.path.insert(0, str(Path(__file__).parent))
+sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from report_builder import Page, all_named
+from report_builder import all_named
 from test_reporting_page import EVERYTHING, write_report
 
 OWNED = "owned"
@@ -79,7 +80,6 @@ def main(browser):
     with server() as (port, asked), TemporaryDirectory() as place:
         name = hostile(port)
         page = write_page(Path(place), name)
-        assert not Page(page.read_text(encoding="utf-8")).named("script")
         injected = page.read_text(encoding="utf-8").replace("<body>", f"<body>{name}")
         (page.parent / "injected.html").write_text(injected, encoding="utf-8")
         (page.parent / "control.html").write_text(

@@ -138,7 +138,7 @@ def test_the_page_forbids_what_it_does_not_need(page):
         for attrs, text in zip(page.named("script"), page.scripts, strict=True)
         if "type" not in attrs
     ]
-    assert hashes
+    assert len(hashes) > 5
     assert allowed == {
         "default-src": "'none'",
         "script-src": " ".join(hashes),
@@ -164,7 +164,7 @@ def test_accessible(page):
 def test_links_lead_somewhere_and_section_ids_are_unique(page, folder):
     ids = [attrs["id"] for _, attrs in page.tags if attrs.get("id")]
     sections = [attrs["id"] for attrs in page.named("h2")]
-    assert len(sections) == len(set(sections)) == 8
+    assert len(sections) == len(set(sections)) == 9
     assert all(ids.count(name) == 1 for name in sections)
     assert all(attrs["href"].removeprefix("#") in sections for attrs in page.named("a"))
     for attrs in page.named("use"):
@@ -215,7 +215,7 @@ def test_the_model_is_typeset_with_weights_and_limits(inputs, tmp_path):
     assert "w = 2*t^2 up to" in page.text
     assert "Limits: what the model was trained in" in page.text
     ids = [attrs["id"] for attrs in page.named("h2")]
-    assert ids.index("equations") == 2, "third on the page"
+    assert ids.index("equations") == 3, "third on the page, after what can be explored"
 
 
 HOSTILE = "<script>alert('1')</script>&\"$x_1$ ü 力"
@@ -239,4 +239,5 @@ def test_failed_fits_show_as_failed_and_never_as_numbers(failed, tmp_path):
     assert "Failed, and without a prediction: sarosi." in page.text
     assert "the solver found no step" in page.text
     for path in (path for path in tmp_path.rglob("*") if path.is_file()):
-        assert not re.search(r"\bnan\b", path.read_text(encoding="utf-8"), re.IGNORECASE), path.name
+        text = re.sub("<script>.*?</script>", "", path.read_text(encoding="utf-8"), flags=re.DOTALL)
+        assert not re.search(r"\bnan\b", text, re.IGNORECASE), path.name

@@ -1,5 +1,5 @@
-"""A program in C, Python or MATLAB: what differs between the languages, and how numbers,
-expressions and statements are written.
+"""A program in C, Python, MATLAB or JavaScript: what differs between the languages, and how
+numbers, expressions and statements are written.
 """
 
 from __future__ import annotations
@@ -152,8 +152,20 @@ MATLAB = Dialect(
     branches=("if {}", "elseif {}", "else", "end"),
 )
 
+JAVASCRIPT = replace(
+    DOUBLE,
+    language="javascript",
+    power="Math.pow({}, {})",
+    constant="const {} = {};",
+    nothing="NaN",
+    state="s.",
+    recalled="s.{queue}[{left}]",
+    queued=("s.{queue}.shift();", "s.{queue}.push({value});"),
+    several=("let {names};", "[{names}] = {function}({arguments});"),
+)
 
-def program_words(program: Program, dialect: Dialect, apart: bool = True) -> dict[str, object]:
+
+def program_words(program: Program, dialect: Dialect, apart: bool = True) -> dict[str, Any]:
     """Return what templates know of a program: its `functions`, its `lines` and their `results`,
     and the `limits` of its inputs, which stand in a function `apart` with lines of its own.
 

@@ -11,6 +11,7 @@ from functools import partial
 
 from mapmore_cli.annexes.exporting.c_source import c_files, mujoco_files, simulink_files
 from mapmore_cli.annexes.exporting.fmu import input_names, unit_file
+from mapmore_cli.annexes.exporting.javascript import javascript_file
 from mapmore_cli.annexes.exporting.matlab import matlab_file
 from mapmore_cli.annexes.exporting.python_module import module_file
 from mapmore_cli.annexes.exporting.table import lookup_table, table_files, tex_equations
@@ -40,6 +41,7 @@ EXPORTERS: dict[str, Exporter] = {
     "numpy": module_file,
     "table": table_files,
     "matlab": matlab_file,
+    "js": javascript_file,
     "mujoco": mujoco_files,
     "simulink": simulink_files,
 }
@@ -54,7 +56,7 @@ SEVERAL = ("c", "tex")
 SNIPPETS = {
     **{"c": "c.sh", "fmu": "fmu.py", "fmu3": "fmu.py", "py": "py.py", "numpy": "numpy.py"},
     **{"matlab": "matlab.m", "mujoco": "mujoco.py", "simulink": "simulink.m", "table": "table.m"},
-    "tex": "tex.tex",
+    **{"js": "js.mjs", "tex": "tex.tex"},
 }
 """Templates of `sources/snippets/` that call an export, by its word."""
 

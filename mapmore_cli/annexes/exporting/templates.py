@@ -157,6 +157,7 @@ LITERALS: Mapping[str, Callable[[str], str]] = {
     **dict.fromkeys("ch", c_string),
     "sh": shlex.quote,
     "m": lambda text: "'" + plain(text).replace("'", "''") + "'",
+    "mjs": lambda text: json.dumps(text).replace("<", "\\u003c"),
     "mo": lambda text: json.dumps(plain(text)),
     "py": repr,
     "tex": tex_text,
@@ -176,6 +177,10 @@ def templates(language: str) -> Environment:
             return LITERALS[language](str(value))
         raise TypeError(f"not a text, and no number: {value!r}")
 
+    def noted(text: str) -> Code:
+        # on a page, `</script>` ends a script even within a comment
+        return Code(note(text).replace("<", "{3C}")) if language == "mjs" else note(text)
+
     loader = PackageLoader(__package__, "sources")
     environment = Environment(
         loader=loader,
@@ -187,10 +192,10 @@ def templates(language: str) -> Environment:
     environment.keep_trailing_newline = True
     environment.filters |= {
         "word": word,
-        "note": note,
+        "note": noted,
         "listed": lambda parts: Code(", ".join(str(written(one)) for one in parts)),
     }
-    environment.filters["unit"] = lambda quantity: note(f"{quantity.name} [{quantity.unit}]")
+    environment.filters["unit"] = lambda quantity: noted(f"{quantity.name} [{quantity.unit}]")
     return environment
 
 

@@ -58,6 +58,13 @@ KEYWORDS: Mapping[str, str] = {
         "while within time Real Integer Boolean String Modelica terminal pre edge change reinit "
         "sample"
     ),
+    "JavaScript": (
+        "await break case catch class const continue debugger default delete do else enum export "
+        "extends false finally for function if implements import in instanceof interface let new "
+        "null package private protected public return static super switch this throw true try "
+        "typeof var void while with yield async of arguments eval undefined NaN Infinity Math "
+        "Number Object Array globalThis"
+    ),
     "functions in exported code": (
         "exp log sqrt sin cos tan atan sinh cosh tanh expm1 log1p pow power abs fabs sign sign_of "
         "expf logf sqrtf sinf cosf tanf atanf sinhf coshf tanhf expm1f log1pf powf fabsf isfinite "

@@ -1,0 +1,256 @@
+"""What a page needs to compute its models: their code in JavaScript, and the samples beside them.
+
+The code comes from the annex that exports models; without it, a page has no "Explore".
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from mapmore_cli.domain import plugins
+from mapmore_cli.domain.arrays import Array
+from mapmore_cli.domain.errors import MapmoreError
+from mapmore_cli.domain.models import Formula, Model, Pieces
+from mapmore_cli.domain.recording import Curve, Quantity
+from mapmore_cli.modelling import literature
+from mapmore_cli.modelling.programs import program_of
+from mapmore_cli.modelling.validation.intervals import INTERVAL, half_widths_of
+from mapmore_cli.reporting.inputs import ReportInputs
+from mapmore_cli.reporting.scripts import json_text
+from mapmore_cli.reporting.table import title_of
+
+MOST_SAMPLES = 4000
+"""Samples of an output that its page holds of the training data, and of the held-out data."""
+
+PLACES = 41
+"""Levels at which a page holds the width of intervals."""
+
+_EXPORTED = re.compile(r"\nexport \{ (.*) \};\n$")
+
+
+@dataclass(frozen=True)
+class Explored:
+    """The section "Explore" of a page.
+
+    - `outputs`: what its script knows of each output, ready for JSON; None where the model of the
+      output has no closed expression.
+    - `code`: a script that puts every model into `mapmore.models`, by the names in `outputs`.
+    """
+
+    outputs: tuple[dict[str, Any] | None, ...]
+    code: str
+
+
+def explored(every: Sequence[ReportInputs]) -> Explored | None:
+    """Return what the pages of these outputs need; None where nothing can be computed, or nothing
+    is exported here.
+    """
+    try:
+        plugins.load("python", "export")
+    except plugins.NotInstalled:
+        return None
+    code: dict[str, str] = {}
+
+    def module(key: str, model: Model, more: str = "") -> bool:
+        """Keep the code of a model; tell whether there is any."""
+        try:
+            code[key] = wrapped(key, model, more)
+        except MapmoreError:  # a part of it is no closed expression
+            return False
+        return True
+
+    outputs: list[dict[str, Any] | None] = []
+    for number, inputs in enumerate(every):
+        key = f"model{number}"
+        if not module(key, inputs.model):
+            outputs.append(None)
+            continue
+        others = [
+            {"key": f"{key}.{place}", "title": title_of(name)}
+            for place, (name, other) in enumerate(_formulas(inputs).items())
+            if module(f"{key}.{place}", other)
+        ]
+        known = _known(inputs, key) | {"others": others}
+        pieces = inputs.model.pieces
+        if pieces is not None and pieces.segments:
+            bare, more = bare_of(inputs.model)
+            if module(f"{key}.pieces", bare, more):
+                texts = {one.id: one.text for one in inputs.equations}
+                known["pieces"] = pieces_of(pieces, texts) | {"key": f"{key}.pieces"}
+        outputs.append(known)
+    if not code:
+        return None
+    return Explored(tuple(outputs), '"use strict";\n' + "".join(code.values()))
+
+
+def wrapped(key: str, model: Model, more: str = "") -> str:
+    """Return the exported module of a model as a function that is called at once, for a page cannot
+    import; its result is `mapmore.models[key]`, and has `more` than the module exports.
+
+    Raises DataError where a part of the model is no closed expression.
+    """
+    (text,) = plugins.load("python", "export")(model, "js", verify=False).values()
+    inside = _EXPORTED.sub(rf"\nreturn {{ \1{more} }};\n", text.decode())
+    return f"mapmore.models[{json_text(key)}] = (() => {{\n{inside}}})();\n"
+
+
+def _formulas(inputs: ReportInputs) -> dict[str, Model]:
+    """Return the competitors that are one formula of what the model predicts, as models."""
+    if inputs.turned:
+        return {}
+    ranges = getattr(inputs.model.body, "ranges", ())
+    return {
+        name: Model(
+            name,
+            inputs.model.output,
+            tuple(inputs.dataset.quantities[one] for one in literature.get(fit.name).inputs),
+            Formula(fit, None, tuple(replace(one, level=None) for one in ranges)),
+        )
+        for name, fit in inputs.validation.formulas.items()
+        if not fit.failed and fit.name in literature.names() and name in inputs.models
+    }
+
+
+def _known(inputs: ReportInputs, key: str) -> dict[str, Any]:
+    """Return what the script knows of any model."""
+    model, timed = inputs.model, inputs.has_memory
+    curves = inputs.dataset.curves
+    names = [quantity.name for quantity in model.inputs]
+    kept = [*names, *(["time"] if timed else []), model.output.name]
+    return {
+        "key": key,
+        "name": model.name,
+        "inputs": [_quantity(one) for one in model.inputs],
+        "output": _quantity(model.output),
+        "along": names.index(inputs.along.name) if inputs.along.name in names else 0,
+        "memory": timed,
+        "spans": {name: _numbers(np.array(_span(curves, name))) for name in names},
+        "signals": {
+            one.name: {"kind": one.kind, "of": one.of, "factor": one.factor * one.seconds}
+            for one in model.signals
+        },
+        "samples": _recording(curves, kept) if timed else _samples(inputs, curves, kept),
+        "interval": _interval(inputs),
+    }
+
+
+def _span(curves: Sequence[Curve], name: str) -> tuple[float, float]:
+    """Return least and greatest value of a quantity; from 0 to 1 where it has none."""
+    values = np.concatenate([curve.columns[name] for curve in curves])
+    values = values[np.isfinite(values)]
+    return (values.min(), values.max()) if values.size else (0.0, 1.0)
+
+
+def _quantity(one: Quantity) -> dict[str, str]:
+    return {"name": one.name, "unit": "" if one.unit in ("", "1") else one.unit}
+
+
+def _numbers(values: Array) -> list[float | None]:
+    """Return numbers of seven digits; null where there is none."""
+    return [float(f"{one:.7g}") if np.isfinite(one) else None for one in values.tolist()]
+
+
+def _samples(inputs: ReportInputs, curves: Sequence[Curve], names: Sequence[str]) -> dict[str, Any]:
+    """Return columns of samples, evenly thinned to `MOST_SAMPLES` of each part, the names of their
+    curves, and how many there are.
+    """
+    held = inputs.pooled_held_out
+    parts = [np.flatnonzero(held == part) for part in (False, True)]
+    thin = [rows[:: max(1, -(-len(rows) // MOST_SAMPLES))] for rows in parts]
+    rows = np.sort(np.concatenate(thin))
+    numbers = np.repeat(np.arange(len(curves)), [len(one.held_out) for one in curves])
+    return {
+        "columns": {name: _numbers(inputs.pooled(name)[rows]) for name in names},
+        "held": held[rows].astype(int).tolist(),
+        "curve": numbers[rows].tolist(),
+        "curves": [inputs.curve_label(one) for one in curves],
+        "all_held": len(parts[1]),
+    }
+
+
+def _recording(curves: Sequence[Curve], names: Sequence[str]) -> dict[str, Any]:
+    """Return the beginning of one recording, a held-out one where there is one."""
+    curve = next((one for one in curves if one.held_out.any()), curves[0])
+    start = int(np.argmax(curve.held_out)) if curve.held_out.any() else 0
+    rows = slice(start, start + MOST_SAMPLES)
+    return {
+        "columns": {name: _numbers(curve.columns[name][rows]) for name in names},
+        "held": bool(curve.held_out.any()),
+        "name": curve.id,
+    }
+
+
+def _interval(inputs: ReportInputs) -> dict[str, Any] | None:
+    """Return half of the width of intervals at levels; None where the study has none."""
+    if inputs.left_out is None:
+        return None
+    level = inputs.model.level
+    if level is None:
+        at = np.zeros(1)
+    else:
+        low, high = np.min(inputs.pooled(level)), np.max(inputs.pooled(level))
+        at = np.linspace(low, high, PLACES)
+    half = half_widths_of(inputs.model, {level or "row": at}, INTERVAL)
+    return {"of": level, "at": _numbers(at), "half": _numbers(half), "level": INTERVAL}
+
+
+def bare_of(model: Model) -> tuple[Model, str]:
+    """Return a model of pieces whose segment functions are held nowhere, and code that gives away
+    its curves and segments with their slopes: the page joins them in other ways.
+
+    `rejoin` puts other functions in the place of the curves.
+    """
+    body = model.body_of(Pieces)
+    free = [one.name for one in model.inputs if one.name != body.level]
+    kept = {name: sides for name, sides in body.fusion.extrapolation.items() if name not in free}
+    sides = kept | dict.fromkeys(free, ("continue", "continue"))
+    bare = replace(model, body=body.joined(hold="none", extrapolation=sides), shape=None)
+    functions = program_of(bare).functions
+    segments = [one.name for one in functions if one.note.startswith("the segment ")]
+    curves = [one.name for one in functions if one.note.startswith("the curve ")]
+    slopes = ", ".join(f"{name}_slopes" for name in segments)
+    more = (
+        f", segments: [{', '.join(segments)}], slopes: [{slopes}], "
+        f"rejoin: (f) => {{ [{', '.join(curves)}] = f; }}"
+    )
+    return bare, more
+
+
+def pieces_of(body: Pieces, equations: Mapping[str, str]) -> dict[str, Any]:
+    """Return how the pieces are joined, where each of them was fitted, and its equation by its
+    id.
+    """
+    fusion = body.fusion
+    return {
+        "level": body.level,
+        "variables": list(body.variables),
+        "joint": {
+            "z_s": fusion.z_s,
+            "transition": fusion.transition,
+            "levels": fusion.levels,
+            "hold": fusion.hold,
+            "extrapolation": {name: list(sides) for name, sides in fusion.extrapolation.items()},
+        },
+        "curves": [
+            {
+                "level": curve.level,
+                "limits": {name: list(ends) for name, ends in curve.limits.items()},
+                "boundaries": [ends.tolist() for ends in curve.boundaries],
+                "segments": [
+                    {
+                        "id": one.id,
+                        "cell": list(one.cell),
+                        "limits": {name: list(ends) for name, ends in one.limits.items()},
+                        "equation": equations.get(one.id, ""),
+                    }
+                    for one in curve.segments
+                ],
+            }
+            for curve in body.curves
+        ],
+    }

@@ -1,0 +1,119 @@
+"""The module of JavaScript, in Node: every kind of model has the numbers of `predict`."""
+
+import json
+import shutil
+import subprocess
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from agreement import difference, points, recording
+from export_samples import FORMULAS, STATIC, WITH_MEMORY, pieces
+
+from mapmore_cli.annexes.exporting.exports import exported, snippet
+from mapmore_cli.annexes.exporting.javascript import javascript_module
+from mapmore_cli.modelling.kinds import fed_back, outside_range, runs_over_time, simulate
+from mapmore_cli.modelling.programs import slopes
+
+POINTS = 801
+MODELS = {**STATIC, **FORMULAS, **WITH_MEMORY}
+needs_node = pytest.mark.skipif(shutil.which("node") is None, reason="there is no Node here")
+
+DRIVER = """
+import { readFileSync, writeFileSync } from "node:fs";
+const tasks = JSON.parse(readFileSync("tasks.json", "utf8"), (_, x) => x === "NaN" ? NaN : x);
+const answers = [];
+for (const { file, rows, count } of tasks) {
+    const model = await import(file), s = model.reset ? model.reset() : null;
+    answers.push(rows.map((row) => {
+        const x = row.slice(0, count), y = s ? model.step(s, ...x) : model.evaluate(...x);
+        if (Number.isNaN(y) && model.measured) model.measured(s, row[count]);
+        const slopes = s ? [] : model.derivatives(...x);
+        return [y, Number(model.outsideRange(...x)), ...slopes].map(String);
+    }));
+}
+writeFileSync("answers.json", JSON.stringify(answers));
+"""
+
+
+@pytest.fixture(scope="module")
+def answers(tmp_path_factory):
+    """Columns, and what Node answers to them: output, outside, derivatives; by model."""
+    folder, tasks, given = tmp_path_factory.mktemp("node"), [], {}
+    for number, (name, model) in enumerate(MODELS.items()):
+        (folder / f"m{number}.mjs").write_text(javascript_module(model))
+        columns = (recording if runs_over_time(model) else points)(model, POINTS)
+        names = [*(quantity.name for quantity in model.inputs), *fed_back(model)]
+        rows = np.column_stack([columns[one] for one in names]).tolist()
+        tasks.append({"file": f"./m{number}.mjs", "rows": rows, "count": len(model.inputs)})
+        given[name] = columns
+    (folder / "tasks.json").write_text(json.dumps(tasks))
+    (folder / "run.mjs").write_text(DRIVER)
+    subprocess.run(["node", "run.mjs"], cwd=folder, check=True)
+    found = json.loads((folder / "answers.json").read_text().replace("Infinity", "inf"))
+    return {
+        name: (given[name], np.array(rows, dtype=float))
+        for name, rows in zip(given, found, strict=True)
+    }
+
+
+@needs_node
+@pytest.mark.parametrize("name", MODELS)
+def test_node_has_the_numbers_of_predict(name, answers):
+    model, (columns, rows) = MODELS[name], answers[name]
+    with np.errstate(all="ignore"):
+        assert difference(rows[:, 0], simulate(model, columns).values) < 1e-12
+    assert np.array_equal(rows[:, 1], outside_range(model, columns))
+
+
+@needs_node
+@pytest.mark.parametrize("name", ["quadratic, continued straight", "sarosi", "a difference"])
+def test_derivatives_are_those_of_the_program(name, answers):
+    columns, rows = answers[name]
+    expected = slopes(MODELS[name], columns)
+    for place, quantity in enumerate(MODELS[name].inputs):
+        assert difference(rows[:, 2 + place], expected[quantity.name]) < 1e-12
+
+
+@needs_node
+def test_a_wrong_module_is_not_written(monkeypatch):
+    """The exporter itself compares by Node."""
+    from mapmore_cli.annexes.exporting import javascript
+    from mapmore_cli.domain.errors import MapmoreError
+
+    other = javascript_module(pieces(z_s=0.1))
+    monkeypatch.setattr(javascript, "javascript_module", lambda _model: other)
+    with pytest.raises(MapmoreError, match="is not the model, and is not written"):
+        exported(pieces(), "js")
+
+
+def test_without_node_it_is_written_with_a_warning(monkeypatch):
+    monkeypatch.setenv("PATH", "")
+    warnings = []
+    assert [*exported(pieces(), "js", warn=warnings.append)] == ["dmsp_20.mjs"]
+    assert "there is no Node here" in warnings[0]
+
+
+@needs_node
+def test_the_lines_that_call_it_and_a_sample_that_is_not_finite(tmp_path):
+    model = WITH_MEMORY["lags"]
+    files = exported(model, "js", verify=False)
+    (tmp_path / (name := next(iter(files)))).write_bytes(files[name])
+    text = snippet(model, "js", list(files))
+    text += "console.log(model.step(state, NaN, 0.1), JSON.stringify(state) === "
+    text += "JSON.stringify(model.reset()));"
+    (tmp_path / "call.mjs").write_text(text)
+    done = subprocess.run(
+        ["node", "call.mjs"], cwd=tmp_path, capture_output=True, text=True, check=True
+    )
+    assert done.stdout.split()[1:] == ["NaN", "true"]
+
+
+def test_no_text_ends_a_script():
+    """On a page the module stands between `<script>` and `</script>`, comments included."""
+    evil = "</script><!-- <script>"
+    model = pieces()
+    model = replace(model, name=f"a{evil}", output=replace(model.output, name=f"force{evil}"))
+    text = javascript_module(model)
+    assert "</script" not in text
+    assert "<!--" not in text

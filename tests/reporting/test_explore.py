@@ -1,0 +1,266 @@
+"""What a page computes by itself: joints by Node, and the whole section in a browser."""
+
+import json
+import math
+import re
+import shutil
+import subprocess
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+from export_samples import SAROSI, STATIC, fused
+from test_memory_report import report_of
+
+from mapmore_cli.domain import plugins
+from mapmore_cli.modelling.kinds import predict, simulate
+from mapmore_cli.modelling.pieces.recipe import Fuse
+from mapmore_cli.modelling.validation.intervals import (
+    INTERVAL,
+    half_widths_of,
+    left_out_summary,
+)
+from mapmore_cli.reporting import explore
+from mapmore_cli.reporting.report import render_page, write_report
+from mapmore_cli.reporting.scripts import json_text, scripts, text_of
+
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
+JOINTS = [
+    {"z_s": 0.0, "transition": "linear", "hold": "samples", "side": "continue"},
+    {"z_s": 0.1, "transition": "quadratic", "hold": "samples", "side": "zero"},
+    {"z_s": 0.5, "transition": "cubic", "hold": "none", "side": "continue_linear"},
+    {"z_s": 0.4, "transition": "cubic", "hold": "samples", "side": "saturate"},
+]
+NODE = """
+const { readFileSync, writeFileSync } = require("node:fs");
+const { runInThisContext } = require("node:vm");
+globalThis.window = globalThis;
+globalThis.mapmore = { models: {} };
+runInThisContext(readFileSync("joining.js", "utf8"));
+runInThisContext(readFileSync("code.js", "utf8"));
+const tasks = JSON.parse(readFileSync("tasks.json", "utf8"));
+const answers = tasks.map(({ key, pieces: { curves, variables }, names, joint, rows }) => {
+    const code = mapmore.models[key];
+    let at = 0;
+    code.rejoin(curves.map((curve) => {
+        const own = [at, (at += curve.segments.length)];
+        const [f, slopes] = [code.segments.slice(...own), code.slopes.slice(...own)];
+        return mapmore.joinedCurve(curve, f, slopes, variables, names, joint);
+    }));
+    return rows.map((row) => code.evaluate(...row));
+});
+writeFileSync("answers.json", JSON.stringify(answers));
+"""
+
+
+@pytest.mark.skipif(shutil.which("node") is None, reason="there is no Node here")
+def test_pieces_are_joined_as_python_joins_them(tmp_path):
+    """Every transition and side, at and beyond the limits, with levels and two variables."""
+    names = ["steps", "two variables", "shape between levels", "no levels", "backbone, shrunken"]
+    code, tasks, expected = "", [], []
+    for number, model in enumerate(STATIC[name] for name in names):
+        bare, more = explore.bare_of(model)
+        key = f"m{number}"
+        code += explore.wrapped(key, bare, more)
+        body, inputs = model.body, [one.name for one in model.inputs]
+        free = [name for name in inputs if name != body.level]
+        rng = np.random.default_rng(number)
+        ends = {"pressure": (50, 560), "strain": (-0.1, 0.5), "speed": (-2, 3)}
+        rows = np.column_stack([rng.uniform(*ends[name], 200) for name in inputs])
+        columns = dict(zip(inputs, rows.T, strict=True))
+        for joint in JOINTS:
+            sides = dict(body.fusion.extrapolation)
+            sides |= dict.fromkeys(free, (joint["side"], joint["side"]))
+            how = {name: value for name, value in joint.items() if name != "side"}
+            task = {"key": key, "pieces": explore.pieces_of(body, {}), "names": free}
+            tasks.append({**task, "joint": {**how, "extrapolation": sides}, "rows": rows.tolist()})
+            expected.append(predict(fused(model, extrapolation=sides, **how), columns))
+    (tmp_path / "joining.js").write_text(text_of("joining.js"))
+    (tmp_path / "code.js").write_text(code)
+    (tmp_path / "tasks.json").write_text(json.dumps(tasks))
+    (tmp_path / "run.cjs").write_text(NODE)
+    subprocess.run(["node", "run.cjs"], cwd=tmp_path, check=True)
+    answers = json.loads((tmp_path / "answers.json").read_text())
+    for known, found in zip(expected, answers, strict=True):
+        np.testing.assert_allclose(
+            np.array(found, dtype=float), known, rtol=1e-10, atol=1e-10 * np.abs(known).max()
+        )
+
+
+def test_a_page_without_explore_has_no_script(inputs, monkeypatch):
+    """`report.explore: false`, and the exporting annex missing."""
+    assert "<script" not in render_page(replace(inputs, explore=False), {})
+
+    def missing(_group, _name):
+        raise plugins.NotInstalled("`export` is not installed", "install it")
+
+    monkeypatch.setattr(explore.plugins, "load", missing)
+    assert "<script" not in render_page(inputs, {})
+
+
+def test_no_text_ends_a_script():
+    assert json_text({"a": "</script><!--"}) == '{"a":"\\u003c/script>\\u003c!--"}'
+    with pytest.raises(ValueError, match="would end it"):
+        scripts(["let a = '</script>';"])
+
+
+def test_the_vendored_library_is_the_published_one():
+    """`make vendored` renews it; a change of a byte is none of ours."""
+    from hashlib import sha256
+
+    folder = Path(explore.__file__).parent / "scripts"
+    for line in (folder / "vendored.sha256").read_text().splitlines():
+        known, name = line.split()
+        assert sha256((folder / name).read_bytes()).hexdigest() == known, name
+    assert "(v1.6.32)" in text_of("uplot.js")[:100]
+
+
+# In a browser
+# --------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def browser():
+    if CHROMIUM is None:
+        pytest.skip("there is no Chromium here, so pages are not opened")
+    playwright = pytest.importorskip("playwright.sync_api")
+    with playwright.sync_playwright() as driver:
+        arguments = ["--no-sandbox", "--disable-gpu"]
+        opened = driver.chromium.launch(executable_path=CHROMIUM, args=arguments)
+        yield opened
+        opened.close()
+
+
+@pytest.fixture(scope="module")
+def opened(browser, inputs, tmp_path_factory):
+    """Opens a page; what it says on the console and asks for is a fault."""
+    folder, contexts, faults = tmp_path_factory.mktemp("pages"), [], []
+    sarosi = replace(inputs.validation.formulas["sarosi"], parameters=SAROSI.parameters)
+    validation = replace(inputs.validation, formulas={"sarosi": sarosi})
+    errors = {f"part {k}": [offset + np.zeros(50)] for k, offset in enumerate((3.0, -2.0, 1.0))}
+    model = replace(inputs.model, left_out=left_out_summary("recordings", 4, errors))
+    inputs = replace(inputs, validation=validation, model=model)
+    studies = {"fixed": inputs, "running": report_of(["pressure", "motion[k-1]"])}
+    for name, study in studies.items():
+        write_report(study, folder / name, ("fit",), ("html",))
+
+    def open_page(name, **how):
+        contexts.append(browser.new_context(**{"viewport": {"width": 1300, "height": 900}, **how}))
+        page = contexts[-1].new_page()
+        page.on("console", lambda message: faults.append(message.text))
+        page.on("pageerror", lambda error: faults.append(str(error)))
+        address = (folder / name / "index.html").as_uri()
+        page.on("request", lambda asked: asked.url == address or faults.append(asked.url))
+        page.goto(address)
+        return page
+
+    yield studies, open_page
+    for context in contexts:
+        context.close()
+    assert faults == []
+
+
+def shown(page, place=0, key="value"):
+    """The number behind a reading, in full."""
+    return float(page.locator("output.reading").nth(place).get_attribute(f"data-{key}"))
+
+
+def set_number(page, name, value):
+    page.get_by_label(f"{name} as a number", exact=True).fill(str(value))
+
+
+def test_a_slider_shows_the_value_of_predict(opened):
+    studies, open_page = opened
+    page, model = open_page("fixed"), studies["fixed"].model
+    for pressure, strain in ((120.0, 0.05), (300.0, 0.013), (500.0, 0.4)):
+        set_number(page, "pressure", pressure)
+        set_number(page, "strain", strain)
+        columns = {"pressure": np.array([pressure]), "strain": np.array([strain])}
+        assert shown(page) == pytest.approx(predict(model, columns)[0], rel=1e-12)
+        assert page.locator(".beyond").count() == (strain == 0.4)
+    set_number(page, "strain", 0.05)
+    set_number(page, "pressure", 300)
+    half = half_widths_of(model, {"pressure": np.array([300.0])}, INTERVAL)[0]
+    text = page.locator("output.reading").first.inner_text()
+    assert float(re.search(r"± (\S+) \(95 %\)", text)[1]) == pytest.approx(half, rel=1e-3)
+    set_number(page, "strain", 0.4)
+    page.get_by_label("pressure", exact=True).press("ArrowRight")
+    slid = float(page.get_by_label("pressure", exact=True).input_value())
+    columns = {"pressure": np.array([slid]), "strain": np.array([0.4])}
+    assert shown(page) == pytest.approx(predict(model, columns)[0], rel=1e-12)
+
+
+def test_another_joint_has_the_error_that_a_run_would_have(opened):
+    studies, open_page = opened
+    page, inputs = open_page("fixed"), studies["fixed"]
+    held = inputs.pooled_held_out
+    columns = {one.name: inputs.pooled(one.name)[held] for one in inputs.model.inputs}
+    measured = inputs.pooled("force")[held]
+
+    def rmse(**how):
+        return math.sqrt(np.mean((predict(fused(inputs.model, **how), columns) - measured) ** 2))
+
+    assert shown(page, 1, "rmse") == pytest.approx(rmse(), rel=1e-5)  # of samples of seven digits
+    set_number(page, "z_s", 0.1)
+    page.get_by_label("transition", exact=True).select_option("cubic")
+    assert shown(page, 1, "rmse") == pytest.approx(rmse(z_s=0.1, transition="cubic"), rel=1e-5)
+    fuse = yaml.safe_load(page.locator(".yaml").inner_text())["fuse"]
+    assert Fuse(**fuse).z_s == 0.1  # the section of a spec, whole
+    assert Fuse(**fuse).transition == "cubic"
+    assert fuse.keys() == {"transition", "z_s", "levels", "hold", "extrapolation"}
+    page.locator(".segments button").first.click()
+    assert page.locator(".equation").inner_text() != ""
+    page.get_by_role("checkbox", name="Sárosi").check()
+    page.get_by_role("button", name="Worst held-out sample").click()
+    page.emulate_media(color_scheme="dark")
+
+
+def test_a_model_with_memory_runs_freely(opened):
+    studies, open_page = opened
+    page, inputs = open_page("running"), studies["running"]
+    count = round(30 / 0.01)
+    held = {one.name: inputs.pooled(one.name) for one in inputs.model.inputs}
+    resting = {name: np.full(count, (x.min() + x.max()) / 2) for name, x in held.items()}
+    start = inputs.pooled("motion")[np.argmax(inputs.pooled_held_out)]
+    resting |= {"time": 0.01 * np.arange(count), "motion": np.full(count, start)}
+    expected = simulate(inputs.model, resting).values[-1]
+    assert shown(page) == pytest.approx(expected, rel=1e-4)  # knobs of seven digits
+    page.get_by_label("Course", exact=True).select_option("record")
+    held, number = inputs.pooled_held_out, int(np.argmax(inputs.pooled_held_out))
+    columns = {name: inputs.pooled(name)[held] for name in inputs.dataset.quantities}
+    errors = simulate(inputs.model, columns).values - columns["motion"]
+    assert number > 0
+    assert shown(page) == pytest.approx(math.sqrt(np.nanmean(errors**2)), rel=1e-3)
+
+
+@pytest.mark.parametrize("name", ["fixed", "running"])
+def test_nothing_is_wider_than_a_telephone(name, opened):
+    page = opened[1](name, viewport={"width": 400, "height": 800})
+    wide = page.evaluate(
+        """() => [...document.querySelectorAll("main *")]
+        .filter((one) => !one.closest(".scroll, svg, math, pre"))
+        .filter((one) => one.getBoundingClientRect().right > innerWidth + 1)
+        .map((one) => one.className || one.tagName)"""
+    )
+    assert wide == []
+    assert page.evaluate("document.documentElement.scrollWidth") <= 400
+
+
+@pytest.mark.parametrize(("name", "scheme"), [("fixed", "light"), ("running", "dark")])
+def test_no_serious_finding_of_axe(name, scheme, opened):
+    axe = pytest.importorskip("axe_playwright_python")
+    code = (Path(axe.__file__).parent / "axe.min.js").read_text(encoding="utf-8")
+    page = opened[1](name, color_scheme=scheme)
+    page.evaluate(code)
+    found = page.evaluate("axe.run('section.explore')")["violations"]
+    serious = [one for one in found if one["impact"] in ("serious", "critical")]
+    assert [(one["id"], one["nodes"][0]["html"]) for one in serious] == []
+
+
+def test_it_is_readable_with_scripts_off(opened):
+    page = opened[1]("fixed", java_script_enabled=False)
+    assert "needs scripts" in page.locator("section.explore").inner_text()
+    assert page.locator(".verdict").is_visible()
+    assert page.locator("figure svg").first.is_visible()
