@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mapmore_cli.domain.arrays import BoolArray
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.storage.tables import (
     BOMB_RATIO,
@@ -75,20 +76,21 @@ def _member(node: h5py.HLObject) -> Member:
     if getattr(node, "shape", None) is None:
         return EMPTY
     if fields := node.dtype.names:
-        return table_of_fields(fields, node.shape, partial(_reader, node))
+        return table_of_fields(fields, node.shape, partial(_reader, node), _noted(node))
     said = {name: value for name in PACKING if (value := _attribute(node, name)) is not None}
     for name, value in said.items():
         if isinstance(value, str) and name != UNSIGNED:
             raise DataError(f"{node.name}: its attribute {name} is no number", "write it as one")
     read = _reader(node)
-    noted = replace(_unit_noted(node), is_scaled="scale_factor" in said or "add_offset" in said)
+    noted = replace(_noted(node), is_scaled="scale_factor" in said or "add_offset" in said)
     return array_of(
         (lambda selection: _meant(read(selection), said)) if said else read, node.shape, noted
     )
 
 
-def _unit_noted(node: object) -> Noted:
-    return Noted(str(next(filter(None, (_attribute(node, name) for name in UNIT)), "")))
+def _noted(dataset: h5py.Dataset) -> Noted:
+    unit = str(next(filter(None, (_attribute(dataset, name) for name in UNIT)), ""))
+    return Noted(unit, never_written=int(np.count_nonzero(_never_written(dataset))))
 
 
 def _below(group: h5py.Group, name: str) -> Member:
@@ -168,12 +170,53 @@ def _reader(dataset: h5py.Dataset, field: str | None = None) -> Callable[[Select
         own = _own_values(dataset, selection)
         values = own if field is None else own.fields(field)
         if kind.kind != "O" or not dataset.shape:
-            return values[selection]
+            return _written(dataset, selection, values[selection])
         if h5py.check_string_dtype(kind):
             return _texts(dataset, values)[selection]
         return np.zeros(1, dtype="V1")
 
     return read
+
+
+def _never_written(dataset: h5py.Dataset) -> BoolArray:
+    """Return where a dataset has values that nobody wrote, of its shape; of no axis where all were.
+
+    Raises DataError for one that declares far more of them than its file explains.
+    """
+    none, size = np.zeros((), dtype=bool), math.prod(dataset.shape)
+    if not size or dataset.external or dataset.is_virtual:
+        return none
+    if dataset.chunks is None:
+        return none if dataset.id.get_storage_size() else np.ones(dataset.shape, dtype=bool)
+    steps = zip(dataset.shape, dataset.chunks, strict=True)
+    if dataset.id.get_num_chunks() >= math.prod(-(-length // step) for length, step in steps):
+        return none
+    refuse_bombs(dataset.name, size, dataset.file.id.get_filesize())
+    absent = np.ones(dataset.shape, dtype=bool)
+
+    def written(chunk: h5py.h5d.StoreInfo) -> None:
+        starts = zip(chunk.chunk_offset, dataset.chunks, strict=True)
+        absent[tuple(slice(start, start + step) for start, step in starts)] = False
+
+    dataset.id.chunk_iter(written)
+    return absent
+
+
+def _written(dataset: h5py.Dataset, selection: Selection, values: Any) -> Any:
+    """Return numbers of a selection, NaN where nobody wrote one; others as they are.
+
+    The file gets room for a whole chunk when its first value is written: what is the fill value,
+    and goes on into a chunk that nobody wrote, was not written either.
+    """
+    if values.dtype.kind not in "iuf" or not (absent := _never_written(dataset)).any():
+        return values
+    absent = absent[selection]
+    if absent.ndim == 1 and dataset.chunks and not dataset.dtype.names:
+        for end in np.flatnonzero(absent[1:] & ~absent[:-1]) + 1:
+            begin = max(end - max(dataset.chunks), 0)
+            is_filled = np.cumsum((values[begin:end] != dataset.fillvalue)[::-1])[::-1] == 0
+            absent[begin:end] |= is_filled
+    return np.where(absent, np.nan, values)
 
 
 def _texts(dataset: h5py.Dataset, values: Any) -> Any:
@@ -243,9 +286,9 @@ def _matlab_array(dataset: h5py.Dataset) -> Member:
     def read(selection: Selection) -> Any:
         _check_fit(selection, shape)
         whole = (*selection, *(slice(None),) * (len(shape) - len(selection)))[::-1]
-        return np.transpose(_own_values(dataset, whole)[whole])
+        return np.transpose(_written(dataset, whole, _own_values(dataset, whole)[whole]))
 
-    return array_of(read, shape, _unit_noted(dataset))
+    return array_of(read, shape, _noted(dataset))
 
 
 def _class_of(node: object) -> str:
