@@ -54,7 +54,7 @@ def clocked(samples: Samples, data: Data, units: Mapping[str, str]) -> list[Samp
 
 
 SHORT_TURNS = (1.0, 60.0)
-"""Where columns of milliseconds and of seconds begin anew that a longer clock was cut into, in s."""
+"""Where columns of milliseconds and of seconds begin anew, in s."""
 
 
 def without_glitches(samples: Samples, rule: str) -> Samples:

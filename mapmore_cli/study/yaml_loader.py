@@ -472,9 +472,11 @@ def _at(source: SourceText, offset: int) -> Position:
 
 
 _MARKS = (" #", "[", "]", "{", ": ")
+_BEGIN = r"[^\s'\"\[{&*!|>]|\[[^\]]*\][ \t]*(?=\w)"
 _VALUE = re.compile(
-    r"[\w'\"<]:[ \t]+(?P<text>(?:[^\s'\"\[{&*!|>]|\[[^\]]*\][ \t]*(?=\w))(?:\[[^\]]*\]?|[^,{}\[]|\{[^}]*\})*)"
+    rf"[\w'\"<]:[ \t]+(?P<text>(?:{_BEGIN})(?:\[[^\]]*\]?|[^,{{}}\[]|\{{[^}}]*\}})*)"
 )
+"""A value without quotes behind its key, with the brackets in it."""
 
 
 def _unquoted_text(lines: Iterable[str]) -> str | None:

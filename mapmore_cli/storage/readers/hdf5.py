@@ -20,7 +20,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import BoolArray
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.storage.tables import (
     BOMB_RATIO,
@@ -90,7 +89,9 @@ def _member(node: h5py.HLObject) -> Member:
 
 def _noted(dataset: h5py.Dataset) -> Noted:
     unit = str(next(filter(None, (_attribute(dataset, name) for name in UNIT)), ""))
-    return Noted(unit, never_written=int(np.count_nonzero(_never_written(dataset))))
+    parts = _parts_written(dataset)
+    absent = 0 if parts is None else dataset.size - sum(math.prod(map(len, part)) for part in parts)
+    return Noted(unit, never_written=absent)
 
 
 def _below(group: h5py.Group, name: str) -> Member:
@@ -178,28 +179,25 @@ def _reader(dataset: h5py.Dataset, field: str | None = None) -> Callable[[Select
     return read
 
 
-def _never_written(dataset: h5py.Dataset) -> BoolArray:
-    """Return where a dataset has values that nobody wrote, of its shape; of no axis where all were.
-
-    Raises DataError for one that declares far more of them than its file explains.
+def _parts_written(dataset: h5py.Dataset) -> list[tuple[range, ...]] | None:
+    """Return the indices along each axis of the parts of a dataset that were written; None where
+    all of it was.
     """
-    none, size = np.zeros((), dtype=bool), math.prod(dataset.shape)
-    if not size or dataset.external or dataset.is_virtual:
-        return none
+    if not dataset.size or dataset.external or dataset.is_virtual:
+        return None
     if dataset.chunks is None:
-        return none if dataset.id.get_storage_size() else np.ones(dataset.shape, dtype=bool)
-    steps = zip(dataset.shape, dataset.chunks, strict=True)
-    if dataset.id.get_num_chunks() >= math.prod(-(-length // step) for length, step in steps):
-        return none
-    refuse_bombs(dataset.name, size, dataset.file.id.get_filesize())
-    absent = np.ones(dataset.shape, dtype=bool)
+        return None if dataset.id.get_storage_size() else []
+    axes = list(zip(dataset.shape, dataset.chunks, strict=True))
+    if dataset.id.get_num_chunks() >= math.prod(-(-length // step) for length, step in axes):
+        return None
+    parts = list[tuple[range, ...]]()
 
-    def written(chunk: h5py.h5d.StoreInfo) -> None:
-        starts = zip(chunk.chunk_offset, dataset.chunks, strict=True)
-        absent[tuple(slice(start, start + step) for start, step in starts)] = False
+    def note(chunk: h5py.h5d.StoreInfo) -> None:
+        starts = zip(chunk.chunk_offset, axes, strict=True)
+        parts.append(tuple(range(at, min(at + step, length)) for at, (length, step) in starts))
 
-    dataset.id.chunk_iter(written)
-    return absent
+    dataset.id.chunk_iter(note)
+    return parts
 
 
 def _written(dataset: h5py.Dataset, selection: Selection, values: Any) -> Any:
@@ -208,9 +206,14 @@ def _written(dataset: h5py.Dataset, selection: Selection, values: Any) -> Any:
     The file gets room for a whole chunk when its first value is written: what is the fill value,
     and goes on into a chunk that nobody wrote, was not written either.
     """
-    if values.dtype.kind not in "iuf" or not (absent := _never_written(dataset)).any():
+    if values.dtype.kind not in "iuf" or (parts := _parts_written(dataset)) is None:
         return values
-    absent = absent[selection]
+    absent = np.ones(values.shape, dtype=bool)
+    for part in parts:
+        whole = (*selection, *(slice(None),) * (len(part) - len(selection)))
+        pairs = list(zip(whole, part, strict=True))
+        if all(isinstance(one, slice) or one in indices for one, indices in pairs):
+            absent[tuple(slice(r.start, r.stop) for one, r in pairs if isinstance(one, slice))] = 0
     if absent.ndim == 1 and dataset.chunks and not dataset.dtype.names:
         for end in np.flatnonzero(absent[1:] & ~absent[:-1]) + 1:
             begin = max(end - max(dataset.chunks), 0)

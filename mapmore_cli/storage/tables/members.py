@@ -25,6 +25,7 @@ from mapmore_cli.storage.tables import (
     refuse_namesakes,
 )
 from mapmore_cli.storage.tables.cells import DATES, CellReader, NotANumber
+from mapmore_cli.storage.tables.thousands import may_be_grouped, refuse_grouped
 
 Selection = tuple[int | slice, ...]
 """An index in brackets, `:` being a whole axis."""
@@ -334,6 +335,8 @@ def as_numbers(values: object, what: str, read: CellReader | None = None) -> Arr
                     where = f"{what} holds text, not real numbers: index {index}"
                     raise odd.at(where) from None
             numbers[index] = known[cell]
+        if read.thousands is None and may_be_grouped(numbers):
+            refuse_grouped(enumerate(array.flat), read.decimal, f"{what}, index {{row}}")
         return numbers.reshape(array.shape)
     if kind in "Mm" and not read.clock:
         stands = "date" if kind == "M" else "duration"

@@ -17,8 +17,8 @@ TINY = 0.1
 ENOUGH = 100
 """Numbers as 23.000 without a whole one before them, from which on zeros at the end are kept."""
 
-FIRST = 1000
-"""Numbers at the beginning of a column, which are looked at before the others."""
+BLOCK = 10_000
+"""Numbers of a column that are looked at together."""
 
 
 def may_be_grouped(values: Array) -> bool:
@@ -26,20 +26,20 @@ def may_be_grouped(values: Array) -> bool:
     thousands: some are whole, the others have three decimals and are above 1, and all are below
     1000.
     """
-    if len(values) > FIRST and not _is_possible(values[:FIRST]):
-        return False
-    whole = values == np.floor(values)
-    return bool(_is_possible(values) and whole.any() and (np.isfinite(values) & ~whole).any())
-
-
-def _is_possible(values: Array) -> bool:
-    size = np.abs(values[np.isfinite(values)])
-    fractions = size[size != np.floor(size)]
-    return bool(
-        (size < 1000).all()
-        and (fractions > 1).all()
-        and (np.abs(1000 * fractions - np.rint(1000 * fractions)) < 1e-6).all()
-    )
+    whole = others = 0
+    for begin in range(0, len(values), BLOCK):
+        size = np.abs(values[begin : begin + BLOCK])
+        size = size[np.isfinite(size)]
+        decimals = size[size != np.floor(size)]
+        thousandths = 1000 * decimals
+        if not (
+            (size < 1000).all()
+            and (decimals > 1).all()
+            and (np.abs(thousandths - np.rint(thousandths)) < 1e-6).all()
+        ):
+            return False
+        whole, others = whole + len(size) - len(decimals), others + len(decimals)
+    return bool(whole and others)
 
 
 def refuse_grouped(cells: Iterable[tuple[int, object]], decimal: str, column: str) -> None:
@@ -53,7 +53,8 @@ def refuse_grouped(cells: Iterable[tuple[int, object]], decimal: str, column: st
     grouped = re.compile(rf"[+-]?[1-9]\d{{0,2}}{re.escape(decimal)}\d{{3}}")
     first, zeros, largest, most = (0, ""), Counter[bool](), 0.0, 0.0
     for row, cell in cells:
-        text = str(cell).strip()
+        cell = cell.decode("utf-8", "replace") if isinstance(cell, bytes) else cell
+        text = f"{cell:.17g}" if isinstance(cell, float) else str(cell).strip()
         if not text or text.lower() in MISSING:
             continue
         number = abs(number_of(cell, decimal) or 0.0)
