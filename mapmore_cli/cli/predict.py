@@ -133,7 +133,7 @@ def predict(
             "leave --grid, --derivatives and --interval out",
         )
     options = table_options(delimiter, decimal, thousands, sheet, columns, units)
-    with Reporter(quiet) as reporter, remedies_by_options():
+    with Reporter(quiet) as reporter, remedies_by_options(options):
         model = read_model(model_file, reporter.warn, unverified)
         constants = _constants_of(model, given)
         if grid is not None:
@@ -276,7 +276,7 @@ def invert(
     from mapmore_cli.storage.artefacts import read_model
 
     options = table_options(delimiter, decimal, thousands, sheet, columns, units)
-    with Reporter(quiet) as reporter, remedies_by_options():
+    with Reporter(quiet) as reporter, remedies_by_options(options):
         model = read_model(model_file, reporter.warn)
         lines, label = _lines_of(table, model, name, options, reporter)
         _write_lines(inverted_lines(model, lines, label, name, rule), output)

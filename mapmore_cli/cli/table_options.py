@@ -81,7 +81,7 @@ AS_OPTIONS = (
 
 
 @contextmanager
-def remedies_by_options() -> Iterator[None]:
+def remedies_by_options(options: TableOptions) -> Iterator[None]:
     """Let the remedies of errors in a table name options, where those for a spec name its keys."""
     try:
         yield
@@ -89,8 +89,13 @@ def remedies_by_options() -> Iterator[None]:
         remedy = error.remedy or ""
         for pattern, by_option in AS_OPTIONS:
             remedy = re.sub(pattern, by_option, remedy)
-        found = re.search(r"column '?(\w+)'?", error.message)
-        name = found[1] if found is not None else "NAME"
+        found = re.search(r"read as (\w+)|column '?(\w+)'?", error.message)
+        titled = (
+            name
+            for name, title in options.columns.items()
+            if f"column {title}" in error.message or f"'{title}'" in error.message
+        )
+        name = next(titled, (found[1] or found[2]) if found is not None else "NAME")
         if "there is no column" in error.message and "--" not in remedy:
             near = re.search("Did you mean '([^']*)'", remedy)
             title = near[1] if near is not None else "TITLE"

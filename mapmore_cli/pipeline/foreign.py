@@ -125,8 +125,10 @@ def _data_of(path: Path, options: TableOptions, names: Sequence[str]) -> Data:
         return Data.model_validate(sections | settings)
     except ValidationError as fault:
         first = fault.errors()[0]
+        key = ".".join(map(str, first["loc"]))
         raise UsageError(
-            f"{path.name}: {first['msg']}", f"look at what is said for a {reader.name} file"
+            f"{path.name} ({reader.name}): {key}: {first['msg']}",
+            "`mapmore predict --help` says what each option is",
         ) from fault
 
 

@@ -182,7 +182,7 @@ def test_a_spec_with_one_slip_is_read_or_refused_with_a_place(place, slip):
         ("name: a\ndata:\n\tfiles: []\n", ["spec.yaml:3:1", "indent with spaces"]),
         ("name: a\nname: b\n", ["spec.yaml:2:1: key `name` stands twice; first on line 1",
             "remove one"]),
-        ("name: a: b\n", ["spec.yaml:1:8", "quote a text"]),
+        ("name: a: b\n", ["spec.yaml:1:8", "put it in quotes"]),
         ("name: [a\nb: c\n", ["spec.yaml:2:2", "bracket"]),
         ('name: "a\n', ["not valid YAML"]),
         ("name: a\n---\nname: b\n", ["spec.yaml:2:1", "one file holds one spec"]),
