@@ -83,7 +83,7 @@ def in_time_order(samples: Samples, repeated: str, unit: str) -> Samples:
         elif minute:
             anew = (
                 f"If the clock begins anew at {minute:.9g} {unit}, say `unwrap: {minute:.9g}` at "
-                "`time`, in the unit of its column. "
+                f"`time`, or as much in the unit of its column if that is not {unit}. "
             )
         raise DataError(
             f"{samples.at(at)}: time runs backwards, from {time[at - 1]:.9g} to {time[at]:.9g}",
