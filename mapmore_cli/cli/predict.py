@@ -26,10 +26,21 @@ from mapmore_cli.cli.console import (
     print_view,
 )
 from mapmore_cli.cli.progress import Reporter
+from mapmore_cli.cli.table_options import (
+    Columns,
+    Decimal,
+    Delimiter,
+    SheetTitle,
+    Thousands,
+    Units,
+    remedies_by_options,
+    table_options,
+)
 from mapmore_cli.domain.errors import MapmoreError, UsageError
 
 if TYPE_CHECKING:
     from mapmore_cli.domain.models import Model
+    from mapmore_cli.pipeline.foreign import TableOptions
 
 
 def predict(
@@ -38,7 +49,8 @@ def predict(
         Path | None,
         Argument(
             metavar="[TABLE]",
-            help="A CSV table with the model's inputs by name, in its units; - is stdin.",
+            help="A table with the model's inputs, a CSV in its names and units if no option says "
+            "otherwise; - is stdin.",
         ),
     ] = None,
     output: OutputOrStdout = STANDARD,
@@ -73,6 +85,12 @@ def predict(
             help="Invert the model for an input, as the force of a model of the strain.",
         ),
     ] = None,
+    delimiter: Delimiter = None,
+    decimal: Decimal = None,
+    thousands: Thousands = None,
+    sheet: SheetTitle = None,
+    columns: Columns = NONE,
+    units: Units = NONE,
     unverified: Unverified = False,
     quiet: Quiet = False,
 ) -> None:
@@ -80,6 +98,10 @@ def predict(
 
     Every column is kept; <output>_predicted and outside_range (true or false) are added, row for
     row.
+
+    A workbook, a Parquet file or another recording is read as a spec reads it, and so is a text
+    with `--delimiter`, `--decimal`, `--thousands`, `--columns` or `--units`. Of these, the columns
+    that the model needs are written, in its units.
 
     Tables may be larger than memory, and gzipped where the name ends in .gz. Where an input is
     empty, so is the prediction.
@@ -110,15 +132,16 @@ def predict(
             "--as goes with a TABLE, and has no derivatives or intervals",
             "leave --grid, --derivatives and --interval out",
         )
-    with Reporter(quiet) as reporter:
+    options = table_options(delimiter, decimal, thousands, sheet, columns, units)
+    with Reporter(quiet) as reporter, remedies_by_options(options):
         model = read_model(model_file, reporter.warn, unverified)
         constants = _constants_of(model, given)
         if grid is not None:
             if runs_over_time(model):
-                columns = ", ".join(["time", *(quantity.name for quantity in model.inputs)])
+                needed = ", ".join(["time", *(quantity.name for quantity in model.inputs)])
                 raise UsageError(
                     "--grid: this model has memory, and a grid has no time",
-                    f"give a TABLE of recordings with the columns {columns}",
+                    f"give a TABLE of recordings with the columns {needed}",
                 )
             axes = ",".join([grid, *(f"{name}={value!r}" for name, value in constants.items())])
             lines, label, constants = (
@@ -128,10 +151,7 @@ def predict(
             )
         else:
             assert table is not None
-            lines, label = _open_table(
-                table,
-                lambda read, size: reporter.progress("MB read", read // 10**6, -(-size // 10**6)),
-            )
+            lines, label = _lines_of(table, model, turned_for, options, reporter)
         added = predicted_lines(
             model,
             lines,
@@ -143,6 +163,26 @@ def predict(
             constants=constants,
         )
         _write_lines(added, output)
+
+
+def _lines_of(
+    table: Path, model: Model, solved_for: str | None, options: TableOptions, reporter: Reporter
+) -> tuple[Iterator[str], str]:
+    """Return the lines of a table in the model's names and units, and what messages call it."""
+    from mapmore_cli.pipeline.foreign import columns_of, foreign_lines, is_foreign, units_of
+
+    if table == STANDARD and options.says_something:
+        raise UsageError(
+            "stdin is read as CSV in the model's own names and units",
+            "write the table to a file, and name that",
+        )
+    if table != STANDARD and is_foreign(table, options):
+        ways = columns_of(model, solved_for)
+        lines = foreign_lines(table, options, ways, units_of(model, ways), reporter.warn)
+        return lines, table.name
+    return _open_table(
+        table, lambda read, size: reporter.progress("MB read", read // 10**6, -(-size // 10**6))
+    )
 
 
 def _open_table(
@@ -205,7 +245,8 @@ def invert(
         Path,
         Argument(
             metavar="TABLE",
-            help="A CSV table of the wanted output and the other inputs; - is stdin.",
+            help="A table of the wanted output and the other inputs, read as by `predict`; - is "
+            "stdin.",
         ),
     ],
     name: Annotated[
@@ -215,6 +256,12 @@ def invert(
         str, Option(help="Of several: lowest, or nearest to that of the row before.")
     ] = "lowest",
     output: OutputOrStdout = STANDARD,
+    delimiter: Delimiter = None,
+    decimal: Decimal = None,
+    thousands: Thousands = None,
+    sheet: SheetTitle = None,
+    columns: Columns = NONE,
+    units: Units = NONE,
     quiet: Quiet = False,
 ) -> None:
     """Find the input for a wanted output.
@@ -228,11 +275,11 @@ def invert(
     from mapmore_cli.pipeline.predict import inverted_lines
     from mapmore_cli.storage.artefacts import read_model
 
-    with Reporter(quiet) as reporter:
-        _write_lines(
-            inverted_lines(read_model(model_file, reporter.warn), *_open_table(table), name, rule),
-            output,
-        )
+    options = table_options(delimiter, decimal, thousands, sheet, columns, units)
+    with Reporter(quiet) as reporter, remedies_by_options(options):
+        model = read_model(model_file, reporter.warn)
+        lines, label = _lines_of(table, model, name, options, reporter)
+        _write_lines(inverted_lines(model, lines, label, name, rule), output)
 
 
 def adapt(

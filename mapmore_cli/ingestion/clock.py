@@ -53,6 +53,10 @@ def clocked(samples: Samples, data: Data, units: Mapping[str, str]) -> list[Samp
     return found
 
 
+SHORT_TURNS = (1.0, 60.0)
+"""Where columns of milliseconds and of seconds begin anew, in s."""
+
+
 def without_glitches(samples: Samples, rule: str) -> Samples:
     """Leave out the fewest samples without which the stamps never decrease, where the spec says
     `drop`; where many would go, none.
@@ -71,13 +75,16 @@ def in_time_order(samples: Samples, repeated: str, unit: str) -> Samples:
     if len(resets):
         at = int(resets[0]) + 1
         turns = [convert(turn, "s", unit) for turn in (*TURNS, 2.0**32 * 1e-6, 2.0**32 * 1e-3)]
-        turned = going_on(time[at - 1 : at + 1], turns)[1]
-        anew = (
-            f"The clock begins anew at {turned:.9g} {unit}: `unwrap: true` at `time` makes it "
-            "go on. "
-            if turned
-            else ""
-        )
+        around, short = time[at - 1 : at + 1], [convert(turn, "s", unit) for turn in SHORT_TURNS]
+        turned, minute = going_on(around, turns)[1], max(going_on(around, [x])[1] for x in short)
+        anew = ""
+        if turned:
+            anew = f"The clock begins anew at {turned:.9g} {unit}: say `unwrap: true` at `time`. "
+        elif minute:
+            anew = (
+                f"If the clock begins anew at {minute:.9g} {unit}, say `unwrap: {minute:.9g}` at "
+                f"`time`, or as much in the unit of its column if that is not {unit}. "
+            )
         raise DataError(
             f"{samples.at(at)}: time runs backwards, from {time[at - 1]:.9g} to {time[at]:.9g}",
             f"{anew}Sort the file by time; where single stamps are wrong, `glitches: drop` "

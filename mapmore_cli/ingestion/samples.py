@@ -124,6 +124,8 @@ def read_tables(
         delimiter=table.delimiter,
         decimal=table.decimal,
         thousands=table.thousands,
+        comment=table.comment,
+        hidden=table.hidden,
         encoding=table.encoding,
         sheet=log.sheet or table.sheet,
         root=table.root,
@@ -241,9 +243,8 @@ def _against_the_file(raw: RawTable, table: Logs, units: Mapping[str, str]) -> I
                 f"say `unit: {unit}`, or by `scale` how the numbers become {declared}; "
                 "`scale: 1` where the file is wrong"
             )
-            raise DataError(
-                f"{what} is in {unit}, says the file, but is read as {name} in {declared}", remedy
-            )
+            says = told.shown or f"is in {unit}, says the file"
+            raise DataError(f"{what} {says}, but is read as {name} in {declared}", remedy)
     step = next((told.step for told in raw.noted.values() if told.step), None)
     if (
         step

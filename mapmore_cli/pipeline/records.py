@@ -19,6 +19,7 @@ from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.recording import Signal
 from mapmore_cli.modelling.kinds import fed_back, runs_over_time
 from mapmore_cli.modelling.signals.sampling import cut_after, find_gaps, typical_step
+from mapmore_cli.storage.readers.csv import separator_hint
 from mapmore_cli.storage.tables import TableRequest, locate_columns
 from mapmore_cli.storage.tables.cells import CellReader, NotANumber, number_of
 from mapmore_cli.storage.tables.lines import csv_records
@@ -178,6 +179,7 @@ class Sheet:
             TableRequest(self.label, tuple(dict.fromkeys(wanted)), header=True),
             self.names,
             len(self.names),
+            separator_hint(self.names),
         )
         return {str(name): place for name, place in located.items()}
 

@@ -28,12 +28,14 @@ from mapmore_cli.storage.run_folder import RunFiles, is_tidy
 from mapmore_cli.storage.run_record import RUN_RECORD, tool_versions, written_files
 from mapmore_cli.storage.seals import (
     Sealed,
+    file_at,
     hashes_of,
     read_seal,
     states_of,
     still_holds,
     write_seal,
 )
+from mapmore_cli.storage.stamps import take_stamp
 from mapmore_cli.study.loader import load
 from mapmore_cli.study.yaml_loader import files_read, readable_variables
 
@@ -113,8 +115,10 @@ def _sealed(
         **{f"{folder}/{path}": stamp for one in records for path, stamp in one.inputs.items()},
         **written_files(run_dir),
     }
-    files = {path: [stamp.size, stamp.mtime_ns] for path, stamp in recorded.items()}
-    files |= states_of(run_dir, [RUN_RECORD])
+    files = states_of(run_dir, [*recorded, RUN_RECORD])
+    for path, stamp in recorded.items():
+        if take_stamp(file_at(run_dir, path), stamp).sha256 != stamp.sha256:
+            return None
     entries = [*spec.data.files, *(one for join in spec.data.join for one in join.files)]
     patterns = [entry if isinstance(entry, str) else entry.path for entry in entries]
     recordings = _named_by(patterns, loaded.folder)

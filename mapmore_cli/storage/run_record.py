@@ -17,7 +17,7 @@ import json
 import math
 import os
 import platform
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, fields
 from functools import cache, lru_cache
 from importlib.metadata import version
@@ -38,11 +38,23 @@ from mapmore_cli.storage.atomic import write_text
 class Stamp:
     """What a file was: its size in bytes, its modification time and the SHA-256 of its content (of
     a long result file, its own checksum).
+
+    Programs that copy files set the modification time, so that the file's number on its disk and
+    the time of its last change of any kind tell a file that was replaced; 0 where they are not
+    known, as in a record of an older version, or change by themselves (`storage/stamps.py`).
     """
 
     size: int
     mtime_ns: int
     sha256: str
+    inode: int = 0
+    ctime_ns: int = 0
+
+    def is_of(self, state: Sequence[int]) -> bool:
+        """Return whether a file in that `state` is unchanged since the stamp was taken."""
+        known = (self.size, self.mtime_ns, self.inode, self.ctime_ns)
+        size, mtime_ns, *rest = zip(known, state, strict=True)
+        return all(a == b for a, b in (size, mtime_ns)) and all(a in (0, b) for a, b in rest)
 
 
 def refuse_newer(path: Path, found: str, known: str) -> None:

@@ -41,7 +41,7 @@ class Sealed(TypedDict):
 
     - `question`: what was asked for, and the program that answered, as JSON values.
     - `texts`: SHA-256 of the specs, by path from the run's folder.
-    - `files`: size and modification time of sources and results, by path from the run's folder.
+    - `files`: the states of sources and results, by path from the run's folder.
     - `answer`: what is known of the run then.
     """
 
@@ -51,18 +51,22 @@ class Sealed(TypedDict):
     answer: Answer
 
 
+def state_of(state: os.stat_result) -> list[int]:
+    """Return what changes when a file is written to or replaced."""
+    return [state.st_size, state.st_mtime_ns, state.st_ino, state.st_ctime_ns]
+
+
 def hashes_of(run_dir: Path, paths: Iterable[str]) -> dict[str, str]:
     """Return the SHA-256 of small files; OSError where one cannot be read."""
-    return {path: hashlib.sha256(_at(run_dir, path).read_bytes()).hexdigest() for path in paths}
+    return {path: hashlib.sha256(file_at(run_dir, path).read_bytes()).hexdigest() for path in paths}
 
 
 def states_of(run_dir: Path, paths: Iterable[str]) -> dict[str, list[int]]:
-    """Return size and modification time of files; OSError where one cannot be found."""
-    states = ((path, _at(run_dir, path).stat()) for path in paths)
-    return {path: [state.st_size, state.st_mtime_ns] for path, state in states}
+    """Return the states of files; OSError where one cannot be found."""
+    return {path: state_of(file_at(run_dir, path).stat()) for path in paths}
 
 
-def _at(run_dir: Path, path: str) -> Path:
+def file_at(run_dir: Path, path: str) -> Path:
     """Return a file by its path from a folder, which may not be there yet, or be reached by a
     link.
     """

@@ -8,34 +8,40 @@ is, and so has another.
 from __future__ import annotations
 
 import hashlib
+from dataclasses import replace
 from pathlib import Path
 
 from mapmore_cli.domain.arrays import LONG
 from mapmore_cli.storage.run_record import Stamp
+from mapmore_cli.storage.seals import state_of
 
 
 def take_stamp(path: Path, known: Stamp | None = None, rehash: bool = False) -> Stamp:
-    """Return the stamp of a file; the hash is `known`'s where size and time are too, unless
-    `rehash`. OSError where it cannot be read.
+    """Return the stamp of a file; the hash is `known`'s if its state is too, unless `rehash`.
+    OSError where it cannot be read.
     """
     # Looked at before it is read: a file that changes meanwhile has another time than its stamp,
     # and is read again next time.
-    state = path.stat()
-    if (
-        known is not None
-        and not rehash
-        and (state.st_size, state.st_mtime_ns) == (known.size, known.mtime_ns)
-    ):
+    state = state_of(path.stat())
+    if known is not None and not rehash and known.is_of(state):
         return known
+    size, mtime_ns, inode, ctime_ns = state
     digest = None
-    if state.st_size > LONG:
+    if size > LONG:
         from mapmore_cli.storage.artefacts import checksum_of
 
         digest = checksum_of(path, rehash)
     if digest is None:
         with path.open("rb") as file:
             digest = hashlib.file_digest(file, "sha256").hexdigest()
-    return Stamp(state.st_size, state.st_mtime_ns, digest)
+    return Stamp(size, mtime_ns, digest, inode, ctime_ns)
+
+
+def stamp_of_result(path: Path) -> Stamp:
+    """Return the stamp of a file that was written for a run. It is moved to its place afterwards,
+    which changes its `ctime_ns`.
+    """
+    return replace(take_stamp(path), ctime_ns=0)
 
 
 def stamps_of(folder: Path, outputs: tuple[str, ...]) -> dict[str, Stamp]:
@@ -48,4 +54,4 @@ def stamps_of(folder: Path, outputs: tuple[str, ...]) -> dict[str, Stamp]:
         for place in places
         for path in (sorted(filter(Path.is_file, place.rglob("*"))) if place.is_dir() else [place])
     )
-    return {path.relative_to(folder).as_posix(): take_stamp(path) for path in files}
+    return {path.relative_to(folder).as_posix(): stamp_of_result(path) for path in files}

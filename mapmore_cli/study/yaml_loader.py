@@ -11,7 +11,7 @@ import gc
 import json
 import os
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass, field
@@ -266,7 +266,11 @@ _PLAINER = (  # what PyYAML says, what is meant, what to do
         "a second document starts here",
         "one file holds one spec: remove the `---`",
     ),
-    ("found undefined alias", "an alias without its anchor", "define it above with `&name`"),
+    (
+        "found undefined alias",
+        "an alias without its anchor",
+        "define it above with `&name`, or quote a text that begins with `*`",
+    ),
     (
         "found duplicate anchor",
         "an anchor that is defined twice",
@@ -400,9 +404,14 @@ class _Builder:
 
     def _mapping(self, node: yaml.MappingNode, depth: int) -> dict[str, Node]:
         children: dict[str, Node] = {}
+        before: yaml.Node | None = None
         for key, value in node.value:
-            at = self._position(key)
-            if not (isinstance(key, yaml.ScalarNode) and key.tag.endswith(":str")):
+            at, number, before = self._position(key), before, value
+            if number is not None and self._is_after_comma(key, value, number):
+                text = f"{number.value},{key.value}"
+                remedy = f"write it with a point, as `{text.replace(',', '.')}`"
+                self.problems.append(Mistake(at, f"`{text}` has a decimal comma", remedy))
+            elif not (isinstance(key, yaml.ScalarNode) and key.tag.endswith(":str")):
                 shown = f"`{key.value}`" if isinstance(key, yaml.ScalarNode) else "this key"
                 self.problems.append(Mistake(at, f"{shown} is not text, and keys are", "quote it"))
             elif key.value in children:
@@ -417,6 +426,18 @@ class _Builder:
             else:
                 children[key.value] = self.node(value, depth + 1, at)
         return children
+
+    @staticmethod
+    def _is_after_comma(key: yaml.Node, value: yaml.Node, number: yaml.Node) -> bool:
+        """Whether a key without a value is what a decimal comma has cut from the number before."""
+        return (
+            isinstance(key, yaml.ScalarNode)
+            and isinstance(number, yaml.ScalarNode)
+            and bool(re.fullmatch(r"\d+( *[^\W\d].*)?", key.value, re.ASCII))
+            and bool(re.fullmatch(r"[-+]?\d+", number.value, re.ASCII))
+            and value.value == ""
+            and value.start_mark.index == value.end_mark.index
+        )
 
     def _position(self, node: yaml.Node) -> Position:
         return Position(self.source, node.start_mark.line + 1, node.start_mark.column + 1)
@@ -450,6 +471,22 @@ def _at(source: SourceText, offset: int) -> Position:
     return Position(source, before.count("\n") + 1, len(before) - before.rfind("\n"))
 
 
+_MARKS = (" #", "[", "]", "{", ": ")
+_BEGIN = r"[^\s'\"\[{&*!|>]|\[[^\]]*\][ \t]*(?=\w)"
+_VALUE = re.compile(
+    rf"[\w'\"<]:[ \t]+(?P<text>(?:{_BEGIN})(?:\[[^\]]*\]?|[^,{{}}\[]|\{{[^}}]*\}})*)"
+)
+"""A value without quotes behind its key, with the brackets in it."""
+
+
+def _unquoted_text(lines: Iterable[str]) -> str | None:
+    """Return the value in some lines that needs quotes for the sake of a mark in it, as
+    `P [kPa]`; None without one.
+    """
+    texts = (found["text"].strip() for line in lines for found in _VALUE.finditer(line))
+    return next((text for text in texts if any(mark in text for mark in _MARKS)), None)
+
+
 def _explain_fault(error: Exception, source: SourceText) -> NoReturn:
     """Raise PyYAML's complaint in plainer words, with its place."""
     if isinstance(error, yaml.reader.ReaderError):
@@ -464,6 +501,15 @@ def _explain_fault(error: Exception, source: SourceText) -> NoReturn:
     complaint = (
         f"{getattr(error, 'context', None) or ''} {getattr(error, 'problem', None) or ''}".strip()
     )
+    context = getattr(error, "context_mark", None)
+    begin, end = (context or mark).line if mark else 0, at.line
+    if (text := _unquoted_text(source.text.splitlines()[begin:end])) is not None:
+        marks = next(one for one in _MARKS if one in text)
+        fail(
+            at,
+            f"not valid YAML: `{text}` has `{marks.strip()}` in it, which means something in YAML",
+            f"put it in quotes: `{json.dumps(text, ensure_ascii=False)}`",
+        )
     for phrase, message, remedy in _PLAINER:
         if phrase in complaint:
             fail(at, f"not valid YAML: {message}", remedy)

@@ -34,9 +34,12 @@ def made(tmp_path_factory):
 
 @pytest.fixture
 def job(made, tmp_path):
-    """The job of a study that may be changed; times of its files are as they were."""
+    """The job of a study that may be changed; its copied files are sealed again."""
     shutil.copytree(made, tmp_path, dirs_exist_ok=True)
-    return study_in(tmp_path)
+    copied = study_in(tmp_path)
+    assert known_by_seal(copied, "bench") is None
+    run_and_seal(copied)
+    return copied
 
 
 def test_a_seal_says_what_planning_the_run_would(job):

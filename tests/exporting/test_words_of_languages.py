@@ -2,7 +2,9 @@
 that name, and compilers and interpreters take it.
 """
 
+import builtins
 import keyword
+import shutil
 import subprocess
 import sys
 from dataclasses import replace
@@ -17,14 +19,16 @@ from test_foreign_text import needs_compiler
 
 from mapmore_cli.annexes.exporting.exports import exported, snippet
 from mapmore_cli.annexes.exporting.templates import OWN, identifier
-from mapmore_cli.annexes.exporting.words import KEYWORDS, LIBRARY, TAKEN
+from mapmore_cli.annexes.exporting.words import FILES, KEYWORDS, LIBRARY, TAKEN
 from mapmore_cli.annexes.sums import Part, Sum
 from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.recording import Quantity
 from mapmore_cli.modelling.expressions.functions import FUNCTIONS
 
 ROWS = {**KEYWORDS, **LIBRARY, "templates": " ".join(OWN)}
-EVERY = sorted({word for row in ROWS.values() for word in row.split()} | {"curve_1", "segment_2"})
+EVERY = sorted(
+    {word for row in ROWS.values() for word in row.split()} | {"curve_1", "segment_2"} | FILES
+)
 TO = ("c", "py", "numpy", "matlab", "js", "simulink", "table", "tex", "fmu", "fmu3")
 
 
@@ -38,13 +42,25 @@ def called(name, inputs, output):
 
 def test_python_has_no_other_words():
     known = {*TAKEN}
+    assert {word.lower() for word in dir(builtins) if not word.startswith("_")} <= known
     assert {word.lower() for word in keyword.kwlist} <= known
     assert {word.lower() for word in sys.stdlib_module_names if not word.startswith("_")} <= known
 
 
+@pytest.mark.skipif(shutil.which("octave-cli") is None, reason="there is no Octave")
+def test_octave_has_no_other_functions():
+    """A file that is called as a function of Octave would stand before it."""
+    ask = "x = [__builtins__(); __list_functions__()]; printf('%s ', x{:})"
+    call = ["octave-cli", "--norc", "--quiet", "--eval", ask]
+    names = subprocess.run(call, check=True, capture_output=True, text=True).stdout.split()
+    words = [name for name in names if name.isidentifier() and name[0] != "_" and len(name) > 1]
+    assert len(words) > 1000
+    assert {word.lower() for word in words} <= FILES | {one.lower() for one in OWN}
+
+
 def test_no_function_and_no_file_is_called_by_a_word():
-    for name in EVERY:
-        assert identifier(name).lower() not in {one.lower() for one in EVERY}
+    words = {one.lower() for one in EVERY}
+    assert all(identifier(name).lower() not in words for name in EVERY)
 
 
 FAULTS = [
@@ -79,7 +95,7 @@ def check(name, inputs, output, to):
             ]
             subprocess.run(["gcc", *options, *sources], check=True, cwd=folder)
     for file in files:
-        assert file.partition(".")[0].lower() not in TAKEN
+        assert file.partition(".")[0].lower() not in FILES
     snippet(model, to, list(files))
 
 

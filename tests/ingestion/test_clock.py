@@ -37,6 +37,17 @@ def test_gaps_split_a_recording_into_numbered_pieces(ingest):
     assert [c.id for c in ingest({"a.csv": logged(0, 0.1, 0.2)}, gaps=SPLIT).curves] == ["a"]
 
 
+@pytest.mark.parametrize(("unit", "turn"), [("s", 60), ("ms", 60_000)])
+def test_a_column_of_seconds_within_the_minute_goes_on_by_unwrap(ingest, unit, turn):
+    stamps = [turn / 60 * (i % 60) for i in range(100)]
+    clock = {"time": {"column": "t", "unit": unit}}
+    with refused("a.csv:row 62: time runs backwards", "begins anew at 60 s, say `unwrap: 60`"):
+        ingest({"a.csv": logged(*stamps)}, columns={**COLUMNS, **clock})
+    clock["time"]["unwrap"] = turn
+    made = ingest({"a.csv": logged(*stamps)}, columns={**COLUMNS, **clock})
+    np.testing.assert_allclose(made.recordings[0].columns["time"], np.arange(100.0))
+
+
 def test_gaps_are_an_error_where_the_spec_says_so_and_a_warning_where_it_says_nothing(
     ingest,
 ):

@@ -67,8 +67,8 @@ def killed_at(event, loaded):
 
 
 CHANCE = re.compile(
-    r'(?<=\.tmp-)[0-9a-f]{12}(?=-)|(?<=-)[a-z0-9_]{8}(?=$|/)|(?<="mtime_ns": '
-    r')[0-9]+|(?<="seconds": )[0-9.e-]+'
+    r'(?<=\.tmp-)[0-9a-f]{12}(?=-)|(?<=-)[a-z0-9_]{8}(?=$|/)|(?<=time_ns": '
+    r')[0-9]+|(?<="inode": )[0-9]+|(?<="seconds": )[0-9.e-]+'
 )
 """What is another in each run: the ends of temporary names, instants and durations."""
 

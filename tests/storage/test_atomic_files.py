@@ -3,6 +3,7 @@
 import errno
 import os
 import signal
+from dataclasses import replace
 from pathlib import Path
 
 import h5py
@@ -99,11 +100,17 @@ def test_stamp_is_taken_again_when_size_or_time_changed(tmp_path):
     path.write_text("1\n")
     first = take_stamp(path)
     path.write_text("2\n")
-    os.utime(path, ns=(first.mtime_ns, first.mtime_ns))
-    assert take_stamp(path, first) is first  # size and time say that nothing changed
-    assert take_stamp(path, first, rehash=True).sha256 != first.sha256
-    os.utime(path, ns=(1, 1))
-    assert take_stamp(path, first).sha256 != first.sha256
+    os.utime(path, ns=(first.mtime_ns, first.mtime_ns))  # as `cp -p` and `rsync -t` do
+    second = take_stamp(path, first)
+    assert (second.mtime_ns, second.size) == (first.mtime_ns, first.size)
+    assert second.sha256 != first.sha256
+    assert take_stamp(path, second) is second
+    assert take_stamp(path, replace(second, sha256="")).sha256 == ""  # it is not read again
+    assert take_stamp(path, second, rehash=True) == second
+    (tmp_path / "b.csv").write_text("3\n")
+    os.utime(tmp_path / "b.csv", ns=(first.mtime_ns, first.mtime_ns))
+    (tmp_path / "b.csv").replace(path)
+    assert take_stamp(path, second).sha256 not in (first.sha256, second.sha256)
 
 
 def test_a_long_result_file_is_known_by_its_values(tmp_path, monkeypatch):

@@ -182,7 +182,7 @@ def test_a_spec_with_one_slip_is_read_or_refused_with_a_place(place, slip):
         ("name: a\ndata:\n\tfiles: []\n", ["spec.yaml:3:1", "indent with spaces"]),
         ("name: a\nname: b\n", ["spec.yaml:2:1: key `name` stands twice; first on line 1",
             "remove one"]),
-        ("name: a: b\n", ["spec.yaml:1:8", "quote a text"]),
+        ("name: a: b\n", ["spec.yaml:1:8", "put it in quotes"]),
         ("name: [a\nb: c\n", ["spec.yaml:2:2", "bracket"]),
         ('name: "a\n', ["not valid YAML"]),
         ("name: a\n---\nname: b\n", ["spec.yaml:2:1", "one file holds one spec"]),
@@ -275,3 +275,23 @@ def test_a_document_is_written_key_by_key_as_it_is_written_whole():
         text = yaml.dump(whole, Dumper=_CoreDumper, sort_keys=False, allow_unicode=True, width=120)
         assert dump(whole) == text
     assert dump({}) == "{}\n"
+
+
+@pytest.mark.parametrize(
+    ("value", "words"),
+    [
+        ("{column: P [kPa], unit: kPa}", ["`P [kPa]` has `[` in it", 'quotes: `"P [kPa]"`']),
+        ("{column: P: kPa, unit: kPa}", ["`P: kPa` has `:` in it", 'quotes: `"P: kPa"`']),
+        ("{column: P #1, unit: kPa}\n  b: 2", ["`P #1` has `#` in it", 'quotes: `"P #1"`']),
+        ("[kPa] P", ["`[kPa] P` has `[` in it", "quotes"]),
+        ("{z: 0,25, k: 1}", ["`0,25` has a decimal comma", "`0.25`"]),
+        ("{k: 1, z: -1,5 mm}", ["`-1,5 mm` has a decimal comma", "`-1.5 mm`"]),
+    ],
+)
+def test_marks_without_quotes_and_decimal_commas_are_called_so(tmp_path, value, words):
+    message = refusal(tmp_path, f"name: a\ndata:\n  a: {value}\n")
+    assert all(word in message for word in words), message
+
+
+def test_a_number_without_a_key_before_it_is_no_decimal_comma(tmp_path):
+    assert "`5` is not text" in refusal(tmp_path, "name: {a: x, 5}\n")

@@ -13,12 +13,11 @@ from mapmore_cli.annexes.exporting.templates import (
     Code,
     Wanted,
     identifier,
-    names_of_inputs,
+    names_in_matlab,
     rendered_template,
     word,
 )
 from mapmore_cli.annexes.exporting.verifying import CompilerMissing, verify_files
-from mapmore_cli.annexes.exporting.words import words_of
 from mapmore_cli.domain.models import Model
 from mapmore_cli.modelling.kinds import fed_back
 from mapmore_cli.modelling.programs import program_of
@@ -38,11 +37,8 @@ def matlab_file(model: Model, wanted: Wanted) -> dict[str, str]:
 def matlab_function(model: Model) -> tuple[Code, str]:
     """Return name and text of the function; raises as `c_source.c_source`."""
     name, functions = identifier(model.name), program_of(model).functions
-    used = [*words_of("MATLAB", "Octave"), *OWN, *(one.name for one in functions), name]
-    names = {
-        one: in_code if in_code[0].isalpha() else f"u{in_code}"  # no name begins with `_`
-        for one, in_code in names_of_inputs(model.inputs, used).items()
-    }
+    used = [*OWN, *(one.name for one in functions), name]
+    names = names_in_matlab(model.inputs, used)
     words = words_of_module(model, MATLAB, names)
     return name, rendered_template("function.m", **words, name=name, fed_back=fed_back(model))
 

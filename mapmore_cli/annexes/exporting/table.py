@@ -17,6 +17,7 @@ from mapmore_cli.annexes.exporting.templates import (
     code,
     identifier,
     name_of_output,
+    names_in_matlab,
     names_of_inputs,
     note,
     rendered_template,
@@ -152,7 +153,7 @@ def _mat(model: Model, grid: Grid) -> bytes:
     from scipy.io import savemat
 
     output, stream = name_of_output(model), io.BytesIO()
-    names = names_of_inputs(model.inputs, [*words_of("MATLAB", "Octave"), output, "valid"])
+    names = names_in_matlab(model.inputs, [output, "valid"])
     arrays = {names[name]: column for name, column in grid.places.items()}
     shape = list(map(len, grid.places.values()))
     arrays |= {output: grid.values.reshape(shape), "valid": grid.valid.reshape(shape)}

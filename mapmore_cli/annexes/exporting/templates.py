@@ -17,7 +17,7 @@ from xml.sax.saxutils import quoteattr
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
-from mapmore_cli.annexes.exporting.words import TAKEN, identifiers
+from mapmore_cli.annexes.exporting.words import FILES, TAKEN, identifiers, words_of
 from mapmore_cli.domain.errors import DataError, UsageError
 from mapmore_cli.domain.foreign import PLAIN, plain, tex_text, xml_text
 from mapmore_cli.domain.models import Model
@@ -102,7 +102,7 @@ def identifier(name: str) -> Code:
             f"the model is called `{name}`, which has no letter that C allows in a name",
             "give the study another name",
         )
-    first, reserved = letters.lower().partition("_")[0], TAKEN.union(map(str.lower, OWN))
+    first, reserved = letters.lower().partition("_")[0], FILES.union(map(str.lower, OWN))
     hidden = letters.lower() in reserved or _FUNCTION.fullmatch(letters.lower())
     return word(f"model_{letters}" if first[0].isdigit() or first == "x" or hidden else letters)
 
@@ -112,6 +112,17 @@ def names_of_inputs(inputs: Sequence[Quantity], functions: Sequence[str] = ()) -
     names = [quantity.name for quantity in inputs]
     reserved = [*PYTHON, *functions, *(f"x_{name}" for name in names)]
     return dict(zip(names, identifiers(names, reserved), strict=True))
+
+
+def names_in_matlab(inputs: Sequence[Quantity], functions: Sequence[str]) -> dict[str, str]:
+    """Return what each input is called in MATLAB beside some `functions`: no name begins with
+    `_`.
+    """
+    used = [*words_of("MATLAB", "Octave"), *functions]
+    return {
+        name: in_code if in_code[0].isalpha() else f"u{in_code}"
+        for name, in_code in names_of_inputs(inputs, used).items()
+    }
 
 
 def name_of_output(model: Model, names: Iterable[str] | None = None) -> Code:

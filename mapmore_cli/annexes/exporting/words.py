@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Collection, Iterable, Mapping
+from importlib.resources import files
 from itertools import count
 
 KEYWORDS: Mapping[str, str] = {
@@ -90,11 +91,15 @@ LIBRARY: Mapping[str, str] = {
         "alloca assert complex ctype dirent endian errno fcntl features fenv float inttypes "
         "iso646 limits locale malloc math memory poll pthread regex sched search semaphore setjmp "
         "signal stdalign stdarg stdatomic stdbool stddef stdint stdio stdlib stdnoreturn string "
+        "aio aliases ar argp argz byteswap cpio dlfcn elf envz err execinfo fmtmsg fstab fts ftw "
+        "gconv gshadow iconv ifaddrs langinfo lastlog libgen libintl mcheck menu mntent monetary "
+        "mqueue netdb nl_types nss obstack paths resolv sgtty shadow spawn stab stdio_ext syscall "
+        "sysexits tar term termcap termio thread_db ttyent ucontext ulimit utmp utmpx wordexp "
         "strings tgmath threads time uchar unistd utime values wait wchar wctype xlocale mujoco "
         "simstruc mex matrix tmwtypes fmi2functions fmi2typesplatform fmi2functiontypes "
         "fmi3functions fmi3platformtypes fmi3functiontypes unit co_simulation model this_model"
     ),
-    "Python's modules": (
+    "Python's modules and exceptions": (
         "abc aifc antigravity argparse array ast asynchat asyncio asyncore atexit audioop base64 "
         "bdb binascii bisect builtins bz2 calendar cgi cgitb chunk cmath cmd code codecs codeop "
         "collections colorsys compileall compression concurrent configparser contextlib "
@@ -114,7 +119,20 @@ LIBRARY: Mapping[str, str] = {
         "termios test textwrap this threading time timeit tkinter token tokenize tomllib trace "
         "traceback tracemalloc tty turtle turtledemo types typing unicodedata unittest urllib uu "
         "uuid venv warnings wave weakref webbrowser winreg winsound wsgiref xdrlib xml xmlrpc "
-        "zipapp zipfile zipimport zlib zoneinfo scipy"
+        "zipapp zipfile zipimport zlib zoneinfo scipy ArithmeticError AssertionError "
+        "AttributeError BaseException BaseExceptionGroup BlockingIOError BrokenPipeError "
+        "BufferError BytesWarning ChildProcessError ConnectionAbortedError ConnectionError "
+        "ConnectionRefusedError ConnectionResetError DeprecationWarning EOFError EncodingWarning "
+        "EnvironmentError Exception ExceptionGroup FileExistsError FileNotFoundError "
+        "FloatingPointError FutureWarning GeneratorExit IOError ImportError ImportWarning "
+        "IndentationError IndexError InterruptedError IsADirectoryError KeyError "
+        "KeyboardInterrupt LookupError MemoryError ModuleNotFoundError NameError "
+        "NotADirectoryError NotImplementedError OSError OverflowError PendingDeprecationWarning "
+        "PermissionError ProcessLookupError RecursionError ReferenceError ResourceWarning "
+        "RuntimeError RuntimeWarning StopAsyncIteration StopIteration SyntaxError SyntaxWarning "
+        "SystemError SystemExit TabError TimeoutError TypeError UnboundLocalError "
+        "UnicodeDecodeError UnicodeEncodeError UnicodeError UnicodeTranslateError UnicodeWarning "
+        "UserWarning ValueError ZeroDivisionError PythonFinalizationError"
     ),
     "MATLAB": (
         "accumarray acos all angle any area arrayfun asin atan2 axes axis bar besselj beta bode "
@@ -166,6 +184,14 @@ WORDS = words_of("C", "C++", "macros of C", "Python", "functions in exported cod
 
 TAKEN = words_of(*KEYWORDS) | frozenset(" ".join(LIBRARY.values()).lower().split())
 """What no function and no file may be called."""
+
+
+FILES = TAKEN | frozenset(
+    (files("mapmore_cli.annexes.exporting") / "sources" / "functions-of-octave.txt")
+    .read_text("utf-8")
+    .split()
+)
+"""What no file may be called: a file of Octave stands before a function of that name."""
 
 
 def identifiers(names: Iterable[str], taken: Collection[str] = ()) -> list[str]:

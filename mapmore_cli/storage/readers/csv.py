@@ -37,6 +37,7 @@ from mapmore_cli.storage.tables.lines import (
     open_lines,
 )
 from mapmore_cli.storage.tables.rows import Wanted, values_of_rows, wanted_of
+from mapmore_cli.storage.tables.thousands import may_be_grouped, refuse_grouped
 
 WHITESPACE = "whitespace"
 DELIMITERS = {"tab": "\t"}
@@ -77,7 +78,10 @@ def read_csv(path: Path, request: TableRequest) -> list[RawTable]:
     with reading(request.label, "text file", UNREADABLE):
         try:
             with open_lines(path, request.encoding, request.label) as (lines, raw):
-                return [_parse(lines, raw, request)]
+                table = _parse(lines, raw, request)
+                table = replace(table, padding=lines.padding)
+            _refuse_thousands(path, table, request)
+            return [table]
         except UnicodeError as error:
             byte = (
                 f" (byte 0x{error.object[error.start]:02x})"
@@ -93,20 +97,12 @@ def read_csv(path: Path, request: TableRequest) -> list[RawTable]:
 
 def _parse(lines: Lines, raw: BufferedReader, request: TableRequest) -> RawTable:
     last = deque[bytes](maxlen=2)
-    deque(islice(lines, request.skip_rows), maxlen=0)
-    delimiter = DELIMITERS.get(request.delimiter, request.delimiter)
-    split_at = None if delimiter == WHITESPACE else delimiter
-    records = _records(lines, split_at, request.label)
-    first = next((record for record in records if record[1]), None)
-    if first is None:
-        raise DataError(f"{request.label}: the file is empty")
-    layout = _layout(first[1], request, split_at)
-    deque(islice(records, max(request.header - 1, 0)), maxlen=0)
-    leading = [] if request.header else [values_of_records([first], layout)]
+    layout, leading, _ = _begin(lines, request)
+    before = [values_of_records(leading, layout)] if leading else []
     numbers: list[Any] = []
 
     def values() -> Iterator[list[Any]]:
-        for rows, *block in chain(leading, _blocks_of(lines, layout, raw, last)):
+        for rows, *block in chain(before, _blocks_of(lines, layout, raw, last)):
             numbers.append(rows)
             yield block
 
@@ -119,12 +115,51 @@ def _parse(lines: Lines, raw: BufferedReader, request: TableRequest) -> RawTable
     return replace(whole, open_end=_open_end(b"".join(last), layout))
 
 
-def _records(lines: Lines, delimiter: str | None, label: str) -> Iterator[Numbered]:
-    """Yield the records of lines; blank lines are records without fields."""
+def _begin(
+    lines: Lines, request: TableRequest
+) -> tuple[Layout, list[Numbered], Iterator[Numbered]]:
+    """Return what the header says, the first record where that is no header, and the records that
+    follow.
+    """
+    deque(islice(lines, request.skip_rows), maxlen=0)
+    delimiter = DELIMITERS.get(request.delimiter, request.delimiter)
+    split_at = None if delimiter == WHITESPACE else delimiter
+    records = _records(lines, split_at, request)
+    first = next((record for record in records if record[1]), None)
+    if first is None:
+        raise DataError(f"{request.label}: the file is empty")
+    layout = _layout(first[1], request, split_at)
+    deque(islice(records, max(request.header - 1, 0)), maxlen=0)
+    return layout, [] if request.header else [first], records
+
+
+def _refuse_thousands(path: Path, table: RawTable, request: TableRequest) -> None:
+    """Raise NotANumber where a decimal point stands between thousands. The file is read again if
+    the numbers allow it.
+    """
+    for number, values in enumerate(table.columns.values()):
+        if request.thousands is None and may_be_grouped(values):
+            with open_lines(path, request.encoding, request.label) as (lines, _):
+                layout, leading, records = _begin(lines, request)
+                title, place, _ = layout.wanted[number]
+                rows = (row for row in chain(leading, records) if place < len(row[1]))
+                cells = ((row, fields[place]) for row, fields in rows)
+                where = f"{request.label}:row {{row}}, column {title}"
+                refuse_grouped(cells, request.decimal, where)
+
+
+def _records(lines: Lines, delimiter: str | None, request: TableRequest) -> Iterator[Numbered]:
+    """Yield the records of lines; blank lines and comments are records without fields."""
+    mark = request.comment
+    told = (
+        lines
+        if mark is None
+        else ("\n" if line.lstrip().startswith(mark) else line for line in lines)
+    )
     if delimiter is None:
-        yield from ((lines.rows, line.split()) for line in lines)
+        yield from ((lines.rows, line.split()) for line in told)
         return
-    for _, record, number in csv_records(lines, delimiter, label, lines.rows):
+    for _, record, number in csv_records(told, delimiter, request.label, lines.rows):
         yield number, record if len(record) > 1 or (record and record[0].strip()) else []
 
 
@@ -158,7 +193,7 @@ def _blocks_of(
             yield [range(row, row + n), *values]
         else:
             end, filled = lines.taken + len(block), list[Numbered]()
-            for row, cells in _records(lines, layout.delimiter, layout.request.label):
+            for row, cells in _records(lines, layout.delimiter, layout.request):
                 filled += [(row, cells)] if cells else []
                 if lines.taken >= end:
                     break
@@ -173,11 +208,15 @@ def values_of_text(text: bytes, layout: Layout) -> list[Array]:
 
     PyArrow reads them in a thirtieth of the time of `values_of_records`, and gives the same doubles
     to the last bit. It takes blank lines for records and `nan(ind)` for a number, so that lines
-    without any number, and NaN that no empty field explains, are left to the other.
+    without any number, and NaN that no empty field explains, are left to the other; so are comments
+    and NUL, which may stand in columns that nobody wants.
     """
     request, mark = layout.request, (layout.delimiter or "\t").encode()
     if (
-        any(
+        b"\0" in text
+        or request.decimal == layout.delimiter  # in numbers that are quoted
+        or (request.comment is not None and request.comment.encode() in text)
+        or any(
             read.clock and (read.format or read.form not in ("", NUMBER))
             for _, _, read in layout.wanted
         )
@@ -250,7 +289,7 @@ def values_of_records(records: Sequence[Numbered], layout: Layout) -> list[Any]:
     """
     rows = ((row, _of_width(row, record, layout)) for row, record in records)
     label = layout.request.label
-    numbers, columns = values_of_rows(rows, layout.wanted, label, separator_hint)
+    numbers, columns = values_of_rows(rows, layout.wanted, label, line_hint)
     return [numbers, *columns]
 
 
@@ -259,19 +298,35 @@ def _of_width(row: int, record: list[str], layout: Layout) -> list[str]:
     those that a short one lacks may be missing.
     """
     width, request = layout.width, layout.request
-    if len(record) >= width and not any(map(str.strip, record[width:])):
+    has_nul = any("\0" in cell for cell in record)
+    if len(record) >= width and not has_nul and not any(map(str.strip, record[width:])):
         return record[:width]
     if request.incomplete:
         # a closing remark, half a record, or two run into one: no field of it can be trusted
         return [""] * width
+    if has_nul:
+        raise DataError(
+            f"{request.label}:row {row}: bytes of NUL stand in this line: what was here is lost",
+            "Get the file again, or mend or remove the line. `missing: drop` leaves it out.",
+        )
     few = "few" if len(record) < width else "many"
     raise DataError(
         f"{request.label}:row {row}: too {few} fields: {len(record)}, where the first line "
         f"has {width}",
-        separator_hint(record)
+        line_hint(record)
         or "Mend or remove the line; a last line that is too short means that the file was cut "
         "off. `missing: drop` leaves it out.",
     )
+
+
+def line_hint(record: Sequence[str]) -> str | None:
+    """Return a remedy where a line looks like a comment, or as if something else separated its
+    fields.
+    """
+    found = re.match(r"#|%|//|!|\*|;(?!\s*[-+.\d])", record[0].strip() if record else "")
+    if found is None:
+        return separator_hint(record)
+    return f'The line looks like a comment: say `comment: "{found[0]}"`, which leaves such out.'
 
 
 def separator_hint(record: Sequence[str]) -> str | None:
@@ -291,6 +346,8 @@ def _open_end(end: bytes, layout: Layout) -> OpenEnd | None:
     if not end or end.endswith((b"\n", b"\r")):
         return None
     lines = re.split("[\r\n]+", end.decode())[-LAST_LINES:]
+    mark = layout.request.comment
+    lines = [line for line in lines if mark is None or not line.lstrip().startswith(mark)]
     return OpenEnd(
         [row[: layout.width] for row in _cut_lines(lines, layout.delimiter)], layout.request.decimal
     )
@@ -338,6 +395,6 @@ READER = Reader(
     "csv",
     read_csv,
     suffixes=(".csv", ".txt", ".tsv", ".dat"),
-    keys=("header", "skip_rows", "delimiter", "decimal", "thousands", "encoding"),
+    keys=("header", "skip_rows", "delimiter", "decimal", "thousands", "comment", "encoding"),
     peek=peek_csv,
 )

@@ -77,20 +77,23 @@ def _member(node: h5py.HLObject) -> Member:
     if getattr(node, "shape", None) is None:
         return EMPTY
     if fields := node.dtype.names:
-        return table_of_fields(fields, node.shape, partial(_reader, node))
+        return table_of_fields(fields, node.shape, partial(_reader, node), _noted(node))
     said = {name: value for name in PACKING if (value := _attribute(node, name)) is not None}
     for name, value in said.items():
         if isinstance(value, str) and name != UNSIGNED:
             raise DataError(f"{node.name}: its attribute {name} is no number", "write it as one")
     read = _reader(node)
-    noted = replace(_unit_noted(node), is_scaled="scale_factor" in said or "add_offset" in said)
+    noted = replace(_noted(node), is_scaled="scale_factor" in said or "add_offset" in said)
     return array_of(
         (lambda selection: _meant(read(selection), said)) if said else read, node.shape, noted
     )
 
 
-def _unit_noted(node: object) -> Noted:
-    return Noted(str(next(filter(None, (_attribute(node, name) for name in UNIT)), "")))
+def _noted(dataset: h5py.Dataset) -> Noted:
+    unit = str(next(filter(None, (_attribute(dataset, name) for name in UNIT)), ""))
+    parts = _parts_written(dataset)
+    absent = 0 if parts is None else dataset.size - sum(math.prod(map(len, part)) for part in parts)
+    return Noted(unit, never_written=absent)
 
 
 def _below(group: h5py.Group, name: str) -> Member:
@@ -170,12 +173,55 @@ def _reader(dataset: h5py.Dataset, field: str | None = None) -> Callable[[Select
         own = _own_values(dataset, selection)
         values = own if field is None else own.fields(field)
         if kind.kind != "O" or not dataset.shape:
-            return np.asarray(values[selection])
+            return np.asarray(_written(dataset, selection, values[selection]))
         if h5py.check_string_dtype(kind):
             return _texts(dataset, values)[selection]
         return np.zeros(1, dtype="V1")
 
     return read
+
+
+def _parts_written(dataset: h5py.Dataset) -> list[tuple[range, ...]] | None:
+    """Return the indices along each axis of the parts of a dataset that were written; None where
+    all of it was.
+    """
+    if not dataset.size or dataset.external or dataset.is_virtual:
+        return None
+    if dataset.chunks is None:
+        return None if dataset.id.get_storage_size() else []
+    axes = list(zip(dataset.shape, dataset.chunks, strict=True))
+    if dataset.id.get_num_chunks() >= math.prod(-(-length // step) for length, step in axes):
+        return None
+    parts = list[tuple[range, ...]]()
+
+    def note(chunk: h5py.h5d.StoreInfo) -> None:
+        starts = zip(chunk.chunk_offset, axes, strict=True)
+        parts.append(tuple(range(at, min(at + step, length)) for at, (length, step) in starts))
+
+    dataset.id.chunk_iter(note)
+    return parts
+
+
+def _written(dataset: h5py.Dataset, selection: Selection, values: Values) -> Values:
+    """Return numbers of a selection, NaN where nobody wrote one; others as they are.
+
+    The file gets room for a whole chunk when its first value is written: what is the fill value,
+    and goes on into a chunk that nobody wrote, was not written either.
+    """
+    if values.dtype.kind not in "iuf" or (parts := _parts_written(dataset)) is None:
+        return values
+    absent = np.ones(values.shape, dtype=bool)
+    for part in parts:
+        whole = (*selection, *(slice(None),) * (len(part) - len(selection)))
+        pairs = list(zip(whole, part, strict=True))
+        if all(isinstance(one, slice) or one in indices for one, indices in pairs):
+            absent[tuple(slice(r.start, r.stop) for one, r in pairs if isinstance(one, slice))] = 0
+    if absent.ndim == 1 and dataset.chunks and not dataset.dtype.names:
+        for end in np.flatnonzero(absent[1:] & ~absent[:-1]) + 1:
+            begin = max(end - max(dataset.chunks), 0)
+            is_filled = np.cumsum((values[begin:end] != dataset.fillvalue)[::-1])[::-1] == 0
+            absent[begin:end] |= is_filled
+    return np.where(absent, np.nan, values)
 
 
 def _texts(dataset: h5py.Dataset, values: h5py.Dataset) -> Values:
@@ -245,9 +291,9 @@ def _matlab_array(dataset: h5py.Dataset) -> Member:
     def read(selection: Selection) -> Values:
         _check_fit(selection, shape)
         whole = (*selection, *(slice(None),) * (len(shape) - len(selection)))[::-1]
-        return np.transpose(_own_values(dataset, whole)[whole])
+        return np.transpose(_written(dataset, whole, _own_values(dataset, whole)[whole]))
 
-    return array_of(read, shape, _unit_noted(dataset))
+    return array_of(read, shape, _noted(dataset))
 
 
 def _class_of(node: object) -> str:

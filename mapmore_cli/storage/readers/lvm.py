@@ -36,13 +36,15 @@ KIND = f"{BEGINS} file"
 @dataclass(frozen=True)
 class LvmSegment:
     """Rows of cells below one header: what was `said` there of each channel, by keyword, and the
-    titles of all columns. `has_end` is False where the last line of the file has no end.
+    titles of all columns. `has_end` is False where the last line of the file has no end; `padding`
+    counts what fills the file behind it.
     """
 
     said: Mapping[str, Sequence[str]]
     titles: list[str]
     rows: Sequence[Row]
     has_end: bool = True
+    padding: int = 0
 
     def of_channel(self, keyword: str, channel: int = 0) -> str:
         """Return what the header says of a channel; empty where it says nothing."""
@@ -137,7 +139,7 @@ def _one_recording(segment: LvmSegment, rows: Sequence[Row], request: TableReque
     if not segment.has_end:
         end = OpenEnd([cells for _, cells in segment.rows[-LAST_LINES:]], segment.decimal)
     table = table_of_rows(rows, places, names, request, request.label)
-    return replace(table, noted=noted, open_end=end)
+    return replace(table, noted=noted, open_end=end, padding=segment.padding)
 
 
 def peek_lvm(path: Path, most: int) -> Iterable[Top]:
@@ -158,7 +160,7 @@ def peek_lvm(path: Path, most: int) -> Iterable[Top]:
 def _lvm_segments(path: Path, label: str, most: int | None = None) -> list[LvmSegment]:
     """Return the segments in the first lines of a file, all where `most` is None."""
     with open_lines(path, guess_encoding(path), label, errors="replace") as (whole, _):
-        taken = list(islice(whole, most))
+        taken, padding = list(islice(whole, most)), whole.padding
     lines, has_end = [line.rstrip("\r\n") for line in taken], "".join(taken[-1:])[-1:] in "\r\n"
     if not lines or not lines[0].startswith(BEGINS):
         raise ValueError(f"it does not begin with '{BEGINS}'")
@@ -175,7 +177,10 @@ def _lvm_segments(path: Path, label: str, most: int | None = None) -> list[LvmSe
             said = general | {cells[0]: cells[1:] for _, cells in rows[begin : ends[-1]]}
             titles = [title.strip() for title in rows[ends[-1] + 1][1]]
             segments.append(LvmSegment(said, titles, rows[ends[-1] + 2 : end]))
-    return [*segments[:-1], *(replace(one, has_end=has_end) for one in segments[-1:])]
+    return [
+        *segments[:-1],
+        *(replace(one, has_end=has_end, padding=padding) for one in segments[-1:]),
+    ]
 
 
 READER = Reader("lvm", read_lvm, suffixes=(".lvm",), peek=peek_lvm, begins=BEGINS.encode())

@@ -9,7 +9,7 @@ import os
 import subprocess
 import sys
 import zipfile
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
 from pathlib import Path
@@ -21,8 +21,10 @@ from mapmore_cli.storage import workbooks
 from mapmore_cli.storage.tables import (
     BOMB_RATIO,
     BOMB_SIZE,
+    Noted,
     RawTable,
     Reader,
+    SourceColumn,
     TableRequest,
     Top,
     known_names,
@@ -51,13 +53,25 @@ class DateCell:
         return self.stamp
 
 
+class Percentage(float):
+    """A number that the workbook shows in per cent: 0.2 as 20 %."""
+
+
+IS_RATIO = Noted("1", shown="is shown in per cent: 0.2 stands behind 20 %")
+"""What a workbook says of a column with such numbers."""
+
+
 @dataclass(frozen=True)
 class SheetCells:
-    """A sheet: its rows, all as wide as the widest."""
+    """A sheet: its rows, all as wide as the widest, and which rows and columns are hidden, from
+    0.
+    """
 
     title: str
     is_visible: bool
     rows: list[list[Any]]
+    hidden_rows: list[int]
+    hidden_columns: list[int]
 
     def filled_rows(self, skip_rows: int) -> list[Row]:
         """Return the rows below `skip_rows` that have a cell, with their numbers from 1."""
@@ -83,7 +97,7 @@ def read_xlsx(path: Path, request: TableRequest) -> list[RawTable]:
     with reading(request.label, "workbook"):
         sheets, doubts = _chosen_sheets(_sheets_in(path, request.label), request)
         first, *others = [_table_of_sheet(sheet, request) for sheet in sheets]
-    return [replace(first, doubts=doubts), *others]
+    return [replace(first, doubts=(*doubts, *first.doubts)), *others]
 
 
 def peek_xlsx(path: Path, most: int) -> Iterable[Top]:
@@ -150,8 +164,10 @@ def _sheets_in(path: Path, label: str, most: int = 0) -> list[SheetCells]:
     return [SheetCells(*parts) for parts in json.loads(done.stdout, object_hook=_special_cell)]
 
 
-def _special_cell(said: dict[str, str]) -> DateCell | Lacking:
+def _special_cell(said: dict[str, Any]) -> DateCell | Lacking | Percentage:
     """Return what stands for a cell that JSON has no form for."""
+    if "percent" in said:
+        return Percentage(said["percent"])
     if "stamp" in said:
         return DateCell(said["stamp"])
     if not said["lacks"]:
@@ -206,18 +222,47 @@ def _table_of_sheet(sheet: SheetCells, request: TableRequest) -> RawTable:
     names = [str(cell).strip() for cell in first] if request.header else None
     places = locate_columns(request, names, len(first))
     below = top + request.header
+    hidden = {number + 1 for number in sheet.hidden_rows}
     body = [(number, row) for number, row in rows if number >= below]
+    unseen = [number for number, _ in body if number in hidden]
+    doubts = tuple(_hidden_in_words(sheet, places, unseen, request, label))
+    if request.hidden == "drop":
+        body = [(number, row) for number, row in body if number not in hidden]
     if not body:
-        raise DataError(f"{label}: the sheet has a header but no data")
+        what = "no row that is shown" if unseen else "a header but no data"
+        raise DataError(f"{label}: the sheet has {what}")
+    noted = {
+        column: IS_RATIO
+        for column, place in places.items()
+        if any(isinstance(row[place], Percentage) for _, row in body)
+    }
     table = table_of_rows(body, places, names, request, label)
     is_named = request.sheet in (None, sheet.title)
-    return table if is_named else replace(table, element=sheet.title)
+    element = None if is_named else sheet.title
+    return replace(table, element=element, noted=noted, doubts=doubts)
+
+
+def _hidden_in_words(
+    sheet: SheetCells,
+    places: Mapping[SourceColumn, int],
+    rows: Sequence[int],
+    request: TableRequest,
+    label: str,
+) -> Iterator[str]:
+    """Yield what is told of the hidden rows and columns that are read."""
+    if rows and request.hidden != "drop":
+        yield (
+            f"{label}: {len(rows)} hidden rows are read, the first of them row {rows[0]}; "
+            "`hidden: drop` leaves out what a filter, or a hand, has hidden"
+        )
+    if columns := [column for column, place in places.items() if place in sheet.hidden_columns]:
+        yield f"{label}: the column '{columns[0]}' is hidden in the workbook, and is read"
 
 
 READER = Reader(
     "xlsx",
     read_xlsx,
     suffixes=(".xlsx", ".xlsm", ".xlsb", ".xls", ".ods"),
-    keys=("header", "skip_rows", "sheet"),
+    keys=("header", "skip_rows", "sheet", "hidden"),
     peek=peek_xlsx,
 )

@@ -28,9 +28,11 @@ class TableRequest:
     - `skip_rows`: lines before the header (text, sheets).
     - `delimiter`: one character, `tab`, or `whitespace`: any run of blanks and tabs (text).
     - `decimal`, `thousands`: what stands between the digits of the numbers (text).
+    - `comment`: how lines begin that are no records (text).
     - `encoding`: of the characters (text); a byte order mark of UTF-8 is swallowed.
     - `sheet`: title of the sheet, or a glob of which every match is a recording; the first that is
       not hidden where None (workbooks).
+    - `hidden`: `keep` or `drop` the rows that are hidden (workbooks).
     - `root`: where the columns start; `train[*]` makes every element a recording (MAT, HDF5).
     - `missing`: texts, besides the usual ones, that stand where there is no value (text, sheets).
     - `clocks`: the columns whose cells may be time stamps; `format`: how `strptime` reads these;
@@ -54,6 +56,8 @@ class TableRequest:
     incomplete: bool = False
     progress: Callable[[int], None] = lambda _bytes: None
     thousands: str | None = None
+    comment: str | None = None
+    hidden: str = "keep"
     clocks: frozenset[SourceColumn] = frozenset()
     format: str | None = None
     second: float = 1.0
@@ -78,12 +82,16 @@ class Noted:
     - `step`, `start`: seconds between samples, 0 where it says nothing, and when the first one was
       taken.
     - `is_scaled`: True where the numbers were multiplied as the file says.
+    - `shown`: how its program shows the numbers, where that is what the unit follows from.
+    - `never_written`: how many values the file has room for, and nobody wrote.
     """
 
     unit: str = ""
     step: float = 0.0
     start: float = 0.0
     is_scaled: bool = False
+    never_written: int = 0
+    shown: str = ""
 
 
 @dataclass(frozen=True)
@@ -128,8 +136,8 @@ class RawTable:
     stands: its `place` is a `row` (line of a text file, row of a sheet, both from 1), an `index`
     (of an array, from 0) or `IN_MEMORY`. `element` tells the recordings of one file apart, by
     number or by the title of their sheet; None where it holds a single one. `noted` is what the
-    file says of its columns. `breaks_off` and `open_end` are what its reader found at the end of
-    the file, which the gate judges (`tables/gate.py`).
+    file says of its columns. `breaks_off`, `open_end` and `padding`, a number of characters, are
+    what its reader found at the end of the file, which the gate judges (`tables/gate.py`).
     """
 
     columns: Mapping[Any, Array]
@@ -141,6 +149,7 @@ class RawTable:
     noted: Mapping[Any, Noted] = field(default_factory=dict)
     breaks_off: Cut | None = None
     open_end: OpenEnd | None = None
+    padding: int = 0
     titles: Mapping[str, str] = field(default_factory=dict)
 
     @property

@@ -52,6 +52,11 @@ _FORMS = {
     "a date as `01.03.2026`": (_DATED, "%d.%m.%Y%z"),
 }
 FOREIGN = r"(?![0-9])\d"
+OF_MICROSOFT = re.compile(
+    r"(?P<sign>[+-]?)(?:\d\.#(?:(?P<infinite>INF|J)|IND|QNAN|SNAN)\d*|nan\((?:ind|snan)\))", re.I
+)
+"""How the C library of Microsoft writes infinity, and what is no number, as `-1.#IND`."""
+
 _SECONDS = {"d": 86400, "h": 3600, "m": 60, "s": 1}
 
 _KINDS = (
@@ -139,7 +144,10 @@ def number_of(cell: object, decimal: str = ".", thousands: str | None = None) ->
     try:
         return float(cell)
     except (ValueError, OverflowError):
-        return None
+        written = OF_MICROSOFT.fullmatch(str(cell))
+        if written is None:
+            return None
+        return float(f"{written['sign']}inf") if written["infinite"] else math.nan
 
 
 @dataclass

@@ -41,7 +41,9 @@ def _judged_tables(
     request: TableRequest,
 ) -> list[RawTable]:
     with reading(request.label, kind, DAMAGE):
-        return [_without_cut_rows(table, request) for table in read(path, request)]
+        return [
+            _without_cut_rows(_with_padding_told(table), request) for table in read(path, request)
+        ]
 
 
 def _first_rows(
@@ -52,6 +54,17 @@ def _first_rows(
         rows = zip(*(values[:most].tolist() for values in table.columns.values()), strict=True)
         return [Top([list(table.columns), *rows], lambda cell: isinstance(cell, float))]
     return []
+
+
+def _with_padding_told(table: RawTable) -> RawTable:
+    """Return the table with a doubt about what fills its file behind the text."""
+    if not table.padding:
+        return table
+    what = (
+        f"{table.label}: ends with {table.padding} characters of padding (NUL or Ctrl-Z), "
+        "which are left out: a logger that makes room in advance and loses power leaves them"
+    )
+    return replace(table, doubts=(*table.doubts, what))
 
 
 def _without_cut_rows(table: RawTable, request: TableRequest) -> RawTable:

@@ -44,6 +44,11 @@ LINE = re.compile(rb"[^\r\n]*(?:\r\n?|\n)")
 
 TEXT_ERRORS = "surrogateescape"
 
+PADDING = b"\0\x1a"
+"""What fills a file behind its text: room that a logger made and did not use is NUL, and the text
+of programs for DOS ends in Ctrl-Z.
+"""
+
 UNREADABLE = (OSError, EOFError, zlib.error, lzma.LZMAError)
 """What opening, reading and unpacking raise."""
 
@@ -111,7 +116,8 @@ def as_text(binary: IO[bytes]) -> TextIO:
 
 class Lines(Iterator[str]):
     """The lines of a text with their ends, one by one or many at a time; a byte order mark is
-    swallowed. `taken` and `rows` count the bytes of UTF-8 and the lines so far.
+    swallowed. `taken` and `rows` count the bytes of UTF-8 and the lines so far, `padding` the
+    characters of `PADDING` with which the text ends, and which are no part of it.
 
     Raises DataError for a line that is too long for a table, and for text that is hundreds of times
     larger than its file, of which `packed` is the size.
@@ -124,7 +130,8 @@ class Lines(Iterator[str]):
         self._plain = codecs.lookup(encoding).name == "utf-8"
         self._decoder = codecs.getincrementaldecoder(encoding)(errors)
         self._held, self._at, self._ended, self._size = b"", 0, False, 0
-        self.taken = self.rows = 0
+        self._tail = b""  # which is padding, if no text follows
+        self.taken = self.rows = self.padding = 0
 
     def __next__(self) -> str:
         line = self._line()
@@ -175,11 +182,26 @@ class Lines(Iterator[str]):
         if not (self._plain and data.isascii() and not self._decoder.getstate()[0]):
             text = self._decoder.decode(data, final=self._ended)
             data = text.encode("utf-8", TEXT_ERRORS)
-        self._held, self._at = rest + data, 0
+        self._held, self._at = rest + self._without_tail(data), 0
         self._size += len(data)
         if self._packed is not None:
             refuse_bombs(f"{self._label}: the file", self._size, self._packed, PACKED_TEXT)
         return not self._ended
+
+    def _without_tail(self, data: bytes) -> bytes:
+        """Return the text before the padding at its end, which is kept until text follows it."""
+        end = len(data.rstrip(PADDING + b" \r\n"))
+        if end:
+            data, end = self._tail + data, len(self._tail) + end
+            self._tail, self.padding = b"", 0
+        begins = (data.find(PADDING[i : i + 1], end) for i in range(len(PADDING)))
+        begin = min((place for place in begins if place >= 0), default=len(data))
+        if self._tail:
+            begin = 0
+        tail = data[begin:]
+        self.padding += sum(tail.count(PADDING[i : i + 1]) for i in range(len(PADDING)))
+        self._tail = (self._tail + tail)[: LONGEST + 1]  # more of it is no line of a table
+        return data[:begin]
 
 
 def head_of(path: Path) -> bytes:
@@ -191,14 +213,14 @@ def head_of(path: Path) -> bytes:
 
 def guess_encoding(path: Path) -> str:
     """Return the encoding of a text file, plain or packed, as its beginning tells."""
-    with path.open("rb") as raw:
-        return encoding_of(_unzipped(raw).read(65536))
+    return encoding_of(head_of(path))
 
 
 def encoding_of(head: bytes) -> str:
     """Return the encoding that the first bytes of a text are in: `utf-8`, one of UTF-16, or else
     what Windows calls ANSI.
     """
+    head = head.rstrip(PADDING)
     if head.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         return "utf-16"
     for name, halves in (("utf-16-le", head[1::2]), ("utf-16-be", head[::2])):

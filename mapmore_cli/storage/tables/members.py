@@ -25,6 +25,7 @@ from mapmore_cli.storage.tables import (
     refuse_namesakes,
 )
 from mapmore_cli.storage.tables.cells import DATES, CellReader, NotANumber
+from mapmore_cli.storage.tables.thousands import may_be_grouped, refuse_grouped
 
 Values = np.ndarray[Any, np.dtype[Any]]
 """Numbers, texts or stamps as they are in a file."""
@@ -94,13 +95,16 @@ def table_of_fields(
     fields: Sequence[str],
     shape: tuple[int, ...],
     values: Callable[[str], Callable[[Selection], Values]],
+    noted: Noted | None = None,
 ) -> Member:
     """Return an array of records, whose fields are members; `values` gives what reads a field."""
     size = size_in_words(shape)
     return Member(
         f"a table of {size}",
         fields,
-        lambda name: Member(f"a field of {size}", values=values(name), shape=shape),
+        lambda name: Member(
+            f"a field of {size}", values=values(name), shape=shape, noted=noted or Noted()
+        ),
     )
 
 
@@ -239,8 +243,23 @@ def _table_of_member(
         "all end with the shortest",
     )
     columns = {column: values[:n] for column, values in columns.items()}
-    uneven = cut if lengths[longest] > n else None
-    return RawTable(columns, range(n), label, "index", element, noted=noted, breaks_off=uneven)
+    breaks_off = cut if lengths[longest] > n else _never_written(noted)
+    return RawTable(columns, range(n), label, "index", element, noted=noted, breaks_off=breaks_off)
+
+
+def _never_written(noted: Mapping[SourceColumn, Noted]) -> Cut | None:
+    """Return what is said of columns that have values which nobody wrote; None without one."""
+    counts = {column: one.never_written for column, one in noted.items() if one.never_written}
+    if not counts:
+        return None
+    column, count = max(counts.items(), key=lambda item: item[1])
+    return Cut(
+        f"{count} values of '{column}' were never written: the file has only room for them, and "
+        "zeros or other fill values would be read",
+        "Get the whole file again: the program that wrote it stopped early. `missing: drop` leaves "
+        "these samples out.",
+        "they are missing values",
+    )
 
 
 def refuse_other_clocks(noted: Mapping[SourceColumn, Noted], label: str) -> None:
@@ -301,7 +320,8 @@ def _column(
 def as_numbers(values: object, what: str, read: CellReader | None = None) -> Array:
     """Return an array as numbers of the same shape; `read` is what reads the cells of its column.
 
-    Text is read cell by cell. Time stamps are seconds since 1970, where the column may have them.
+    Text is read cell by cell. Where the column may have them, time stamps are seconds since 1970,
+    and durations seconds.
     Raises DataError, which begins with `what`, for anything else.
     """
     read = read or CellReader()
@@ -318,11 +338,15 @@ def as_numbers(values: object, what: str, read: CellReader | None = None) -> Arr
                     where = f"{what} holds text, not real numbers: index {index}"
                     raise odd.at(where) from None
             numbers[index] = known[cell]
+        if read.thousands is None and may_be_grouped(numbers):
+            refuse_grouped(enumerate(array.flat), read.decimal, f"{what}, index {{row}}")
         return numbers.reshape(array.shape)
-    if kind == "M" and not read.clock:
-        raise DataError(f"{what}: a date stands here, not a number", DATES)
-    if kind == "M":
-        seconds = (array - np.datetime64(0, "s")) / np.timedelta64(1, "s") * read.second
+    if kind in "Mm" and not read.clock:
+        stands = "date" if kind == "M" else "duration"
+        raise DataError(f"{what}: a {stands} stands here, not a number", DATES)
+    if kind in "Mm":
+        durations = array - np.datetime64(0, "s") if kind == "M" else array
+        seconds = durations / np.timedelta64(1, "s") * read.second
         return np.asarray(seconds, dtype=np.float64)
     if kind not in "iuf" or (read.clock and read.format):
         words = {"c": "complex numbers", "b": "TRUE and FALSE", "V": "references or lists"}.get(

@@ -15,6 +15,7 @@ from mapmore_cli.domain.arrays import Array, IntArray
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.storage.tables import RawTable, SourceColumn, TableRequest, locate_columns
 from mapmore_cli.storage.tables.cells import CellReader, NotANumber, holds_number
+from mapmore_cli.storage.tables.thousands import may_be_grouped, refuse_grouped
 
 Row = tuple[int, Sequence[Any]]
 """Number in the file, from 1, and the cells."""
@@ -36,7 +37,12 @@ def table_of_rows(
     `names` are the titles of all columns, None where there are none. Raises NotANumber, with row
     and column, for a cell that is no number.
     """
-    numbers, columns = values_of_rows(rows, wanted_of(places, names, request), label)
+    rows, wanted = list(rows), wanted_of(places, names, request)
+    numbers, columns = values_of_rows(rows, wanted, label)
+    for (title, place, _), values in zip(wanted, columns, strict=True):
+        if request.thousands is None and may_be_grouped(values):
+            cells = ((number, row[place]) for number, row in rows if place < len(row))
+            refuse_grouped(cells, request.decimal, f"{label}:row {{row}}, column {title}")
     return RawTable(dict(zip(places, columns, strict=True)), numbers, label)
 
 

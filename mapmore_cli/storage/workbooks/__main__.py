@@ -1,9 +1,10 @@
 """The process that reads a workbook, run with PATH ROWS BYTES SECONDS.
 
-It writes a list of sheets as JSON to its output: title, whether it is visible, and the first ROWS
-rows of cells (all where 0). A date or a time is `{"stamp": TEXT}`; a cell that shows no number,
-whatever is stored, is the text of an error, `{"lacks": ""}` for a formula that was never computed,
-or `{"lacks": "B3:B5"}` in merged cells.
+It writes a list of sheets as JSON to its output: title, whether it is visible, the first ROWS rows
+of cells (all where 0), and the rows and columns that are hidden, from 0. A date or a time is
+`{"stamp": TEXT}`, a number that is shown in per cent `{"percent": NUMBER}`; a cell that shows no
+number, whatever is stored, is the text of an error, `{"lacks": ""}` for a formula that was never
+computed, or `{"lacks": "B3:B5"}` in merged cells.
 
 A damaged workbook can end the machine code that reads it, ask for all memory, or take long. Then it
 ends this process, which may have so many BYTES and SECONDS of processor time, and not the program.
@@ -22,7 +23,7 @@ from pathlib import Path
 from typing import Any
 
 from mapmore_cli.storage.workbooks import binary, markup, xlsb
-from mapmore_cli.storage.workbooks.facts import NEVER_COMPUTED, Fact, letters
+from mapmore_cli.storage.workbooks.facts import HIDDEN, MOST, NEVER_COMPUTED, PERCENT, Fact, letters
 
 MOST_CELLS, CELLS_OF_BYTE = 100_000, 50
 """Cells that a sheet may span, and how many more for each byte of the file: a cell that holds a
@@ -32,7 +33,10 @@ number takes a byte or more, however well it is packed.
 TOO_LARGE = 3  # the exit code for sheets that span more
 
 
-def sheets_of(path: Path, most: int) -> list[tuple[str, bool, list[list[Any]]]]:
+Sheet = tuple[str, bool, list[list[Any]], list[int], list[int]]
+
+
+def sheets_of(path: Path, most: int) -> list[Sheet]:
     """Return what is in the sheets of a workbook, whose content tells its kind."""
     from python_calamine import SheetTypeEnum, SheetVisibleEnum, load_workbook
 
@@ -50,13 +54,15 @@ def sheets_of(path: Path, most: int) -> list[tuple[str, bool, list[list[Any]]]]:
                 rows = sheet.to_python(skip_empty_area=False, nrows=most or None)
                 cells = [[_plain(cell) for cell in row] for row in rows]
                 merged = [(*first, *last, "") for first, last in sheet.merged_cell_ranges or []]
-                facts = _facts(path, one.name)
+                every = _facts(path, one.name)
+                facts = [fact for fact in every if fact[-1] != HIDDEN]
                 # rows where nothing has a value are not in what calamine gives
                 end = max((top + 1 for top, *_ in facts if not most or top < most), default=0)
                 if end * width <= room:
                     cells += [[""] * len(cells[0]) for _ in range(end - len(cells) if cells else 0)]
                 _mark(cells, [*merged, *facts])
-                sheets.append((one.name, one.visible == SheetVisibleEnum.Visible, cells))
+                is_visible = one.visible == SheetVisibleEnum.Visible
+                sheets.append((one.name, is_visible, cells, *_hidden(every, cells)))
         return sheets
 
 
@@ -66,6 +72,18 @@ def _facts(path: Path, title: str) -> list[Fact]:
     with zipfile.ZipFile(path) as archive:
         said_by = xlsb if xlsb.BOOK in archive.namelist() else markup
         return list(said_by.facts_of(archive, title))
+
+
+def _hidden(facts: Iterable[Fact], cells: list[list[Any]]) -> tuple[list[int], list[int]]:
+    """Return the rows and the columns of these cells that are hidden."""
+    height, width = len(cells), max(map(len, cells), default=0)
+    rows, columns = set[int](), set[int]()
+    for top, first, bottom, last, said in facts:
+        if said == HIDDEN and bottom == MOST:
+            columns |= {*range(first, min(last + 1, width))}
+        elif said == HIDDEN:
+            rows |= {*range(top, min(bottom + 1, height))}
+    return sorted(rows), sorted(columns)
 
 
 def _mark(cells: list[list[Any]], facts: Iterable[Fact]) -> None:
@@ -78,6 +96,9 @@ def _mark(cells: list[list[Any]], facts: Iterable[Fact]) -> None:
             left -= 1
             if said == NEVER_COMPUTED:
                 cells[row][column] = {"lacks": ""}
+            elif said == PERCENT:
+                if isinstance(cells[row][column], int | float):
+                    cells[row][column] = {"percent": cells[row][column]}
             elif said:
                 cells[row][column] = said
             elif cells[row][column] == "" and (row, column) != (top, first):

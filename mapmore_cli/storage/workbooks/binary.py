@@ -10,10 +10,21 @@ from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from struct import error, unpack_from
 
-from mapmore_cli.storage.workbooks.facts import ERRORS, Fact, never_computed
+from mapmore_cli.storage.workbooks.facts import (
+    ERRORS,
+    PERCENT,
+    PERCENT_BUILT_IN,
+    Fact,
+    hidden_columns,
+    hidden_rows,
+    is_percent,
+    never_computed,
+)
 
 BEGINS = b"\xd0\xcf\x11\xe0"
 BEGIN, END, SHEET, BOOL_OR_ERROR, FORMULA = 0x809, 0x0A, 0x85, 0x205, (0x06, 0x206, 0x406)
+ROW, COLUMNS, STYLE, FORMAT = 0x208, 0x7D, 0xE0, 0x41E
+NUMBERS, ROW_OF_NUMBERS = (0x203, 0x27E, *FORMULA), 0xBD
 IN_STREAM = 0xFFFFFFF0  # numbers of sectors from here on mean something else
 
 
@@ -83,9 +94,24 @@ def _facts_of_records(stream: bytes, title: str) -> Iterator[Fact]:
         for kind, content in _records(stream, 0)
         if kind == SHEET and _title(content) == title
     ]
+    percent = _percent_styles(stream)
     empty, computed = list[tuple[int, int]](), False
     for kind, content in _records(stream, starts[0]):
-        if kind == BOOL_OR_ERROR and content[7]:
+        if percent and kind in NUMBERS:
+            row, column, style = unpack_from("<3H", content)
+            if style in percent:
+                yield row, column, row, column, PERCENT
+        if kind == ROW_OF_NUMBERS and percent:
+            row, column = unpack_from("<2H", content)
+            for place in range(4, len(content) - 2, 6):
+                if unpack_from("<H", content, place)[0] in percent:
+                    yield row, column + place // 6, row, column + place // 6, PERCENT
+        elif kind == ROW and unpack_from("<H", content, 12)[0] & 0x20:
+            (row,) = unpack_from("<H", content)
+            yield hidden_rows(row, row)
+        elif kind == COLUMNS and unpack_from("<H", content, 8)[0] & 1:
+            yield hidden_columns(*unpack_from("<2H", content))
+        elif kind == BOOL_OR_ERROR and content[7]:
             row, column = unpack_from("<2H", content)
             yield row, column, row, column, ERRORS.get(content[6], "#VALUE!")
         elif kind in FORMULA:
@@ -98,6 +124,20 @@ def _facts_of_records(stream: bytes, title: str) -> Iterator[Fact]:
             else:
                 computed = True
     yield from never_computed(empty, computed)
+
+
+def _percent_styles(stream: bytes) -> frozenset[int]:
+    """Return the numbers of the styles of cells that show per cent."""
+    formats, styles = set(PERCENT_BUILT_IN), list[int]()
+    for kind, content in _records(stream, 0):
+        if kind == FORMAT:
+            number, length, is_wide = unpack_from("<2HB", content)
+            text = content[5 : 5 + length * (2 if is_wide & 1 else 1)]
+            if is_percent(text.decode("utf-16-le" if is_wide & 1 else "latin-1")):
+                formats.add(number)
+        elif kind == STYLE:
+            styles.append(unpack_from("<H", content, 2)[0])
+    return frozenset(number for number, layout in enumerate(styles) if layout in formats)
 
 
 def _title(content: bytes) -> str:

@@ -2,14 +2,43 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Iterator
 
 Fact = tuple[int, int, int, int, str]
 """Cells from the first row and column to the last ones, from 0, and what is said of them: the text
-of an error, `NEVER_COMPUTED`, or nothing where they are merged.
+of an error, `NEVER_COMPUTED`, `PERCENT`, `HIDDEN`, or nothing where they are merged.
 """
 
 NEVER_COMPUTED = "="
+
+PERCENT = "%"
+"""A number that is shown in per cent: 0.2 as 20 %."""
+
+HIDDEN = "hidden"
+"""Rows that are not shown, of all columns, or columns that are not shown, of all rows."""
+
+MOST = 1 << 20
+"""Rows and columns that no sheet has more of."""
+
+
+def hidden_rows(first: int, last: int) -> Fact:
+    """Return that rows are hidden."""
+    return first, 0, last, MOST, HIDDEN
+
+
+def hidden_columns(first: int, last: int) -> Fact:
+    """Return that columns are hidden."""
+    return 0, first, MOST, last, HIDDEN
+
+
+def is_percent(layout: str) -> bool:
+    """Return whether a number format shows per cent: its mark stands outside of quoted text."""
+    return "%" in re.sub(r'"[^"]*"|\\.|\[[^\]]*\]', "", layout)
+
+
+PERCENT_BUILT_IN = frozenset({9, 10})
+"""Numbers of the formats `0%` and `0.00%`, which no workbook writes out."""
 
 ERRORS = {
     0x00: "#NULL!",

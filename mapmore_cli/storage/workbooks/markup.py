@@ -5,15 +5,27 @@ from __future__ import annotations
 import posixpath
 import re
 import zipfile
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from io import BytesIO
 from xml.etree import ElementTree
 
-from mapmore_cli.storage.workbooks.facts import NEVER_COMPUTED, Fact, number_of_letters
+from mapmore_cli.storage.workbooks.facts import (
+    NEVER_COMPUTED,
+    PERCENT,
+    PERCENT_BUILT_IN,
+    Fact,
+    hidden_columns,
+    hidden_rows,
+    is_percent,
+    number_of_letters,
+)
 
-BOOK = "xl/workbook.xml"
-OF_XLSX = re.compile(rb"<(\w+:)?f\b|\bt=[\"']e")
-OF_ODS = re.compile(rb"formula=|value-type=\"error|spanned=|>Err:|>#")
+BOOK, STYLES = "xl/workbook.xml", "xl/styles.xml"
+COLLAPSED = ("collapse", "filter")
+OF_XLSX = re.compile(rb"<(\w+:)?f\b|\bt=[\"']e|\b(hidden|ht|zeroHeight)=[\"'](1|true|0)\b")
+OF_ODS = re.compile(
+    rb"formula=|value-type=\"(?:error|percentage)|spanned=|>Err:|>#|visibility=\"(?:collapse|filter)"
+)
 """What stands in a sheet that has something to say; the others, which are most, are not parsed."""
 
 ERROR = re.compile(r"#\w[\w/]*[!?]?|Err:\d+")
@@ -26,7 +38,10 @@ def facts_of(archive: zipfile.ZipFile, title: str) -> Iterator[Fact]:
         content = archive.read(
             part_of_sheet(archive, BOOK, _key_of_sheet(archive.read(BOOK), title))
         )
-        yield from _facts_of_xlsx(content) if OF_XLSX.search(content) else ()
+        percent = _percent_styles(archive)
+        in_use = any(re.search(rb"\bs=[\"']%d[\"']" % int(style), content) for style in percent)
+        if in_use or OF_XLSX.search(content):
+            yield from _facts_of_xlsx(content, percent)
     elif "content.xml" in names:
         content = archive.read("content.xml")
         yield from _facts_of_ods(content, title) if OF_ODS.search(content) else ()
@@ -47,32 +62,66 @@ def _key_of_sheet(book: bytes, title: str) -> str:
     return next(value for name, value in entry.items() if name.endswith("}id"))
 
 
-def _facts_of_xlsx(content: bytes) -> Iterator[Fact]:
-    """Yield errors, and formulas that have no value."""
+def _percent_styles(archive: zipfile.ZipFile) -> frozenset[str]:
+    """Return the numbers of the styles of cells that show per cent."""
+    if STYLES not in archive.namelist():
+        return frozenset()
+    styles = ElementTree.fromstring(archive.read(STYLES))
+    formats = {
+        one.get("numFmtId")
+        for one in styles.iterfind(".//{*}numFmts/{*}numFmt")
+        if is_percent(one.get("formatCode", ""))
+    } | set(map(str, PERCENT_BUILT_IN))
+    cells = styles.iterfind("./{*}cellXfs/{*}xf")
+    return frozenset(str(n) for n, one in enumerate(cells) if one.get("numFmtId") in formats)
+
+
+TRUE = ("1", "true")
+
+
+def _facts_of_xlsx(content: bytes, percent: Collection[str]) -> Iterator[Fact]:
+    """Yield errors, formulas that have no value, cells of the styles that show `percent`, and what
+    is hidden.
+    """
+    row = 0
     for _, node in ElementTree.iterparse(BytesIO(content)):
         space, _, tag = node.tag.rpartition("}")
         if tag == "row":
+            row = int(node.get("r", row + 1))
+            if node.get("hidden") in TRUE or node.get("ht") == "0":
+                yield hidden_rows(row - 1, row - 1)
             node.clear()
+        elif tag == "col" and node.get("hidden") in TRUE:
+            yield hidden_columns(int(node.get("min", "1")) - 1, int(node.get("max", "1")) - 1)
         elif tag == "c" and (place := re.fullmatch(r"([A-Z]+)(\d+)", node.get("r", ""))):
             kind, value = node.get("t"), node.findtext(f"{space}}}v")
             # the value of a formula may be an empty text
             is_open = not value and node.find(f"{space}}}f") is not None
+            column, row_of_cell = number_of_letters(place[1]), int(place[2]) - 1
+            if node.get("s") in percent:
+                yield row_of_cell, column, row_of_cell, column, PERCENT
             if kind == "e" or (is_open and (kind != "str" or value is None)):
-                column, row = number_of_letters(place[1]), int(place[2]) - 1
-                yield row, column, row, column, value or NEVER_COMPUTED
+                yield row_of_cell, column, row_of_cell, column, value or NEVER_COMPUTED
 
 
 def _facts_of_ods(content: bytes, title: str) -> Iterator[Fact]:
-    """Yield errors, formulas that have no value, and merged cells; rows and cells may stand for
-    several that are alike.
+    """Yield errors, formulas that have no value, numbers that are shown in per cent, merged cells
+    and what is hidden; rows, columns and cells may stand for several that are alike.
     """
-    row, here = 0, False
+    row, wide, here = 0, 0, False
     for event, node in ElementTree.iterparse(BytesIO(content), ("start", "end")):
         tag = node.tag.rpartition("}")[2]
         if tag == "table" and event == "start":
-            row, here = 0, _said(node, "name") == title
+            row, wide, here = 0, 0, _said(node, "name") == title
+        elif tag == "table-column" and event == "end":
+            columns = int(_said(node, "number-columns-repeated") or 1)
+            if here and _said(node, "visibility") in COLLAPSED:
+                yield hidden_columns(wide, wide + columns - 1)
+            wide += columns
         elif tag == "table-row" and event == "end":
             rows, column = int(_said(node, "number-rows-repeated") or 1), 0
+            if here and _said(node, "visibility") in COLLAPSED:
+                yield hidden_rows(row, row + rows - 1)
             for cell in node if here else ():
                 columns = int(_said(cell, "number-columns-repeated") or 1)
                 end = (row + rows - 1, column + columns - 1)
@@ -95,6 +144,8 @@ def _facts_of_cell(cell: ElementTree.Element) -> Iterator[str]:
         yield shown or "#VALUE!"
     elif _said(cell, "formula") and not kinds:
         yield NEVER_COMPUTED
+    elif "percentage" in kinds:
+        yield PERCENT
     if {_said(cell, "number-rows-spanned"), _said(cell, "number-columns-spanned")} - {"", "1"}:
         yield ""
 

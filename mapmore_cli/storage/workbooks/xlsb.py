@@ -10,10 +10,21 @@ import zipfile
 from collections.abc import Iterator
 from struct import unpack_from
 
-from mapmore_cli.storage.workbooks.facts import ERRORS, Fact, never_computed
+from mapmore_cli.storage.workbooks.facts import (
+    ERRORS,
+    PERCENT,
+    PERCENT_BUILT_IN,
+    Fact,
+    hidden_columns,
+    hidden_rows,
+    is_percent,
+    never_computed,
+)
 from mapmore_cli.storage.workbooks.markup import part_of_sheet
 
-BOOK = "xl/workbook.bin"
+BOOK, STYLES = "xl/workbook.bin", "xl/styles.bin"
+CELLS = range(1, 12)  # kinds of records that are cells, each with column and style first
+COLUMNS, FORMAT, STYLES_OF_CELLS, END_OF_STYLES, STYLE = 60, 44, 617, 618, 47
 ROW, ERROR_CELL, SHEET, MERGED = 0, 3, 156, 176
 FORMULA_TEXT, FORMULA_NUMBER, FORMULA_FLAG, FORMULA_ERROR = 8, 9, 10, 11
 
@@ -21,10 +32,20 @@ FORMULA_TEXT, FORMULA_NUMBER, FORMULA_FLAG, FORMULA_ERROR = 8, 9, 10, 11
 def facts_of(archive: zipfile.ZipFile, title: str) -> Iterator[Fact]:
     """Yield what is said of the cells of a sheet; raises struct.error where a record is cut."""
     content = archive.read(part_of_sheet(archive, BOOK, _key_of_sheet(archive.read(BOOK), title)))
-    row, empty, computed = 0, list[tuple[int, int]](), False
+    percent, row, empty, computed = _percent_styles(archive), 0, list[tuple[int, int]](), False
     for kind, record in _records(content):
+        if percent and kind in CELLS:
+            column, style = unpack_from("<2I", record)
+            if style & 0xFFFFFF in percent:
+                yield row, column, row, column, PERCENT
         if kind == ROW:
             (row,) = unpack_from("<I", record)
+            if len(record) > 11 and record[11] & 0x10:
+                yield hidden_rows(row, row)
+        elif kind == COLUMNS:
+            first, last, _, _, flags = unpack_from("<4IH", record)
+            if flags & 1:
+                yield hidden_columns(first, last)
         elif kind in (ERROR_CELL, FORMULA_ERROR):
             column, error = unpack_from("<I4xB", record)
             yield row, column, row, column, ERRORS.get(error, "#VALUE!")
@@ -36,6 +57,20 @@ def facts_of(archive: zipfile.ZipFile, title: str) -> Iterator[Fact]:
             top, bottom, first, last = unpack_from("<4I", record)
             yield top, first, bottom, last, ""
     yield from never_computed(empty, computed)
+
+
+def _percent_styles(archive: zipfile.ZipFile) -> frozenset[int]:
+    """Return the numbers of the styles of cells that show per cent."""
+    if STYLES not in archive.namelist():
+        return frozenset()
+    formats, styles, is_of_cells = set(PERCENT_BUILT_IN), list[int](), False
+    for kind, record in _records(archive.read(STYLES)):
+        is_of_cells = kind == STYLES_OF_CELLS or (is_of_cells and kind != END_OF_STYLES)
+        if kind == FORMAT and is_percent(_text(record, 2)[0]):
+            formats.add(unpack_from("<H", record)[0])
+        elif kind == STYLE and is_of_cells:
+            styles.append(unpack_from("<H", record, 2)[0])
+    return frozenset(number for number, layout in enumerate(styles) if layout in formats)
 
 
 def _records(content: bytes) -> Iterator[tuple[int, bytes]]:

@@ -89,7 +89,8 @@ else:
 READERS_OF: Mapping[str, tuple[str, ...]] = {
     key: tuple(name for name, reader in READERS.items() if key in reader.keys)
     for key in (
-        *("header", "skip_rows", "delimiter", "decimal", "thousands", "encoding", "sheet", "root"),
+        *("header", "skip_rows", "delimiter", "decimal", "thousands", "comment", "encoding"),
+        *("sheet", "hidden", "root"),
     )
 }
 """The readers that have a use for a key."""
@@ -172,9 +173,12 @@ class Logs(Section):
     - `delimiter`: what separates fields: a character, `tab` or `whitespace`, as `";"`
     - `decimal`: the decimal point, as `","`
     - `thousands`: what stands between the thousands of a number, as `"."`
+    - `comment`: how lines begin that are comments, which are left out, as `"#"`
     - `encoding`: encoding of the text, as `latin-1`
     - `sheet`: sheet of a workbook, the first that is not hidden by default; of a glob, every sheet
       that matches is a recording of its own, as `"*"`
+    - `hidden`: whether rows of a sheet that are hidden, as by a filter, are kept, which is told, or
+      left out (`drop`), as `drop`
     - `root`: place in a MAT or HDF5 file from which columns are addressed; with `[*]` at its end
       every element is a recording of its own, except members that have none of the columns; in a
       TDMS file a group, or `[*]` for all, as `runs[*]`
@@ -190,8 +194,10 @@ class Logs(Section):
     delimiter: str = ","
     decimal: Literal[".", ","] = "."
     thousands: Annotated[str, Field(pattern=f"^[{THOUSANDS}]$")] | None = None
+    comment: Annotated[str, Field(pattern=r"^[^\w\s\"'+.,-][^\w\s\"']?$")] | None = None
     encoding: str = "utf-8"
     sheet: str | None = None
+    hidden: Literal["keep", "drop"] = "keep"
     root: str | None = None
     columns: Annotated[dict[Quantity, SourceColumn], Field(min_length=1)]
     sample_time: Seconds | None = None
@@ -250,10 +256,10 @@ class Logs(Section):
                 "delimiter",
             ),
             (
-                self.delimiter == self.decimal,
-                "the decimal point also separates the fields",
-                'say what separates the fields, as `delimiter: ";"`',
-                "decimal",
+                self.comment is not None and self.comment.startswith(self.delimiter),
+                "what begins a comment also separates the fields",
+                'say what each is, as `comment: "#"` and `delimiter: ";"`',
+                "comment",
             ),
             (
                 any(column.format is not None or column.unwrap is True for column in others),

@@ -284,7 +284,7 @@ WRONG = {
     "not UTF-16": (GOOD, ("t",), {"encoding": "utf-16"}, ["not a text file in UTF-16"]),
     "latin-1 header": ("t,°C\n1,2\n".encode("latin-1"), ("t",), {}, ["not a text file in UTF-8",
         "0xb0"]),
-    "zero bytes": (b"\0" * 64, (0,), {"header": 0}, ["is not a number"]),
+    "zero bytes": (b"\0" * 64, (0,), {"header": 0}, ["the file is empty"]),
     "quotation mark never closed": (b't,F\n1,"2\n' + b"3,4\n" * 40_000, ("t",), {},
         ["quotation mark"]),
     "escape codes": (b"t\n\x1b[31mred\n", ("t",), {}, [r"'\x1b[31mred' is not a number"]),

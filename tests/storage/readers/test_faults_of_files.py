@@ -30,6 +30,7 @@ PLUGIN = Path(__file__).resolve().parents[3] / "docs/examples/plugin"
 N = 14
 T, F = [f"{i / 10:.1f}" for i in range(N)], [f"{1.25 * i:.3f}" for i in range(N)]
 BACK = [*T[:-1], "-0.5"]
+LARGE = ["950", "980", "1.010", *(f"{1 + 0.013 * i:.3f}" for i in range(3, N))]
 TEXTS, BOOKS = ("csv", "lvm", "json_lines"), ("xlsx", "xlsb", "xls", "ods")
 
 TWICE, BACKWARDS = "stands 2 times", "time runs backwards"
@@ -62,7 +63,22 @@ TABLE = {
         NO_CELLS,
     ),
 }
-FAULTS = ("twice", "back", "cut", "never", "error", "merged")
+PADDED, GROUPED = "characters of padding", "may be 1010: the column has whole numbers up to 980"
+PERCENT, HIDDEN, UNWRITTEN = "is shown in per cent", "1 hidden rows are read", "never written"
+TEXT_NUMBERS = "cannot occur: the format has no texts of numbers"
+MORE = {  # what is told of a fault by these, and why it cannot occur in other files
+    "padded": (dict.fromkeys(("csv", "lvm"), PADDED) | {"json_lines": HALF}, NO_FORMULAS),
+    "thousands": (dict.fromkeys((*TEXTS, *BOOKS, "npz"), GROUPED), TEXT_NUMBERS),
+    "percent": (dict.fromkeys(BOOKS, PERCENT), "cannot occur: numbers are stored as they are"),
+    "hidden": (dict.fromkeys(BOOKS, HIDDEN), "cannot occur: nothing can be hidden"),
+    "unwritten": ({"hdf5": UNWRITTEN}, "cannot occur: there is no room without values"),
+}
+TABLE = {
+    kind: (*row, *(told.get(kind, why) for told, why in MORE.values()))
+    for kind, row in TABLE.items()
+}
+DOUBTS = (PADDED, PERCENT, HIDDEN)
+FAULTS = ("twice", "back", "cut", "never", "error", "merged", *MORE)
 CELLS = [
     pytest.param(kind, fault, told, id=f"{kind}-{fault}")
     for kind, row in TABLE.items()
@@ -115,7 +131,8 @@ def content_of(kind, columns):
             parquet.write_table(table, stream)
         case "hdf5":
             with h5py.File(stream, "w") as file:
-                file.update(dict(arrays))
+                for title, array in arrays:
+                    file.create_dataset(title, data=array, chunks=(5,))
         case "tdms":
             with nptdms.TdmsWriter(stream) as writer:
                 channels = [
@@ -140,7 +157,15 @@ def content_of(kind, columns):
 
 
 def number_or_text(cell):
-    return cell if cell.startswith("#") else float(cell)
+    return cell if cell.startswith("#") or cell in LARGE[2:] else float(cell)
+
+
+def unwritten(path):
+    """Room in an HDF5 file for three chunks, of which the second was never written."""
+    with h5py.File(path, "w") as file:
+        for title, cells in (("t", T), ("F", F)):
+            array = file.create_dataset(title, (N,), chunks=(5,), dtype="f8")
+            array[:5], array[10:] = cells[:5], cells[10:]
 
 
 def book_with(kind, path, columns, fault):
@@ -152,7 +177,9 @@ def book_with(kind, path, columns, fault):
         book = workbook(path, a=rows)
         if fault == "merged":
             book["a"].merge_cells(f"B{N - 3}:B{N - 1}")
-            book.save(path)
+        book["a"].row_dimensions[N - 1].hidden = fault == "hidden"
+        book["a"][f"B{N - 1}"].number_format = "0.0%" if fault == "percent" else "General"
+        book.save(path)
     elif kind == "xlsb":
         write_xlsb(path, rows, fault)
     elif kind == "xls":
@@ -168,6 +195,10 @@ def book_with(kind, path, columns, fault):
             sheet.write(N - 2, 1, pytest.importorskip("xlwt").Formula("A2*2"))
         elif fault == "merged":
             sheet.merge(N - 3, N - 2, 1, 1)
+        elif fault == "percent":
+            style = pytest.importorskip("xlwt").easyxf(num_format_str="0.0%")
+            sheet.write(N - 2, 1, rows[N - 2][1], style)
+        sheet.row(N - 2).hidden = fault == "hidden"
         book.save(str(path))
     else:
         other_workbook(path, rows)
@@ -180,11 +211,15 @@ def book_with(kind, path, columns, fault):
             "error": '<table:table-cell table:formula="of:=1/0" office:value-type="float" '
             'office:value="0"><text:p>#DIV/0!</text:p></table:table-cell>',
             "merged": "<table:covered-table-cell/>",
+            "percent": old.replace('"float"', '"percentage"'),
         }.get(fault, old)
         with zipfile.ZipFile(path) as archive:
             text = archive.read("content.xml").decode()
-        assert old in text
+        assert old in text or fault == "thousands"
         text = text.replace(old, new)
+        if fault == "hidden":
+            row = text[: text.index(old)].rindex("<table:table-row>")
+            text = f'{text[:row]}<table:table-row table:visibility="filter"{text[row + 16 :]}'
         if fault == "merged":
             text = text.replace(above, f'{above} table:number-rows-spanned="2"')
         rewrite_ods(path, text)
@@ -193,7 +228,8 @@ def book_with(kind, path, columns, fault):
 def write_xlsb(path, rows, fault):
     """A workbook of the sheet `a` in records, as Excel saves it."""
     cells = b"".join(
-        record(0, struct.pack("<I13x", number)) + b"".join(map(xlsb_cell, range(len(row)), row))
+        record(0, struct.pack("<I7xB5x", number, 16 * (fault == "hidden" and number == N - 2)))
+        + b"".join(map(xlsb_cell, range(len(row)), row))
         for number, row in enumerate(rows)
     )
     right = xlsb_cell(1, rows[N - 2][1])
@@ -201,6 +237,7 @@ def write_xlsb(path, rows, fault):
         "error": record(3, struct.pack("<IIB", 1, 0, 0x07)),
         "never": record(8, struct.pack("<IIIHII", 1, 0, 0, 0, 0, 0)),
         "merged": record(1, struct.pack("<II", 1, 0)),
+        "percent": record(5, struct.pack("<IId", 1, 1, float(rows[N - 2][1]))),
     }.get(fault, right)
     assert cells.count(right) == 1
     merged = record(176, struct.pack("<4I", N - 3, N - 2, 1, 1)) if fault == "merged" else b""
@@ -211,6 +248,11 @@ def write_xlsb(path, rows, fault):
         book = record(131) + record(143) + name + record(144) + record(132)
         archive.writestr("xl/workbook.bin", book)
         archive.writestr("xl/worksheets/sheet1.bin", sheet + record(130))
+        layout = record(44, struct.pack("<H", 164) + xlsb_text("0.0%"))
+        layout = record(615, struct.pack("<I", 1)) + layout + record(616)
+        styles = b"".join(record(47, struct.pack("<HH12x", 0, number)) for number in (0, 164))
+        styles = record(617, struct.pack("<I", 2)) + styles + record(618)
+        archive.writestr("xl/styles.bin", layout + styles)
         archive.writestr(
             "xl/_rels/workbook.bin.rels",
             '<Relationships xmlns="http://schemas.openxmlformats.org/package/2006/relationships">'
@@ -249,6 +291,8 @@ def file_with(kind, fault, path):
     if fault == "twice":
         # but for text, a title and the same one with a blank behind it
         columns.append(("F" if kind in ("4.mat", "mat", "tdms") else "F ", F))
+    if fault == "thousands":
+        columns[1] = ("F", LARGE)
     if fault == "error" and kind in TEXTS:
         columns[1] = ("F", [*F[:-3], "#DIV/0!", *F[-2:]])
     if kind in BOOKS:
@@ -256,9 +300,17 @@ def file_with(kind, fault, path):
         whole = path.read_bytes()
     else:
         whole = content_of(kind, columns)
+    if fault == "padded":
+        whole += b"\0" * 5000 + b"\x1a"
+    if fault == "thousands" and kind == "npz":
+        stream = io.BytesIO()
+        np.savez(stream, t=np.array(T, dtype=float), F=LARGE)
+        whole = stream.getvalue()
     if fault == "cut":
         whole = whole[: -3 if kind in TEXTS else -60]
     path.write_bytes(whole)
+    if fault == "unwritten":
+        unwritten(path)
     if kind == "tdms":
         return ["g/t", "g/2/F" if fault == "twice" else "g/F"]
     return titles
@@ -269,6 +321,11 @@ def file_with(kind, fault, path):
 def test_what_one_reader_says_all_say(kind, fault, told, tmp_path):
     path, reader = tmp_path / f"a.{kind}", reader_called(kind)
     columns = tuple(file_with(kind, fault, path))
+    if told in DOUBTS:
+        (table,) = reader.read(path, TableRequest("a.log", columns))
+        assert told in " ".join([*table.doubts, *(one.shown for one in table.noted.values())])
+        assert table.size == N
+        return
     with refused("a.log", told):
         (table,) = reader.read(path, TableRequest("a.log", columns))
         time = dict(zip(("time", "F"), table.columns.values(), strict=True))

@@ -1,0 +1,106 @@
+"""How `predict` and `invert` are told to read a table that another program wrote."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Annotated, Any
+
+from typer import Option
+
+from mapmore_cli.domain.errors import DataError, UsageError
+
+if TYPE_CHECKING:
+    from mapmore_cli.pipeline.foreign import TableOptions
+
+Delimiter = Annotated[
+    str | None, Option(metavar="MARK", help="What separates fields: a mark, tab or whitespace.")
+]
+Decimal = Annotated[str | None, Option(metavar="MARK", help="The decimal point, as a comma.")]
+Thousands = Annotated[
+    str | None, Option(metavar="MARK", help="What stands between thousands, as a point.")
+]
+SheetTitle = Annotated[
+    str | None, Option("--sheet", metavar="TITLE", help="The sheet of a workbook.")
+]
+Columns = Annotated[
+    list[str],
+    Option(
+        "--columns",
+        metavar="NAME=TITLE",
+        help="The title or 0-based index of a column, as pressure='P [bar]'. Repeatable.",
+    ),
+]
+Units = Annotated[
+    list[str],
+    Option("--units", metavar="NAME=UNIT", help="A column's unit, as pressure=bar. Repeatable."),
+]
+
+
+def table_options(
+    delimiter: str | None,
+    decimal: str | None,
+    thousands: str | None,
+    sheet: str | None,
+    columns: Sequence[str],
+    units: Sequence[str],
+) -> TableOptions:
+    """Return what was said of a table; UsageError for what has no `=`."""
+    from mapmore_cli.pipeline.foreign import TableOptions
+
+    keys = {"delimiter": delimiter, "decimal": decimal, "thousands": thousands, "sheet": sheet}
+    settings: dict[str, Any] = {key: value for key, value in keys.items() if value is not None}
+    titles = {
+        name: int(title) if title.isascii() and title.isdigit() else title
+        for name, title in _pairs("--columns", columns)
+    }
+    # units have no commas, so that several may stand behind one `--units`
+    each = [part for text in units for part in text.split(",")]
+    return TableOptions(settings, titles, dict(_pairs("--units", each)))
+
+
+def _pairs(option: str, texts: Sequence[str]) -> Iterator[tuple[str, str]]:
+    for text in texts:
+        name, equals, value = (part.strip() for part in text.partition("="))
+        if not (name and equals and value):
+            example = "pressure=bar" if option == "--units" else "pressure='P [bar]'"
+            raise UsageError(f"{option} {text}: is no NAME=...", f"write `{option} {example}`")
+        yield name, value
+
+
+AS_OPTIONS = (
+    (r"`(delimiter|decimal|thousands|sheet): ([^`]+)`", r"`--\1 \2`"),
+    (r"say which by `sheet`", "say which by `--sheet TITLE`"),
+    (r"Give its 0-based index instead", "Give its 0-based index, as `--columns NAME=0`"),
+    (r"name it in `columns`, as `unit: (\w+)`", r"name it, as `--units NAME=\1`"),
+    (r"`unit: ([^`]+)`", r"`--units NAME=\1`"),
+    (r"[^.;]*`(?:missing: |columns`|header: |scale|encoding: )[^.;]*(?:[.;]|$) ?", ""),
+)
+"""What remedies for a spec say, and what they say where a table is read by options."""
+
+
+@contextmanager
+def remedies_by_options(options: TableOptions) -> Iterator[None]:
+    """Let the remedies of errors in a table name options, where those for a spec name its keys."""
+    try:
+        yield
+    except DataError as error:
+        remedy = error.remedy or ""
+        for pattern, by_option in AS_OPTIONS:
+            remedy = re.sub(pattern, by_option, remedy)
+        found = re.search(r"read as (\w+)|column '?(\w+)'?", error.message)
+        titled = (
+            name
+            for name, title in options.columns.items()
+            if f"column {title}" in error.message or f"'{title}'" in error.message
+        )
+        name = next(titled, (found[1] or found[2]) if found is not None else "NAME")
+        if "there is no column" in error.message and "--" not in remedy:
+            near = re.search("Did you mean '([^']*)'", remedy)
+            title = near[1] if near is not None else "TITLE"
+            remedy += f" Say which it is, as `--columns NAME='{title}' --units NAME=UNIT`."
+        error.message = error.message.replace("than the spec says", "than the table is read with")
+        remedy = remedy.replace("NAME", name)
+        error.remedy = remedy.strip() or "mend the table"
+        raise

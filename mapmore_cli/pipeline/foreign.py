@@ -1,0 +1,144 @@
+"""Tables for `predict` and `invert` that are no CSV in the model's own names and units: read as a
+spec reads its recordings, and given back as lines of CSV.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+
+from mapmore_cli.domain.errors import DataError, UsageError
+from mapmore_cli.domain.models import Model
+from mapmore_cli.ingestion.files import Log, Meter
+from mapmore_cli.ingestion.samples import Samples, read_tables
+from mapmore_cli.pipeline.records import reading_of
+from mapmore_cli.storage.readers import READERS, reader_of
+from mapmore_cli.storage.tables.lines import guess_encoding
+from mapmore_cli.study.sections.data import Data
+from mapmore_cli.study.units import default_unit, is_same, unit_of
+
+
+@dataclass(frozen=True)
+class TableOptions:
+    """How a table is read: `settings` as a spec has them, as `{"delimiter": ";"}`; the titles or
+    indices of `columns` and their `units`, by quantity.
+    """
+
+    settings: Mapping[str, Any] = field(default_factory=dict)
+    columns: Mapping[str, str | int] = field(default_factory=dict)
+    units: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def says_something(self) -> bool:
+        """True where any of them was given."""
+        return bool(self.settings or self.columns or self.units)
+
+
+def is_foreign(path: Path, options: TableOptions) -> bool:
+    """Return whether a table has to be read by a reader of recordings."""
+    if options.says_something:
+        return True
+    if not path.is_file():
+        return False
+    reader = reader_of(path)
+    is_text = reader is None or reader is READERS["csv"]
+    return not is_text or guess_encoding(path).startswith("utf-16")
+
+
+def columns_of(model: Model, solved_for: str | None = None) -> Sequence[Sequence[str]]:
+    """Return the columns that a table has, in the ways that it may have them: with the rates and
+    directions that are inputs of the model, or without these where they follow from others; with
+    the output in the place of an input that is `solved_for`.
+    """
+    if solved_for is not None:
+        inputs = (one.name for one in model.inputs if one.name != solved_for)
+        return [[model.output.name, *inputs]]
+    readings = (reading_of(model, [one.name for one in model.signals]), reading_of(model, []))
+    return [reading.columns + reading.outputs for reading in readings]
+
+
+def units_of(model: Model, ways: Sequence[Sequence[str]]) -> dict[str, str]:
+    """Return the units of the columns that a table may have."""
+    known = {one.name: one.unit for one in (*model.inputs, *model.outputs)}
+    return {name: known.get(name) or default_unit(name) for way in ways for name in way}
+
+
+def foreign_lines(
+    path: Path,
+    options: TableOptions,
+    ways: Sequence[Sequence[str]],
+    units: Mapping[str, str],
+    warn: Callable[[str], None],
+) -> Iterator[str]:
+    """Yield the lines of a CSV table of quantities in such `units`: the columns of the first of
+    some `ways` that the file has.
+
+    Raises DataError for a file that cannot be read, or a unit in a title that contradicts the one
+    it is read in; UsageError for settings that its reader has no use for.
+    """
+    samples = _samples(path, options, ways, units)
+    for doubt in samples.doubts:
+        warn(doubt)
+    yield ",".join(samples.columns) + "\n"
+    for row in zip(*(values.tolist() for values in samples.columns.values()), strict=True):
+        yield ",".join("" if value != value else repr(value) for value in row) + "\n"
+
+
+def _samples(
+    path: Path, options: TableOptions, ways: Sequence[Sequence[str]], units: Mapping[str, str]
+) -> Samples:
+    for number, names in enumerate(ways, start=1):
+        _refuse_titles(options, names, units)
+        data = _data_of(path, options, names)
+        try:
+            samples, *others = read_tables(
+                Log(path, path.name, None), data, data, units, Meter([], lambda *_: None)
+            )
+        except DataError as error:
+            if number < len(ways) and "there is no " in error.message:
+                continue
+            raise
+        if others:
+            raise DataError(f"{path.name}: holds several recordings", "name one sheet or file")
+        return samples
+    raise AssertionError
+
+
+def _data_of(path: Path, options: TableOptions, names: Sequence[str]) -> Data:
+    """Return the section of a spec that reads this table."""
+    named = (*options.columns, *options.units)
+    if unknown := next((name for name in named if name not in names), ""):
+        raise UsageError(f"the table has no use for '{unknown}'", f"it has {', '.join(names)}")
+    reader, settings = reader_of(path) or READERS["csv"], dict(options.settings)
+    if reader is READERS["csv"]:
+        settings.setdefault("encoding", guess_encoding(path))
+    columns = {
+        name: {"column": options.columns.get(name, name), "unit": options.units.get(name)}
+        for name in dict.fromkeys(names)
+    }
+    sections = {"files": [path.name], "reader": reader.name, "columns": columns, "missing": "drop"}
+    try:
+        return Data.model_validate(sections | settings)
+    except ValidationError as fault:
+        first = fault.errors()[0]
+        key = ".".join(map(str, first["loc"]))
+        raise UsageError(
+            f"{path.name} ({reader.name}): {key}: {first['msg']}",
+            "`mapmore predict --help` says what each option is",
+        ) from fault
+
+
+def _refuse_titles(options: TableOptions, names: Sequence[str], units: Mapping[str, str]) -> None:
+    """Raise DataError for a title that ends in another unit than the column is read in."""
+    for name in names:
+        title, unit = str(options.columns.get(name, "")), options.units.get(name, units[name])
+        told = unit_of(title, unit) if title.rstrip().endswith(("]", ")")) else None
+        if name not in options.units and told is not None and not is_same(told, unit):
+            raise DataError(
+                f"the column '{title}' is read as {name} in {unit}, but its title says {told}",
+                f"say `unit: {told}`, or `unit: {unit}` where the title is wrong",
+            )

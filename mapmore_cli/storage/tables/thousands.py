@@ -1,0 +1,81 @@
+"""Numbers as 1.050 beside 950: the point stands between thousands, and is no decimal point."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Iterable
+
+import numpy as np
+
+from mapmore_cli.domain.arrays import Array
+from mapmore_cli.storage.tables.cells import MISSING, NotANumber, number_of
+
+TINY = 0.1
+"""Of the largest whole number: numbers with decimals that are all smaller are conspicuous."""
+
+ENOUGH = 100
+"""Numbers as 23.000 without a whole one before them, from which on zeros at the end are kept."""
+
+BLOCK = 10_000
+"""Numbers of a column that are looked at together."""
+
+
+def may_be_grouped(values: Array) -> bool:
+    """Return whether the numbers of a column as read, (n,), may be whole ones with a mark between
+    thousands: some are whole, the others have three decimals and are above 1, and all are below
+    1000.
+    """
+    whole = others = 0
+    for begin in range(0, len(values), BLOCK):
+        size = np.abs(values[begin : begin + BLOCK])
+        size = size[np.isfinite(size)]
+        decimals = size[size != np.floor(size)]
+        thousandths = 1000 * decimals
+        if not (
+            (size < 1000).all()
+            and (decimals > 1).all()
+            and (np.abs(thousandths - np.rint(thousandths)) < 1e-6).all()
+        ):
+            return False
+        whole, others = whole + len(size) - len(decimals), others + len(decimals)
+    return bool(whole and others)
+
+
+def refuse_grouped(cells: Iterable[tuple[int, object]], decimal: str, column: str) -> None:
+    """Raise NotANumber for a column whose cells, each with its row, are whole numbers up to 999 and
+    numbers with exactly three decimals, as 1.050, where no program writes decimals so.
+
+    One that leaves out zeros at the end writes 1.05, and one that keeps them 950.000. Without such
+    a zero, the numbers with decimals are tiny beside the whole ones. `column` says where they
+    stand, with `{row}` for the row.
+    """
+    grouped = re.compile(rf"[+-]?[1-9]\d{{0,2}}{re.escape(decimal)}\d{{3}}")
+    first, zeros, largest, most = (0, ""), Counter[bool](), 0.0, 0.0
+    for row, cell in cells:
+        cell = cell.decode("utf-8", "replace") if isinstance(cell, bytes) else cell
+        text = f"{cell:.17g}" if isinstance(cell, float) else str(cell).strip()
+        if not text or text.lower() in MISSING:
+            continue
+        number = abs(number_of(cell, decimal) or 0.0)
+        if re.fullmatch(r"[+-]?\d{1,3}", text):
+            largest = max(largest, number)
+        elif isinstance(cell, str) and grouped.fullmatch(text):
+            first = first if first[1] else (row, text)
+            most = max(most, number)
+            zeros[text.endswith("000")] += text.endswith("0")
+            if not largest and zeros[True] > ENOUGH:
+                return
+        else:
+            return
+    row, text = first
+    if not text or not largest or not (zeros.total() or most < TINY * largest):
+        return
+    other = "," if decimal == "." else "."
+    raise NotANumber(
+        text,
+        f"may be {text.replace(decimal, '')}: the column has whole numbers up to {largest:g}, and "
+        "all its other numbers have exactly three decimals",
+        f'say `decimal: "{other}"` and `thousands: "{decimal}"` if the mark stands between '
+        'thousands; if it is the decimal point, say `thousands: "\'"`, which no cell has',
+    ).at(column.format(row=row))

@@ -1,0 +1,92 @@
+"""Tables that another program wrote, for `predict` and `invert`: read by options, or refused with
+one that helps.
+"""
+
+import pytest
+
+EXPECTED = "pressure,strain,force_predicted,outside_range\n150.0,0.05,127.5,false\n"
+COLUMNS = ("--columns", "pressure=P [bar]", "--columns", "strain=eps [%]")
+BAR = ("--units", "pressure=bar,strain=%")
+READ = {
+    "decimal comma in quotes": ('pressure,strain\n"150,0","0,05"\n', ["--decimal", ","]),
+    "semicolons": ("strain;pressure\n0,05;150\n", ["--delimiter", ";", "--decimal", ","]),
+    "whitespace": ("pressure strain\n150  0.05\n", ["--delimiter", "whitespace"]),
+    "units": ("P [bar],eps [%]\n1.5,5\n", [*COLUMNS, *BAR]),
+    "other titles": ("P,eps\n150,0.05\n", ["--columns", "pressure=P", "--columns", "strain=1"]),
+    "a title with a comma": ('"P, left",strain\n150,0.05\n', ["--columns", "pressure=P, left"]),
+    "thousands": (
+        "pressure;strain\n150.000;0,05\n",
+        [*("--delimiter", ";", "--decimal", ",", "--thousands", "."), "--units", "pressure=Pa"],
+    ),
+    "twice": ("pressure,strain,pressure\n150,0.05,7\n", ["--columns", "pressure=0"]),
+}
+
+
+@pytest.mark.parametrize("case", READ)
+def test_a_table_is_read_as_options_say(case, tmp_path, model_file, mapmore):
+    text, options = READ[case]
+    (tmp_path / "t.csv").write_text(text)
+    result = mapmore("predict", model_file, tmp_path / "t.csv", *options, code=0)
+    header, row = result.stdout.splitlines()
+    found = dict(zip(header.split(","), row.split(","), strict=True))
+    assert [float(found[name]) for name in ("pressure", "strain", "force_predicted")] == [
+        pytest.approx(value) for value in (150, 0.05, 127.5)
+    ]
+
+
+@pytest.mark.parametrize(
+    ("text", "remedy"),
+    [
+        ("pressure;strain\n150;0,05\n", '`--delimiter ";"`'),
+        ('pressure,strain\n"150,0",0.05\n', '`--decimal ","`'),
+        ("P [bar],strain\n1.5,0.05\n", "`--columns pressure='"),
+        ("pressure [bar],strain\n1.5,0.05\n", "--columns pressure='pressure [bar]' --units"),
+        ("pressure,strain\n150 kPa,0.05\n", "`--units pressure=kPa`"),
+        ("pressure,strain,pressure\n150,0.05,7\n", "`--columns pressure=0`"),
+    ],
+)
+def test_the_remedy_is_an_option(text, remedy, tmp_path, model_file, mapmore):
+    (tmp_path / "t.csv").write_text(text)
+    for call in (("predict", model_file), ("predict", model_file, "--quiet")):
+        result = mapmore(*call, tmp_path / "t.csv", code=4)
+        assert remedy in result.stderr
+        assert "spec" not in result.stderr
+
+
+def test_workbooks_parquet_and_utf16_are_read_as_they_are(tmp_path, model_file, mapmore):
+    book = pytest.importorskip("openpyxl").Workbook()
+    pa, parquet = pytest.importorskip("pyarrow"), pytest.importorskip("pyarrow.parquet")
+    for row in (["P [bar]", "eps"], [1.5, 0.05]):
+        book.active.append(row)
+    book.active["B2"].number_format = "0.0%"
+    book.save(tmp_path / "t.xlsx")
+    titles = ("--columns", "pressure=P [bar]", "--columns", "strain=eps")
+    options = (*titles, "--units", "pressure=bar")
+    assert mapmore("predict", model_file, tmp_path / "t.xlsx", *options, code=0).stdout == EXPECTED
+    says = "its title says bar\n  say `--units pressure=bar`"
+    mapmore("predict", model_file, tmp_path / "t.xlsx", *titles, code=4, says=says)
+    percent = (*options, "--units", "strain=%")
+    says = "'eps' is shown in per cent"
+    mapmore("predict", model_file, tmp_path / "t.xlsx", *percent, code=4, says=says)
+    table = pa.table({"pressure": [150.0], "strain": [0.05]})
+    parquet.write_table(table, tmp_path / "t.parquet")
+    (tmp_path / "t.txt").write_text("pressure,strain\n150,0.05\n", encoding="utf-16")
+    for name in ("t.parquet", "t.txt"):
+        assert mapmore("predict", model_file, tmp_path / name, code=0).stdout == EXPECTED
+    fields = [pa.field("pressure", pa.float64(), metadata={"units": "psi"}), table.schema[1]]
+    parquet.write_table(table.cast(pa.schema(fields)), tmp_path / "t.parquet")
+    says = "'pressure' is in psi, says the file"
+    mapmore("predict", model_file, tmp_path / "t.parquet", code=4, says=says)
+
+
+def test_invert_reads_them_too(tmp_path, model_file, mapmore):
+    (tmp_path / "t.csv").write_text("F [N];strain\n127,5;0,05\n")
+    call = ("invert", model_file, tmp_path / "t.csv", "--for", "pressure", "--delimiter", ";")
+    options = ("--decimal", ",", "--columns", "force=F [N]")
+    result = mapmore(*call, *options, code=0)
+    found = dict(zip(*(line.split(",") for line in result.stdout.splitlines()), strict=True))
+    assert float(found["pressure_found"]) == pytest.approx(150)
+    mapmore(*call, "--columns", "force", code=2, says="--columns force: is no NAME=...")
+    mapmore(*call, "--units", "load=N", code=2, says="no use for 'load'")
+    mapmore("predict", model_file, "-", "--decimal", ",", code=2, says="stdin is read as CSV")
+    mapmore("predict", model_file, tmp_path / "t.csv", "--decimal", "x", code=2, says="decimal")

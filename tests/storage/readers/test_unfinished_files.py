@@ -1,0 +1,156 @@
+"""Files that a logger did not finish, lines that are no records, numbers that look like others."""
+
+import gzip
+
+import h5py
+import numpy as np
+import pytest
+from reading import csv_table, refused, table_of
+
+from mapmore_cli.storage.readers.csv import peek_csv
+from mapmore_cli.storage.tables import lines
+
+ROWS = b"t,P\n" + b"".join(b"%d,%d.5\n" % (i, i) for i in range(30))
+SEMICOLON = {"delimiter": ";", "decimal": ","}
+
+
+@pytest.mark.parametrize(
+    ("content", "count", "request_"),
+    [
+        (ROWS + b"\0" * 4096, 4096, {}),
+        (ROWS + b"\x1a", 1, {}),
+        (ROWS.replace(b"\n", b"\r\n") + b"\x1a\r\n\0\0", 3, {}),
+        (gzip.compress(ROWS + b"\0" * 5000), 5000, {}),
+        (ROWS.decode().encode("utf-16") + b"\0" * 4096, 2048, {"encoding": "utf-16"}),
+        (ROWS.replace(b",", b";").replace(b".", b",") + b"\0" * 99, 99, SEMICOLON),
+    ],
+    ids=["NUL", "Ctrl-Z", "both, CR LF", "gzip", "UTF-16", "semicolons"],
+)
+def test_what_fills_a_file_behind_its_text_is_told(tmp_path, content, count, request_):
+    table = csv_table(tmp_path / "a", content, "t", "P", **request_)
+    np.testing.assert_array_equal(table.columns["P"], np.arange(30) + 0.5)
+    assert f"ends with {count} characters of padding" in table.doubts[0]
+    assert any(len(top.rows) == 31 for top in peek_csv(tmp_path / "a", 50))
+
+
+def test_padding_longer_than_any_line_is_not_kept(tmp_path, monkeypatch):
+    monkeypatch.setattr(lines, "LONGEST", 1000)
+    monkeypatch.setattr(lines, "CHUNK", 512)
+    table = csv_table(tmp_path / "a", ROWS + b"\0" * 9000, "P")
+    assert (table.size, table.padding) == (30, 9000)
+    with refused("a.csv:row 32: "):
+        csv_table(tmp_path / "a", ROWS + b"\0" * 9000 + b"1,2\n", "P")
+
+
+@pytest.mark.parametrize("line", [b"\0" * 4096 + b"40,1.5,4", b"\0\0,1.5,4", b"1,1.5\0\0,4"])
+def test_a_line_with_nul_in_it_is_lost_whatever_columns_are_wanted(tmp_path, line):
+    content = b"x,t,P\n1,2,3\n" + line + b"\n4,5,6\n"
+    with refused("a.csv:row 3: bytes of NUL stand in this line", "`missing: drop`"):
+        csv_table(tmp_path / "a", content, "P")
+    kept = csv_table(tmp_path / "a", content, "P", incomplete=True)
+    np.testing.assert_array_equal(kept.columns["P"], [3, np.nan, 6])
+
+
+def test_comments_are_left_out_and_counted(tmp_path):
+    content = b'# head\nt,P\n1,2\n# valve "open,3\n  #4,5\n3,4\n#end'
+    table = csv_table(tmp_path / "a", content, "t", "P", comment="#")
+    np.testing.assert_array_equal([*table.columns.values()], [[1, 3], [2, 4]])
+    assert table.rows.tolist() == [3, 6]
+    blanks = content.replace(b"#", b"%").replace(b",", b" ").replace(b'"', b"")
+    table = csv_table(tmp_path / "a", blanks, "P", comment="%", delimiter="whitespace")
+    assert table.columns["P"].tolist() == [2, 4]
+
+
+@pytest.mark.parametrize(
+    ("line", "mark"), [("# valve", "#"), ("# valve,open", "#"), ("// valve", "//"), ("% x,y", "%")]
+)
+def test_a_line_that_looks_like_a_comment_is_called_so(tmp_path, line, mark):
+    with refused("a.csv:row 3", f'say `comment: "{mark}"`'):
+        csv_table(tmp_path / "a", f"t,P\n1,2\n{line}\n3,4\n".encode(), "t", "P")
+
+
+def test_numbers_of_microsofts_library(tmp_path):
+    cells = ["-1.#IND", "1.#INF00", "1.#QNAN0", "-1.#J", "-nan(ind)", "4.5"]
+    meant = [np.nan, np.inf, np.nan, -np.inf, np.nan, 4.5]
+    content = "\n".join(["P;t", *(f"{cell};1" for cell in cells), ""])
+    for text, request in ((content, {"delimiter": ";"}), (content.replace(".", ","), SEMICOLON)):
+        table = csv_table(tmp_path / "a", text.encode(), "P", **request)
+        np.testing.assert_array_equal(table.columns["P"], meant)
+
+
+NO_THOUSANDS = ["2 1.125 1.25 0", "1 1.125 1.375 0", "0.5 900 1.010", "1000 1.010", "23.000 1.500"]
+
+
+@pytest.mark.parametrize(
+    "cells", ["950 1.010", "0 950 1.125 1.237", "-950 -1.010", "950 1.000 1.010"]
+)
+def test_points_between_thousands(tmp_path, cells):
+    content = "\n".join(["P,t", *(f"{cell},1" for cell in cells.split()), ""])
+    with refused("may be", "whole numbers up to 950", '`thousands: "."`'):
+        csv_table(tmp_path / "a", content.encode(), "P")
+    other = content.replace(",", ";").replace(".", ",")
+    with refused("may be", '`decimal: "."` and `thousands: ","`'):
+        csv_table(tmp_path / "a", other.encode(), "P", **SEMICOLON)
+    solved = {"decimal": ",", "thousands": "."}
+    table = csv_table(tmp_path / "a", content.encode(), "P", **solved)
+    assert np.abs(table.columns["P"]).max() >= 1000
+
+
+@pytest.mark.parametrize("cells", NO_THOUSANDS)
+def test_points_that_are_decimal_points(tmp_path, cells):
+    content = "\n".join(["P,t", *(f"{cell},1" for cell in cells.split()), ""])
+    table = csv_table(tmp_path / "a", content.encode(), "P")
+    np.testing.assert_array_equal(table.columns["P"], np.array(cells.split(), dtype=float))
+
+
+def written_in_part(file, parts, **how):
+    array = file.create_dataset("P", (40,), **how)
+    for part in parts:
+        array[part] = np.arange(1, 41)[part]
+    file["t"] = np.arange(40.0)
+
+
+CHUNKS = {"chunks": (10,), "dtype": "f8"}
+
+
+@pytest.mark.parametrize(
+    ("parts", "how", "absent"),
+    [
+        ([slice(0, 10)], CHUNKS, slice(10, 40)),
+        ([slice(0, 15)], CHUNKS, slice(15, 40)),
+        ([slice(0, 10), slice(20, 40)], CHUNKS, slice(10, 20)),
+        ([slice(0, 25)], {**CHUNKS, "compression": "gzip", "dtype": "i2"}, slice(25, 40)),
+        ([], {"dtype": "f4"}, slice(0, 40)),
+        ([slice(0, 40)], CHUNKS, slice(0, 0)),
+    ],
+)
+def test_chunks_that_were_never_written_are_missing(tmp_path, parts, how, absent):
+    with h5py.File(tmp_path / "a", "w") as file:
+        written_in_part(file, parts, **how)
+    expected = np.arange(1.0, 41.0)
+    expected[absent] = np.nan
+    table = table_of("hdf5", tmp_path / "a", "t", "P", incomplete=True)
+    np.testing.assert_array_equal(table.columns["P"], expected)
+    if absent.stop:
+        assert "values of 'P' were never written" in table.doubts[0]
+        with refused("values of 'P' were never written", "`missing: drop`"):
+            table_of("hdf5", tmp_path / "a", "t", "P")
+
+
+def test_fields_of_records_that_were_never_written(tmp_path):
+    with h5py.File(tmp_path / "a", "w") as file:
+        fields = [("t", "f8"), ("P", "f8")]
+        file.create_dataset("log", (40,), chunks=(10,), dtype=fields)[:10] = (1.0, 2.0)
+    with refused("30 values of 'log/t' were never written"):
+        table_of("hdf5", tmp_path / "a", "log/t", "log/P")
+
+
+def test_durations_are_seconds_in_the_column_of_the_time(tmp_path):
+    pa, parquet = pytest.importorskip("pyarrow"), pytest.importorskip("pyarrow.parquet")
+    for kind, one in (("s", 1), ("ms", 1000), ("us", 10**6), ("ns", 10**9)):
+        times = pa.array([0, 2 * one, None], pa.duration(kind))
+        parquet.write_table(pa.table({"t": times, "P": [1.0, 2.0, 3.0]}), tmp_path / "a")
+        table = table_of("parquet", tmp_path / "a", "t", "P", clocks=frozenset({"t"}), second=1e3)
+        np.testing.assert_array_equal(table.columns["t"], [0, 2000, np.nan])
+    with refused("'t': a duration stands here"):
+        table_of("parquet", tmp_path / "a", "t")
