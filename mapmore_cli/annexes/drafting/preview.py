@@ -75,6 +75,8 @@ def preview(path: Path) -> Preview:
     if reader is None:
         problem = f"{path.name}: no reader takes {suffix_of(path) or 'files without a suffix'}"
         raise DataError(unread(path) or f"{problem}; save the table as CSV")
+    if path.stat().st_size == 0:
+        raise DataError(f"{path.name}: is empty")
     remedy = f"write `columns` by hand, as `pressure: {{column: {reader.column}, unit: kPa}}`"
     if reader.peek is None:
         raise DataError(f"{path.name}: its arrays have to be named", remedy)

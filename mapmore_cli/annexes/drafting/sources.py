@@ -25,11 +25,12 @@ from mapmore_cli.storage.readers import reader_of
 
 @dataclass(frozen=True)
 class Study:
-    """Files of one layout, and a name for them."""
+    """Files of one layout, and a name for them; `bad` are files of the folder that no study has."""
 
     files: tuple[Path, ...]
     layout: Preview
     name: str = ""
+    bad: tuple[Path, ...] = ()
 
     def __str__(self) -> str:
         return f"{len(self.files)} file{'s' if len(self.files) > 1 else ''}"
@@ -73,6 +74,7 @@ def find_studies(path: Path) -> tuple[list[Study], list[str]]:
         )
     every = [path] if path.is_file() else [one for one in sorted(path.rglob("*")) if one.is_file()]
     left_out: list[str] = []
+    bad: list[Path] = []
     layouts: dict[str, tuple[Preview, list[Path]]] = {}
     for file in (one for one in every if one == path or _is_own(one, path)):
         if file != path and reader_of(file) is None:
@@ -82,9 +84,11 @@ def find_studies(path: Path) -> tuple[list[Study], list[str]]:
             layout = preview(file)
         except DataError as fault:
             left_out.append(fault.message)
+            bad.append(file)
             continue
-        layouts.setdefault(repr(layout), (layout, []))[1].append(file)
-    studies = [Study(tuple(files), layout) for layout, files in layouts.values()]
+        kind = repr(replace(layout, numeric=()))
+        layouts.setdefault(kind, (layout, []))[1].append(file)
+    studies = [Study(tuple(files), layout, bad=tuple(bad)) for layout, files in layouts.values()]
     studies.sort(key=lambda study: (-len(study.files), study.files[0]))
     folders = [study.folder for study in studies]
     named = (replace(one, name=_name(one, folders.count(one.folder) == 1)) for one in studies)
@@ -127,9 +131,9 @@ def second_of(study: Study, studies: Sequence[Study]) -> Study | None:
     return beside[0] if is_lacking and len(beside) == 1 else None
 
 
-def patterns(files: Sequence[Path], folder: Path) -> list[str]:
-    """Return one glob from `folder` that matches these files and no others, else the files
-    themselves.
+def patterns(files: Sequence[Path], folder: Path, bad: Sequence[Path] = ()) -> list[str]:
+    """Return one glob from `folder` that matches these files and no others but `bad` ones, else the
+    files themselves.
 
     Each folder, and the name, is made of the words at which all begin and end.
     """
@@ -137,7 +141,8 @@ def patterns(files: Sequence[Path], folder: Path) -> list[str]:
     steps = [name.split("/") for name in names]
     if len(files) > 1 and len({len(step) for step in steps}) == 1:
         one = "/".join(_glob_of(sorted({*parts})) for parts in zip(*steps, strict=True))
-        if {*map(Path.resolve, expand(one, folder))} == {*map(Path.resolve, files)}:
+        found = {*map(Path.resolve, expand(one, folder, may_be_empty=True))}
+        if found - {*map(Path.resolve, bad)} == {*map(Path.resolve, files)}:
             return [one]
     return names
 
@@ -173,7 +178,12 @@ def started(
     if layout.left:
         why = f"laid out in another way, and left out: {', '.join(map(repr, layout.left))}"
         draft = draft.noted(("data", "reader" if is_by_sheet else "sheet"), why)
-    draft = draft.with_data("files", _file_entries(study, folder, conditions, is_by_sheet))
+    entries = _file_entries(study, folder, conditions, is_by_sheet)
+    draft = draft.with_data("files", entries)
+    named = {one if isinstance(one, str) else one["path"] for one in entries}
+    files = {path for one in named if glob.has_magic(one) for path in expand(one, folder, True)}
+    if bad := sorted(relative_name(one, folder) for one in files & {*study.bad}):
+        draft = draft.with_data("skip_bad_files", bad, "hold no table that could be read")
     reasons = [f"names: {', '.join(one.why for one in conditions)}"] if conditions else []
     if reasons or remark:
         why = "; ".join(filter(None, [*reasons, remark]))
@@ -195,6 +205,6 @@ def _file_entries(
         more: Section = {"sheet": sheet} if sheet else {}
         if numbers:
             more["set"] = dict(zip((one.quantity for one in conditions), numbers, strict=True))
-        paths = patterns(list(dict.fromkeys(files)), folder)
+        paths = patterns(list(dict.fromkeys(files)), folder, study.bad)
         entries += [{"path": path, **more} for path in paths] if more else paths
     return entries

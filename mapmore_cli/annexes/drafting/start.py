@@ -17,6 +17,7 @@ from mapmore_cli.annexes.drafting.draft import Draft, Named
 from mapmore_cli.annexes.drafting.experiment import (
     LAST_SAMPLES,
     WHOLE,
+    Experiment,
     find_held,
     with_experiment,
 )
@@ -25,6 +26,8 @@ from mapmore_cli.annexes.drafting.names import numbered_groups, tests_of
 from mapmore_cli.annexes.drafting.questions import Ask, interview
 from mapmore_cli.annexes.drafting.recordings import (
     cleaned,
+    read_draft,
+    split_by,
     table_of,
     with_columns,
     with_second_log,
@@ -70,7 +73,7 @@ def propose(
     DataError
         Where the recordings cannot be read, or `check` finds an error in them.
     """
-    table = table_of(study, folder)
+    table = split_by(table_of(study, folder), answers.recordings)
     columns, beside = _shared_out(answers.columns, table)
     answers = replace(answers, columns=columns)
 
@@ -89,6 +92,10 @@ def propose(
     drafts = []
     for target in known.targets:
         draft = started(study, folder, in_names, known.remark)
+        if answers.sample_time is not None:
+            draft = draft.with_data("sample_time", answers.sample_time, "s: you")
+        elif answers.no_clock:
+            draft = draft.without_data("sample_time")
         if group is not None:
             draft = draft.with_data("groups", {"of": group}, "you; each is scored by itself")
         if len(known.targets) > 1:
@@ -123,12 +130,15 @@ def _with_experiment(
         in_names.pop(made, None)
         hold = hold._replace(name="strain") if hold is not None and hold.name == made else hold
     draft, dataset = cleaned(draft, folder, target)
-    ignored = ("time", target, known.group, made)
+    ignored = ("time", target, known.group, made, *known.apart)
     used = dict.fromkeys([*dataset.recordings[0].columns, *in_names])
     inputs = [name for name in used if name not in ignored]
     draft = _with_sessions(draft, unequal(dataset.recordings, inputs, target), known.group)
     held = find_held(dataset.recordings, inputs, hold, in_names)
-    whole = with_experiment(draft, dataset.recordings, target, held, in_names, answers.validate)
+    done = Experiment(dataset.recordings, inputs, target, held, in_names, known.apart)
+    whole = with_experiment(
+        done, draft, answers.validate, lambda draft: read_draft(draft, folder, target).recordings
+    )
     if answers.validate is None and (tests := tests_of(study.files)):
         held_out = {"validate": {"files": tests}}
         whole = whole.with_data("split", held_out, "the names of the files say so")

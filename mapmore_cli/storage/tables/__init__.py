@@ -33,8 +33,9 @@ class TableRequest:
       not hidden where None (workbooks).
     - `root`: where the columns start; `train[*]` makes every element a recording (MAT, HDF5).
     - `missing`: texts, besides the usual ones, that stand where there is no value (text, sheets).
-    - `clocks`: the columns whose cells may be time stamps; `format`: how `strptime` reads these;
-      `second`: in their unit.
+    - `clocks`: the columns whose cells may be time stamps; `formats`: how `strptime` reads those of
+      some; `second`: in their unit.
+    - `table`: which one is read of tables that stand below each other, from 1 (text, sheets).
     - `incomplete`: true where records that break off are missing values, False where they are
       errors.
     - `progress`: told now and then how many bytes of the file have been read (text, the only format
@@ -55,8 +56,9 @@ class TableRequest:
     progress: Callable[[int], None] = lambda _bytes: None
     thousands: str | None = None
     clocks: frozenset[SourceColumn] = frozenset()
-    format: str | None = None
+    formats: Mapping[SourceColumn, str] = field(default_factory=dict)
     second: float = 1.0
+    table: int | None = None
 
     def cells(self, column: SourceColumn) -> CellReader:
         """Return what reads the cells of a column."""
@@ -65,7 +67,7 @@ class TableRequest:
             self.decimal,
             self.thousands,
             column in self.clocks,
-            self.format,
+            self.formats.get(column),
             self.second,
         )
 
