@@ -83,6 +83,13 @@ class Answers:
     length: float | None = None
     like: str | None = None
 
+    @property
+    def has_places(self) -> bool:
+        """Whether a column is named by its number in the list of one layout."""
+        named = [*self.columns.values(), *self.target.values(), *(self.inputs or {}).values()]
+        said = [str(one.column) for one in named] + [*self.recordings, self.group or ""]
+        return any(re.fullmatch(r"\d+(\.\.\d+)?", text) for text in said)
+
 
 def answers_of(**options: str | bool | None) -> Answers:
     """Return what the options say, by their names; UsageError for what cannot be."""

@@ -113,7 +113,7 @@ def init(
     folder = Path() if output is None or output == STANDARD else output.parent
     asking = ask if sys.stdin.isatty() and sys.stderr.isatty() and not (yes or quiet) else None
     with Reporter(quiet) as reporter:
-        drafted = start(path, folder, name, output is not None, answers, asking)
+        drafted = start(path, folder, name, output is not None, answers, asking, reporter.say)
         for remark in drafted.remarks:
             reporter.say(f"left out: {remark}")
         for draft in drafted.drafts:

@@ -126,6 +126,12 @@ class Draft:
         """What is not sure."""
         return {loc: note for loc, note in self.notes.items() if not note.sure}
 
+    @property
+    def bad_files(self) -> str:
+        """Which files are left out, and why; empty for none."""
+        note = self.notes.get(("data", "skip_bad_files"))
+        return "" if note is None or note.sure else note.why
+
     def with_data(
         self, key: str, value: object, why: str | None = None, sure: bool = True
     ) -> Draft:

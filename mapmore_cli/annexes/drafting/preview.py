@@ -6,13 +6,14 @@ import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
 
 from mapmore_cli.domain.errors import DataError, SpecError
 from mapmore_cli.storage.readers import reader_of, suffix_of
-from mapmore_cli.storage.tables import SourceColumn, Top
+from mapmore_cli.storage.tables import Reader, SourceColumn, TableRequest, Top
+from mapmore_cli.storage.tables.below import Below
 from mapmore_cli.storage.tables.cells import stamp_of
 from mapmore_cli.study.units import check_unit
 
@@ -45,6 +46,8 @@ class Preview:
     - `titles`, `units`: of the columns as the file writes them, empty where it writes none.
     - `alike`: the sheets of a workbook that are laid out alike, where there is more than one;
       `left` are its other sheets.
+    - `tables`: the numbers and titles of tables below each other that are laid out alike, where
+      there are others in the file; `left` are these.
     - `numeric`: the places of columns of numbers.
     """
 
@@ -56,6 +59,7 @@ class Preview:
     numeric: tuple[int, ...] = field(compare=False)
     alike: tuple[str, ...] = ()
     left: tuple[str, ...] = ()
+    tables: tuple[tuple[int, str], ...] = ()
 
 
 def unread(path: Path) -> str | None:
@@ -92,8 +96,43 @@ def preview(path: Path) -> Preview:
     best = max(tables, key=lambda table: table.rank)
     layouts = {table.top.sheet: table.layout(reader.name) for table in tables}
     if best.top.sheet is None:
-        return best.layout(reader.name)
-    return _of_all_sheets(best.top.sheet, layouts, [top.sheet for top in tops])
+        return _with_tables_below(path, best.layout(reader.name), reader)
+    layout = _of_all_sheets(best.top.sheet, layouts, [top.sheet for top in tops])
+    return layout if layout.alike else _with_tables_below(path, layout, reader)
+
+
+def _with_tables_below(path: Path, layout: Preview, reader: Reader) -> Preview:
+    """Return the layout with the tables that have its header, where several stand below each
+    other; those with another header are left.
+    """
+    if reader.below is None:
+        return layout
+    settings = {**layout.settings, "header": int(layout.settings.get("header", True))}
+    settings.pop("skip_rows", None)
+    known = {one.name for one in fields(TableRequest)} & {*settings}
+    request = TableRequest(path.name, (), **{key: settings[key] for key in known})
+    tables = reader.below(path, request)
+    if len(tables) < 2:
+        return layout
+
+    def titles(table: Below) -> list[str]:
+        cells = table.header[0][1] if table.header else [""] * len(table.rows[0][1])
+        return ["" if cell is None else str(cell).strip() for cell in cells]
+
+    wanted = [*layout.titles] or [""] * (1 + max(layout.numeric))
+    numbered = [*enumerate(tables, start=1)]
+    alike = tuple((at, one.title) for at, one in numbered if titles(one)[: len(wanted)] == wanted)
+    if not alike:
+        return layout
+    left = tuple(
+        f"table {at} ({', '.join(filter(None, titles(one)))})"
+        for at, one in numbered
+        if at not in dict(alike)
+    )
+    del settings["header"]
+    if layout.settings.get("header", True) is not True:
+        settings["header"] = layout.settings["header"]
+    return replace(layout, settings=settings, tables=alike, left=(*layout.left, *left))
 
 
 def _no_table(path: Path, tops: Sequence[Top], remedy: str) -> DataError:

@@ -21,6 +21,7 @@ from mapmore_cli.annexes.drafting.columns import (
     read_titles,
 )
 from mapmore_cli.annexes.drafting.draft import Column, Conditions, Draft, Named, Section
+from mapmore_cli.annexes.drafting.names import told_by_names
 from mapmore_cli.annexes.drafting.sources import Study, started
 from mapmore_cli.annexes.drafting.understanding import Understood
 from mapmore_cli.checking.evidence import MUCH, two_digits
@@ -36,6 +37,7 @@ from mapmore_cli.study.sections.data import Data
 from mapmore_cli.study.units import can_convert, convert, default_unit, is_canonical
 
 MOST_FILES = 5  # that are looked at
+MOST_SHOWN = 12  # columns that a line names
 MOST_WORDS = 3  # that stand for missing numbers in one column; more are a column of words
 RESET = {"longer_than": 60.0, "action": "split"}  # cuts a recording where its clock is set back
 BREAK = 5  # usual steps without a sample, that are a gap
@@ -105,6 +107,22 @@ def table_of(study: Study, folder: Path) -> Table:
     return read_titles(layout, raw)
 
 
+def described(study: Study, folder: Path) -> str:
+    """Return the counts of a layout in words: files, rows, columns, and what names say."""
+    try:
+        table = table_of(study, folder)
+    except (DataError, SpecError) as fault:
+        return f"{study}, which cannot be read: {fault.message}"
+    values = [one.values for one in table.values() if one.values]
+    sizes = [max(map(len, x)) for x in zip(*values, strict=True)]
+    looked_at = "" if len(study.files) <= MOST_FILES else f" in {len(sizes)} of them"
+    columns = ", ".join(one.called for one in [*table.values()][:MOST_SHOWN])
+    more = ", ..." if len(table) > MOST_SHOWN else ""
+    conditions, _ = told_by_names(study.names)
+    names = "".join(f"; names say {one.why}" for one in conditions)
+    return f"{study}, {sum(sizes)} rows{looked_at}, {len(table)} columns ({columns}{more}){names}"
+
+
 def split_by(table: Table, said: Sequence[str]) -> Table:
     """Return a table with the values of each recording apart, as columns that a person names tell
     them; as it is where some of these lack values. Raises UsageError for a name that no column has.
@@ -142,7 +160,7 @@ def _read_columns(
 
     def read(missing: object) -> list[Samples]:
         data = _Columns.model_validate({**section, "columns": entries, "missing": missing})
-        every = find_sources(data.files, folder)
+        every = find_sources(data.files, folder, bad=data.skip_bad_files)
         some = every[:: -(-len(every) // MOST_FILES)]  # columns are the same in all
         meter = Meter(some, lambda *_: None)
         tables: list[Samples] = []
@@ -263,12 +281,13 @@ def _read_tolerantly(draft: Draft, folder: Path, target: str) -> tuple[Draft, Da
         lambda rule: read_draft(draft.with_data("missing", rule), folder, target, warnings.append)
     )
     draft, is_most = draft.with_data("missing", missing), True
-    if "skip_bad_files" in draft.data:
+    if draft.data.get("skip_bad_files") is True:
         sources = find_sources(Data.model_validate(draft.data).files, folder, bad=True)
         names = dict.fromkeys(source.name for source in sources)
         read = {one.source for one in dataset.recordings}
         bad = [name for name in names if name not in read]
-        why = "; ".join(dict.fromkeys(warning for warning in warnings if BAD in warning))
+        told = [warning for warning in dict.fromkeys(warnings) if BAD in warning]
+        why = "; ".join(told)
         draft = draft.with_data("skip_bad_files", bad or True, why, False)
         is_most = 2 * len(read) >= len(names)
     return _with_losses_told(draft, dataset), dataset, is_most

@@ -41,19 +41,30 @@ class Study:
         return Path(os.path.commonpath([file.parent for file in self.files]))
 
     @property
-    def parts(self) -> list[tuple[Path, str]]:
-        """Every recording: its file, and its sheet where the names of sheets tell something."""
-        is_told = len(self.files) == 1 or self.layout.left
-        sheets = (is_told and self.layout.alike) or ("",)
-        return [(file, sheet) for file in self.files for sheet in sheets]
+    def parts(self) -> list[tuple[Path, Section]]:
+        """Every recording: its file, and where in it: its sheet where the names of sheets tell
+        something, or its table of several below each other.
+        """
+        if self.layout.tables:
+            places: list[Section] = [{"table": at} for at, _ in self.layout.tables]
+        else:
+            is_told = len(self.files) == 1 or self.layout.left
+            places = [{"sheet": sheet} for sheet in (is_told and self.layout.alike) or ()]
+        return [(file, place) for file in self.files for place in places or [{}]]
 
     @property
     def names(self) -> list[str]:
-        """What names each recording: its sheet, else its path in the folder."""
-        return [
-            sheet if len(self.files) == 1 and sheet else stem_of(relative_name(file, self.folder))
-            for file, sheet in self.parts
-        ]
+        """What names each recording: its path in the folder; its sheet, or what stands above its
+        table, where there is one file; both where tables stand in several.
+        """
+        titles, is_one = dict(self.layout.tables), len(self.files) == 1
+        stems = {file: stem_of(relative_name(file, self.folder)) for file in self.files}
+        names = []
+        for file, place in self.parts:
+            title = titles.get(place.get("table", 0), "") if is_one or titles else ""
+            title = title or (place.get("sheet", "") if is_one else "")
+            names.append(title if is_one and title else f"{stems[file]} {title}".strip())
+        return names
 
     @property
     def quantities(self) -> set[str]:
@@ -172,13 +183,15 @@ def started(
         draft = draft.noted(("data", "header"), "the first line holds numbers")
     if "sample_time" in layout.settings:
         draft = draft.noted(("data", "sample_time"), "s: as the file says")
-    is_by_sheet = bool(study.parts[0][1]) and bool(conditions or layout.left)
-    if is_by_sheet:
+    is_by_part = bool(layout.tables) or (
+        bool(study.parts[0][1]) and bool(conditions or layout.left)
+    )
+    if is_by_part and not layout.tables:
         draft = draft.without_data("sheet")
     if layout.left:
         why = f"laid out in another way, and left out: {', '.join(map(repr, layout.left))}"
-        draft = draft.noted(("data", "reader" if is_by_sheet else "sheet"), why)
-    entries = _file_entries(study, folder, conditions, is_by_sheet)
+        draft = draft.noted(("data", "sheet" if "sheet" in draft.data else "reader"), why)
+    entries = _file_entries(study, folder, conditions, is_by_part)
     draft = draft.with_data("files", entries)
     named = {one if isinstance(one, str) else one["path"] for one in entries}
     files = {path for one in named if glob.has_magic(one) for path in expand(one, folder, True)}
@@ -192,17 +205,19 @@ def started(
 
 
 def _file_entries(
-    study: Study, folder: Path, conditions: Sequence[Condition], is_by_sheet: bool
+    study: Study, folder: Path, conditions: Sequence[Condition], is_by_part: bool
 ) -> list[Any]:
-    """Return the `files` of a spec: globs, with the sheet and the values that names tell."""
+    """Return the `files` of a spec: globs, with the sheet or the table, and the values that names
+    tell.
+    """
     values = [one.in_model_units for one in conditions]
-    members: dict[tuple[str, tuple[float, ...]], list[Path]] = {}
-    for place, (file, sheet) in enumerate(study.parts):
-        kind = (sheet if is_by_sheet else "", tuple(series[place] for series in values))
+    members: dict[tuple[Any, ...], list[Path]] = {}
+    for at, (file, place) in enumerate(study.parts):
+        kind = (*(place.items() if is_by_part else ()), tuple(series[at] for series in values))
         members.setdefault(kind, []).append(file)
     entries: list[Any] = []
-    for (sheet, numbers), files in members.items():
-        more: Section = {"sheet": sheet} if sheet else {}
+    for (*part, numbers), files in members.items():
+        more: Section = dict(part)
         if numbers:
             more["set"] = dict(zip((one.quantity for one in conditions), numbers, strict=True))
         paths = patterns(list(dict.fromkeys(files)), folder, study.bad)

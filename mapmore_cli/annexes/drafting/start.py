@@ -5,7 +5,7 @@ Titles, units and the person decide what columns are; nothing is guessed from va
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -26,6 +26,7 @@ from mapmore_cli.annexes.drafting.names import numbered_groups, tests_of
 from mapmore_cli.annexes.drafting.questions import Ask, interview
 from mapmore_cli.annexes.drafting.recordings import (
     cleaned,
+    described,
     read_draft,
     split_by,
     table_of,
@@ -178,11 +179,13 @@ def start(
     single: bool = False,
     answers: Answers = NOTHING_SAID,
     ask: Ask | None = None,
+    tell: Callable[[str], None] = lambda _: None,
 ) -> Start:
     """Draft specs for every study under `path`, or for the largest one only, with relative paths
     from `folder`.
 
-    Where somebody can be asked (`ask`), it is the largest that is asked about.
+    Where somebody can be asked (`ask`), it is the largest that is asked about. `tell` is called
+    with a line for each layout before, where there are several.
 
     Raises
     ------
@@ -192,12 +195,21 @@ def start(
         Where nothing says what is to be predicted, of any study.
     """
     studies, remarks = find_studies(path)
+    if len(studies) > 1:
+        tell(f"{path} has {len(studies)} layouts:")
+        for study, label in zip(studies, _names_apart(studies), strict=True):
+            tell(f"  {label}: {described(study, folder)}")
     seconds = [second_of(study, studies) for study in studies]
     is_single = single or ask is not None
     drafts: list[Draft] = []
     refusal: UsageError | None = None
     for study, second, label in zip(studies, seconds, _names_apart(studies), strict=True):
         if study in seconds:
+            continue
+        if study is not studies[0] and answers.has_places:
+            first = studies[0].files[0].name
+            why = f"another layout; the numbers that you say are those of {first}"
+            remarks.append(f"{label} ({study}): {why}; give its files alone to `init`")
             continue
         if drafts and is_single:
             remarks.append(f"{label} ({study}): another study; give its files alone to `init`")
@@ -207,7 +219,9 @@ def start(
             study, name=label if name is None else name if is_only else f"{name}-{label}"
         )
         try:
-            drafts += propose(called, folder, answers, second, ask, str(path))
+            found = propose(called, folder, answers, second, ask, str(path))
+            remarks += dict.fromkeys(one.bad_files for one in found if one.bad_files)
+            drafts += found
         except (UsageError, DataError, SpecError) as fault:
             if isinstance(fault, UsageError):
                 if ask is not None:

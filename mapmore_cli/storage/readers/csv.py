@@ -27,6 +27,7 @@ from mapmore_cli.storage.tables import (
     locate_columns,
     reading,
 )
+from mapmore_cli.storage.tables.below import Below, chosen_table, tables_below
 from mapmore_cli.storage.tables.cells import NUMBER, holds_number
 from mapmore_cli.storage.tables.lines import (
     LAST_LINES,
@@ -41,6 +42,9 @@ from mapmore_cli.storage.tables.rows import Wanted, values_of_rows, wanted_of
 WHITESPACE = "whitespace"
 DELIMITERS = {"tab": "\t"}
 MARKS = {";": "a semicolon", "\t": "a tab"}
+
+_WORDS = re.compile(r"[\s\"']*[^\W\d_]|[\s\"']*[#\[({]")
+"""How a line of words begins."""
 
 Numbered = tuple[int, list[str]]
 """Line number in the file, and the fields of the record that ends there."""
@@ -97,6 +101,8 @@ def _parse(lines: Lines, raw: BufferedReader, request: TableRequest) -> RawTable
     delimiter = DELIMITERS.get(request.delimiter, request.delimiter)
     split_at = None if delimiter == WHITESPACE else delimiter
     records = _records(lines, split_at, request.label)
+    if request.table is not None:
+        return _parse_table(records, request, split_at)
     first = next((record for record in records if record[1]), None)
     if first is None:
         raise DataError(f"{request.label}: the file is empty")
@@ -117,6 +123,39 @@ def _parse(lines: Lines, raw: BufferedReader, request: TableRequest) -> RawTable
     rows = every if len(every) == len(columns[0]) else np.concatenate(numbers)
     whole = RawTable(dict(zip(request.columns, columns, strict=True)), rows, request.label)
     return replace(whole, open_end=_open_end(b"".join(last), layout))
+
+
+def _parse_table(
+    records: Iterable[Numbered], request: TableRequest, delimiter: str | None
+) -> RawTable:
+    """Return one of the tables that stand below each other."""
+    is_number = partial(holds_number, decimal=request.decimal)
+    found = chosen_table((one for one in records if one[1]), request, is_number)
+    layout = _layout([*(found.header or found.rows)[0][1]], request, delimiter)
+    filled = [(number, [*cells]) for number, cells in found.rows]
+    numbers, *columns = values_of_records(filled, layout)
+    return RawTable(dict(zip(request.columns, columns, strict=True)), numbers, request.label)
+
+
+def below_csv(path: Path, request: TableRequest) -> list[Below]:
+    """Return the tables that stand below each other in a text; none where no line of words, and no
+    blank line, stands below numbers.
+    """
+    delimiter = DELIMITERS.get(request.delimiter, request.delimiter)
+    split_at = None if delimiter == WHITESPACE else delimiter
+    with reading(request.label, "text file", UNREADABLE):
+        with open_lines(path, request.encoding, request.label, errors="replace") as (lines, _):
+            begun = broken = False
+            for line in lines:
+                is_words = _WORDS.match(line) is not None
+                broken = broken or (begun and (is_words if request.header else not line.strip()))
+                begun = begun or not is_words
+        if not broken:
+            return []
+        with open_lines(path, request.encoding, request.label, errors="replace") as (lines, _):
+            records = _records(lines, split_at, request.label)
+            is_number = partial(holds_number, decimal=request.decimal)
+            return tables_below((one for one in records if one[1]), request.header, is_number)
 
 
 def _records(lines: Lines, delimiter: str | None, label: str) -> Iterator[Numbered]:
@@ -338,6 +377,7 @@ READER = Reader(
     "csv",
     read_csv,
     suffixes=(".csv", ".txt", ".tsv", ".dat"),
-    keys=("header", "skip_rows", "delimiter", "decimal", "thousands", "encoding"),
+    keys=("header", "skip_rows", "table", "delimiter", "decimal", "thousands", "encoding"),
     peek=peek_csv,
+    below=below_csv,
 )

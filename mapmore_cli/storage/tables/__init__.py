@@ -193,6 +193,8 @@ class Reader:
     - `by_index`: whether columns also go by their 0-based index.
     - `peek`: reads the first rows of a file in every way that it may be meant, the likeliest first;
       without it, `read` is asked for no columns, which are then all.
+    - `below`: returns the tables that stand below each other in a file, by a request without
+      columns; none where it is one table.
     - `begins`: how such files begin, whatever their names; empty where that is no sign.
     """
 
@@ -204,6 +206,7 @@ class Reader:
     by_index: bool = True
     peek: Callable[[Path, int], Iterable[Top]] | None = None
     begins: bytes = b""
+    below: Callable[[Path, TableRequest], Sequence[Any]] | None = None
 
 
 def locate_columns(
