@@ -231,16 +231,26 @@ def words(text: str) -> list[str]:
 
 
 def spelt(text: str) -> str:
-    """Return a text with its letters in the Latin alphabet: accents are taken off, and others are
-    spelt as Unicode names them (`θ1` is `theta1`); signs without a letter's name get their number.
+    """Return a text in the Latin alphabet: accents are taken off, and letters are spelt as Unicode
+    names them, within words by their first sounds (`θ1` is `theta1`, `Πίεση` is `piese`); signs
+    without a letter's name get their number.
     """
+    plain = "".join(
+        sign for sign in unicodedata.normalize("NFKD", text) if not unicodedata.combining(sign)
+    )
+    return re.sub(r"[^\W\d_a-zA-Z]+", _spelt_word, plain)
+
+
+def _spelt_word(match: re.Match[str]) -> str:
     letters: list[str] = []
-    for sign in unicodedata.normalize("NFKD", text):
-        if not sign.isascii() and sign.isalpha():
-            name = unicodedata.name(sign, "").rpartition(" LETTER ")[2].partition(" WITH ")[0]
-            word = name.replace("FINAL ", "").replace(" ", "_").lower()
-            sign = word if word.replace("_", "").isalpha() else f"u{ord(sign):x}"
-        letters.append("" if unicodedata.combining(sign[0]) else sign)
+    for sign in match[0]:
+        said = unicodedata.name(sign, "").rpartition(" LETTER ")[2].removeprefix("FINAL ").lower()
+        name = said.partition(" with ")[0]
+        if not name.replace(" ", "").isalpha() or sign == "\N{LATIN SMALL LETTER SHARP S}":
+            name = "ss" if sign == "\N{LATIN SMALL LETTER SHARP S}" else f"u{ord(sign):x}"
+        elif len(match[0]) > 1 and "GREEK" in unicodedata.name(sign):
+            name = name[: 2 if name[:2] in ("th", "ph", "ch", "ps") else 1]
+        letters.append(name.replace(" ", "_"))
     return "".join(letters)
 
 

@@ -77,9 +77,12 @@ def propose(
     table = split_by(table_of(study, folder), answers.recordings)
     columns, beside = _shared_out(answers.columns, table)
     answers = replace(answers, columns=columns)
+    if second is not None and answers.inputs is not None:
+        inputs, in_second = _shared_out(answers.inputs, table)
+        answers, beside = replace(answers, inputs=inputs), beside | in_second
 
     def view(answers: Answers) -> Understood:
-        return understood(study, table, answers, path)
+        return understood(study, table, answers, path, is_driven=second is not None)
 
     if ask is not None:
         answers = interview(table, study.names, view, answers, ask)

@@ -63,8 +63,11 @@ class Understood:
         return names[0]
 
 
-def understood(study: Study, table: Table, answers: Answers, path: str) -> Understood:
-    """Return what titles, names and a person say of a study.
+def understood(
+    study: Study, table: Table, answers: Answers, path: str, is_driven: bool = False
+) -> Understood:
+    """Return what titles, names and a person say of a study; `is_driven` says that a second log
+    holds an input.
 
     Raises
     ------
@@ -108,7 +111,7 @@ def understood(study: Study, table: Table, answers: Answers, path: str) -> Under
     group, grouping = _group_of(table, answers.group, columns)
     columns |= grouping
     inputs = [name for name in inputs if name not in {*grouping, *apart}]
-    if not inputs and not conditions:
+    if not inputs and not conditions and not is_driven:
         raise UsageError(
             f"{study.files[0].name}: nothing is left that drives {targets[0]}",
             "name it by --inputs, or what was held by --hold",
