@@ -96,14 +96,14 @@ def preview(path: Path) -> Preview:
     best = max(tables, key=lambda table: table.rank)
     layouts = {table.top.sheet: table.layout(reader.name) for table in tables}
     if best.top.sheet is None:
-        return _with_tables_below(path, best.layout(reader.name), reader)
+        return _with_tables_below(path, best, best.layout(reader.name), reader)
     layout = _of_all_sheets(best.top.sheet, layouts, [top.sheet for top in tops])
-    return layout if layout.alike else _with_tables_below(path, layout, reader)
+    return layout if layout.alike else _with_tables_below(path, best, layout, reader)
 
 
-def _with_tables_below(path: Path, layout: Preview, reader: Reader) -> Preview:
-    """Return the layout with the tables that have its header, where several stand below each
-    other; those with another header are left.
+def _with_tables_below(path: Path, best: _FoundTable, layout: Preview, reader: Reader) -> Preview:
+    """Return the layout with the tables of one header, that of the most rows, where several stand
+    below each other; those with another header are left.
     """
     if reader.below is None:
         return layout
@@ -114,25 +114,33 @@ def _with_tables_below(path: Path, layout: Preview, reader: Reader) -> Preview:
     tables = reader.below(path, request)
     if len(tables) < 2:
         return layout
-
-    def titles(table: Below) -> list[str]:
-        cells = table.header[0][1] if table.header else [""] * len(table.rows[0][1])
-        return ["" if cell is None else str(cell).strip() for cell in cells]
-
-    wanted = [*layout.titles] or [""] * (1 + max(layout.numeric))
-    numbered = [*enumerate(tables, start=1)]
-    alike = tuple((at, one.title) for at, one in numbered if titles(one)[: len(wanted)] == wanted)
-    if not alike:
+    headers = [tuple(_titles_of(table)) for table in tables]
+    rows = Counter[tuple[str, ...]]()
+    for header, table in zip(headers, tables, strict=True):
+        rows[header] += len(table.rows)
+    wanted = rows.most_common(1)[0][0]
+    alike = [(at, one) for at, one in enumerate(tables, start=1) if headers[at - 1] == wanted]
+    first = alike[0][1]
+    cells = [row for _, row in (*first.header, *first.rows[:LINES])]
+    found = _table_in(replace(best.top, rows=cells))
+    if found is None:
         return layout
-    left = tuple(
-        f"table {at} ({', '.join(filter(None, titles(one)))})"
-        for at, one in numbered
-        if at not in dict(alike)
+    left = (f"table {at} ({', '.join(x)})" for at, x in enumerate(headers, start=1) if x != wanted)
+    whole = found.layout(reader.name)
+    whole.settings.pop("skip_rows", None)
+    return replace(
+        whole,
+        tables=tuple((at, one.title) for at, one in alike),
+        left=(*layout.left, *left),
+        alike=layout.alike,
     )
-    del settings["header"]
-    if layout.settings.get("header", True) is not True:
-        settings["header"] = layout.settings["header"]
-    return replace(layout, settings=settings, tables=alike, left=(*layout.left, *left))
+
+
+def _titles_of(table: Below) -> list[str]:
+    """Return the cells of a table's header that are filled; of none, the number of its columns."""
+    if not table.header:
+        return [f"{len(table.rows[0][1])} columns"]
+    return [str(cell).strip() for cell in _nonempty(table.header[0][1])]
 
 
 def _no_table(path: Path, tops: Sequence[Top], remedy: str) -> DataError:
