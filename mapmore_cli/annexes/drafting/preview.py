@@ -22,6 +22,9 @@ REMARKS = ("#", "%", "//", "!")  # what a line begins with that is no data
 LETTERS = "smNVAKgh1%-"  # that are units as everybody writes them
 # as microcontrollers plot: `t:12,p:3.4`
 _LABELLED = re.compile(r"\s*[A-Za-z_]\w*\s*[:=]\s*[-+]?[.\d]\S*")
+HEAD = 1 << 16  # bytes at the beginning of a text
+_NUMBERS = re.compile(rb"[\s\"']*[-+.\d]")
+_DIGITS = re.compile(rb"[-+]?\d+(?:\.\d+)?(?:[eE][-+]?\d+)?")
 UNREAD = {
     "zip 7z rar tar tgz zst": "unpack it",
     "mf4 mdf": "export it as CSV, as by `asammdf.MDF(path).export('csv')`",
@@ -69,6 +72,21 @@ def unread(path: Path) -> str | None:
     if remedy is None or reader_of(path) is not None:
         return None
     return f"{path.name}: no reader takes {suffix}; {remedy}"
+
+
+def kinds_of_lines(path: Path) -> tuple[bytes, ...]:
+    """Return the kinds of lines at the beginning of a text: lines of words as they are, lines of
+    numbers with 0 for each number. Texts of the same kinds are laid out alike, and one of them is
+    looked at closely. Empty for what is no text.
+    """
+    with path.open("rb") as file:
+        head = file.read(HEAD)
+    if b"\0" in head or not head:
+        return ()
+    lines = head.splitlines()[: LINES + 1]
+    lines = lines if len(head) < HEAD else lines[:-1]
+    kinds = (_DIGITS.sub(b"0", line) if _NUMBERS.match(line) else line for line in lines)
+    return tuple(dict.fromkeys(kinds))
 
 
 def preview(path: Path) -> Preview:

@@ -16,7 +16,7 @@ from typing import Any
 
 from mapmore_cli.annexes.drafting.draft import Draft, Section
 from mapmore_cli.annexes.drafting.names import Condition, stem_of
-from mapmore_cli.annexes.drafting.preview import Preview, preview, unread
+from mapmore_cli.annexes.drafting.preview import Preview, kinds_of_lines, preview, unread
 from mapmore_cli.checking.names import POSITIONS, read_label
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.ingestion.files import expand, relative_name
@@ -86,17 +86,20 @@ def find_studies(path: Path) -> tuple[list[Study], list[str]]:
     every = [path] if path.is_file() else [one for one in sorted(path.rglob("*")) if one.is_file()]
     left_out: list[str] = []
     bad: list[Path] = []
+    seen: dict[tuple[str, tuple[bytes, ...]], Preview] = {}
     layouts: dict[str, tuple[Preview, list[Path]]] = {}
     for file in (one for one in every if one == path or _is_own(one, path)):
         if file != path and reader_of(file) is None:
             left_out += filter(None, [unread(file)])
             continue
         try:
-            layout = preview(file)
+            like = (file.suffix, kinds_of_lines(file))
+            layout = seen[like] if like in seen and like[1] else preview(file)
         except DataError as fault:
             left_out.append(fault.message)
             bad.append(file)
             continue
+        seen[like] = layout
         kind = repr(replace(layout, numeric=()))
         layouts.setdefault(kind, (layout, []))[1].append(file)
     studies = [Study(tuple(files), layout, bad=tuple(bad)) for layout, files in layouts.values()]
