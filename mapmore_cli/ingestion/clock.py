@@ -20,6 +20,7 @@ from mapmore_cli.study.sections.data import Data
 from mapmore_cli.study.sections.logs import Join
 from mapmore_cli.study.units import convert
 
+REPEATS = "time stamps repeat"
 MOST_GLITCHES = 0.01  # of the samples; a clock that was set back loses more
 # times the usual step: a gap that is worth a warning where the spec does not say what a gap is
 CONSPICUOUS = 10
@@ -101,7 +102,9 @@ def in_time_order(samples: Samples, repeated: str, unit: str) -> Samples:
         )
         raise DataError(what, "Set `repeated_time: average` or `repeated_time: spread`.")
     if repeated == "spread":
-        return samples.with_columns({"time": sampling.spread_repeated(time)})
+        note = f"{samples.label}: {len(repeats)} {REPEATS}, and are spread until the next one"
+        spread = samples.with_columns({"time": sampling.spread_repeated(time)})
+        return replace(spread, notes=(*samples.notes, note))
     first = np.concatenate([[True], np.diff(time) > 0])
     _, averaged = sampling.average_repeated(time, samples.columns)
     return samples.keep(first, "repeated time").with_columns({**averaged, "time": time[first]})

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from fnmatch import fnmatchcase
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 
 import numpy as np
 
@@ -40,7 +40,7 @@ from mapmore_cli.ingestion.files import (
     Source,
     Tables,
     find_sources,
-    relative_name,
+    is_file_named,
 )
 from mapmore_cli.ingestion.groups import group_effects
 from mapmore_cli.ingestion.samples import (
@@ -49,13 +49,14 @@ from mapmore_cli.ingestion.samples import (
     kept,
     located,
     read_tables,
-    without_missing,
+    recordings_apart,
 )
 from mapmore_cli.ingestion.uncertainty import with_uncertainty
 from mapmore_cli.modelling.signals.cycles import last_cycles
 from mapmore_cli.study.sections.data import Between, Data, Holdout
 from mapmore_cli.study.sections.logs import FileEntry
 
+BAD = "is left out as a bad file"
 FEW = 10  # samples kept, below which a recording is worth a warning
 MUCH = 0.5  # fraction dropped, above which it is
 
@@ -83,13 +84,29 @@ def build_dataset(
     """
     data, units, target = slice_.data, dict(slice_.units), slice_.measured
     _check(data)
-    sources = find_sources(data.files, spec_dir, data.join, tables)
+    sources = find_sources(data.files, spec_dir, data.join, tables, data.skip_bad_files)
     meter = Meter(sources, progress)
     notes, warnings, logs = list[str](), list[str](), list[list[Recording]]()
+    faults: list[DataError] = []
     for source in sources:
-        read = read_tables(source, data, data, units, meter)
-        for samples in with_joined(read, source, data, units, meter):
-            logs.append(_mended(samples, source, data, units, notes, warnings))
+        try:
+            read = read_tables(source, data, data, units, meter)
+            logs += [
+                _mended(part, source, data, units, notes, warnings)
+                for samples in with_joined(read, source, data, units, meter)
+                for part in recordings_apart(samples, data, units)
+            ]
+        except DataError as fault:
+            faults.append(fault)
+            if data.skip_bad_files is not True:
+                raise
+            warnings.append(f"{source.name}: {BAD}: {fault.message}")
+    if not logs:
+        raise (
+            faults[0]
+            if faults
+            else DataError("data.skip_bad_files: every file is left out", "leave out fewer files")
+        )
     if data.plateau is not None:
         static = (
             None
@@ -167,10 +184,9 @@ def _mended(
     """Return the pieces of a log in order of time, a single one where it has no gaps; what was
     found in it is added to notes and warnings.
 
-    In this order: missing values, constants, time stamps and gaps, even time steps, derived
+    In this order: constants, time stamps and gaps, even time steps, derived
     quantities, conditions to keep samples.
     """
-    samples = without_missing(samples, data, data.missing)
     constants = {
         name: np.broadcast_to(np.float64(value), samples.size)
         for name, value in source.constants.items()
@@ -285,9 +301,7 @@ def _conditions(
     """Yield for each condition which samples fulfil it, (n,) over all parts in a row."""
 
     def is_named(source: str, pattern: str) -> bool:
-        return fnmatchcase(source, relative_name(folder / pattern, folder)) or fnmatchcase(
-            PurePosixPath(source).name, pattern
-        )
+        return is_file_named(source, pattern, folder)
 
     sizes = [part.size for part in parts]
     if choice.files is not None:
@@ -322,13 +336,19 @@ def _conditions(
 def _matching(
     kind: str, patterns: Sequence[str], names: Sequence[str], matches: Callable[[str, str], bool]
 ) -> list[bool]:
+    """Return which of the names are meant: those that a pattern is equal to, else those that it
+    matches as a glob. Brackets are part of names (`book[Run1]`) as well as of globs.
+    """
+    held: set[str] = set()
     for pattern in patterns:
-        if not any(matches(name, pattern) for name in names):
+        meant = {pattern} & {*names} or {name for name in names if matches(name, pattern)}
+        if not meant:
             raise DataError(
                 f"split.validate.{kind}: '{pattern}' matches nothing",
                 f"The data have: {', '.join(dict.fromkeys(names))}.",
             )
-    return [any(matches(name, pattern) for pattern in patterns) for name in names]
+        held |= meant
+    return [name in held for name in names]
 
 
 def _at_levels(parts: Sequence[LevelPart], values: Sequence[float], levels: LevelSet) -> list[bool]:

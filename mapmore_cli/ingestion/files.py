@@ -78,14 +78,15 @@ def slice_of(spec: ExperimentSpec) -> IngestSlice:
 
 @dataclass(frozen=True)
 class Log:
-    """A file to read, its name relative to the spec's folder, and the sheet of it where its entry
-    names one; or a `table` in memory that is called so.
+    """A file to read, its name relative to the spec's folder, and the sheet or the number of the
+    table below others where its entry names one; or a `table` in memory that is called so.
     """
 
     path: Path
     name: str
     sheet: str | None
     table: RawTable | None = field(default=None, kw_only=True)
+    table_below: int | None = field(default=None, kw_only=True)
 
     @property
     def bytes(self) -> int:
@@ -118,15 +119,20 @@ NO_TABLES: Tables = MappingProxyType({})
 
 
 def find_sources(
-    entries: Entries, folder: Path, joins: Sequence[Join] = (), tables: Tables = NO_TABLES
+    entries: Entries,
+    folder: Path,
+    joins: Sequence[Join] = (),
+    tables: Tables = NO_TABLES,
+    bad: bool | Sequence[str] = False,
 ) -> tuple[Source, ...]:
     """Return the files of `data.files` in the order of the entries, those of one glob sorted by
-    path, each with its joined logs; entries that name one of the `tables` are in memory.
+    path, each with its joined logs; entries that name one of the `tables` are in memory. Files that
+    `bad` (`data.skip_bad_files`) names are left out after logs were paired.
 
     Raises DataError where a glob finds nothing, a file is named twice, or joined logs cannot be
     paired; SpecError where recordings share an id.
     """
-    found = _found(entries, folder, tables)
+    found = _found(entries, folder, tables, may_be_empty=bool(bad))
     ids = [
         entry.id or automatic
         for (_, entry), automatic in zip(found, _automatic([log for log, _ in found]), strict=True)
@@ -147,21 +153,32 @@ def find_sources(
             entry.keep,
             tuple(joined[i] for joined in logs),
             table=log.table,
+            table_below=log.table_below,
         )
         for i, (log, entry) in enumerate(found)
+        if bad is True or not any(is_file_named(log.name, path, folder) for path in bad or ())
     )
 
 
+def is_file_named(name: str, pattern: str, folder: Path) -> bool:
+    """Return whether a path or a glob, with its folders or without them, names a file."""
+    paths = (name, PurePosixPath(name).name)
+    if pattern in paths:
+        return True
+    relative = relative_name(folder / pattern, folder)
+    return fnmatch.fnmatchcase(name, relative) or fnmatch.fnmatchcase(paths[1], pattern)
+
+
 def _found(
-    entries: Entries, folder: Path, tables: Tables = NO_TABLES
+    entries: Entries, folder: Path, tables: Tables = NO_TABLES, may_be_empty: bool = False
 ) -> list[tuple[Log, FileEntry]]:
     """Every file with the entry that names it; sheets that entries name one by one are files of
     their own.
     """
-    found: dict[tuple[str, str | None], tuple[Log, FileEntry]] = {}
+    found: dict[tuple[str, str | None, int | None], tuple[Log, FileEntry]] = {}
     for entry in (FileEntry(path=entry) if isinstance(entry, str) else entry for entry in entries):
         table = tables.get(entry.path)
-        paths = expand(entry.path, folder) if table is None else [folder / entry.path]
+        paths = expand(entry.path, folder, may_be_empty) if table is None else [folder / entry.path]
         if entry.id is not None and len(paths) > 1:
             raise SpecError(
                 f"files: id '{entry.id}' is given to {len(paths)} files ({entry.path})",
@@ -169,27 +186,35 @@ def _found(
             )
         for path in paths:
             name = relative_name(path, folder)
-            if (name, entry.sheet) in found:
-                before = found[name, entry.sheet][1].path
-                which = f"{name}:{entry.sheet}" if entry.sheet else name
+            part = (name, entry.sheet, entry.table)
+            if part in found:
+                before = found[part][1].path
+                which = ":".join(map(str, filter(None, part)))
                 raise DataError(
                     f"{which}: named twice, by '{before}' and '{entry.path}'",
                     "make the patterns of `files` disjoint",
                 )
-            found[name, entry.sheet] = (Log(path, name, entry.sheet, table=table), entry)
+            log = Log(path, name, entry.sheet, table=table, table_below=entry.table)
+            found[part] = (log, entry)
     return list(found.values())
 
 
 def _automatic(logs: Sequence[Log]) -> list[str]:
-    """Ids after the files; where one is read sheet by sheet, with the sheet behind it, as
-    `book[Run1]`.
+    """Ids after the files; where one is read sheet by sheet, or table by table, with that behind
+    it, as `book[Run1]`.
     """
     sheets = Counter(log.name for log in logs)
     ids = dict(zip(sheets, unique_ids([*sheets]), strict=True))
     return [
-        f"{ids[log.name]}[{log.sheet}]" if sheets[log.name] > 1 and log.sheet else ids[log.name]
+        f"{ids[log.name]}[{part}]"
+        if sheets[log.name] > 1 and (part := ":".join(map(str, filter(None, _part_of(log)))))
+        else ids[log.name]
         for log in logs
     ]
+
+
+def _part_of(log: Log) -> tuple[str | None, int | None]:
+    return log.sheet, log.table_below
 
 
 def _logs_to_join(join: Join, count: int, folder: Path) -> list[Log]:
@@ -204,11 +229,11 @@ def _logs_to_join(join: Join, count: int, folder: Path) -> list[Log]:
     return logs if len(logs) == count else logs * count
 
 
-def expand(pattern: str, folder: Path) -> list[Path]:
+def expand(pattern: str, folder: Path, may_be_empty: bool = False) -> list[Path]:
     """Return the files that a glob names, sorted by POSIX path; relative ones start at `folder`.
 
     A path that exists as it is written is taken literally, brackets and all. Raises DataError for a
-    folder, or where nothing matches.
+    folder, for an empty file unless it `may_be_empty`, or where nothing matches.
     """
     literal = folder / pattern
     if literal.is_dir():
@@ -235,8 +260,11 @@ def expand(pattern: str, folder: Path) -> list[Path]:
                 "rename the file",
             )
         # as all files below /proc say of themselves, which may never end
-        if path.stat().st_size == 0:
-            raise DataError(f"{name}: is empty", "leave it out of `files`, or get it again")
+        if path.stat().st_size == 0 and not may_be_empty:
+            raise DataError(
+                f"{name}: is empty",
+                "leave it out of `files`, name it in `skip_bad_files`, or get it again",
+            )
         files.append(path)
     if not files:
         raise DataError(f"{pattern}: no such file", _what_exists(literal))

@@ -118,7 +118,7 @@ def read_tables(
         return [_in_model_units(log.table, table, data, units)]
     request = TableRequest(
         label=log.name,
-        columns=tuple(dict.fromkeys(column.column for column in table.columns.values())),
+        columns=tuple(dict.fromkeys(at for one in table.columns.values() for at in one.places)),
         header=int(table.header),
         skip_rows=table.skip_rows,
         delimiter=table.delimiter,
@@ -133,8 +133,9 @@ def read_tables(
         incomplete=data.missing != "error",
         progress=meter.within(log),
         clocks=table.clocks(),
-        format=table.columns["time"].format if "time" in table.columns else None,
+        formats=table.columns["time"].formats if "time" in table.columns else {},
         second=_second(table, units),
+        table=log.table_below or table.table,
     )
     return [
         _in_model_units(raw, table, data, units)
@@ -143,12 +144,20 @@ def read_tables(
 
 
 def _second(table: Logs, units: Mapping[str, str]) -> float:
-    """Return what a second is in the unit of the column of the time; 1 without one."""
-    return (
-        convert(1.0, "s", table.columns["time"].unit or units["time"])
-        if "time" in table.columns
-        else 1.0
-    )
+    """Return what a second is in the unit of the column of the time; 1 without one, and in the
+    parts of a clock, each of which has a unit of its own.
+    """
+    clock = table.columns.get("time")
+    if clock is None or clock.columns:
+        return 1.0
+    return convert(1.0, "s", clock.unit or units["time"])
+
+
+def _sum_of_parts(raw: RawTable, clock: SourceColumn) -> Array:
+    """Return the time in s, (n,), of a clock whose parts, as hours and minutes, are columns."""
+    parts = clock.units_of_parts.items()
+    time: Array = np.sum([convert(raw.columns[at], unit, "s") for at, unit in parts], axis=0)
+    return time
 
 
 def _in_model_units(raw: RawTable, table: Logs, data: Data, units: Mapping[str, str]) -> Samples:
@@ -164,8 +173,9 @@ def _in_model_units(raw: RawTable, table: Logs, data: Data, units: Mapping[str, 
             not missing
             and (column.scale, column.offset) == (1.0, 0.0)
             and column.unit in (None, units[name])
+            and not column.columns
         )
-        values = raw.columns[column.column]
+        values = _sum_of_parts(raw, column) if column.columns else raw.columns[column.column]
         if column.unwrap is True:
             values, known = values.copy(), np.isfinite(values)
             values[known] += going_on(values[known], (*(second * turn for turn in TURNS), 2.0**32))
@@ -267,9 +277,8 @@ def _converted(
         values = np.where(np.isin(values, missing), np.nan, values)
     if (column.scale, column.offset) != (1.0, 0.0):
         values = values * column.scale + column.offset
-    if column.unit is None:
-        return values
-    return convert(values, column.unit, unit, difference=difference)
+    written = "s" if column.columns else column.unit
+    return values if written is None else convert(values, written, unit, difference=difference)
 
 
 def unwrapped(values: Array, period: float) -> Array:
@@ -314,6 +323,39 @@ def without_missing(samples: Samples, table: Logs, missing: str | MissingRule) -
             f"{len(complete)} in this file).",
         )
     return samples.keep(complete, "missing value").some()
+
+
+def recordings_apart(samples: Samples, data: Data, units: Mapping[str, str]) -> list[Samples]:
+    """Return the samples of each recording in a table, without missing values: those of one value
+    of `recordings.of`, in the order of the first ones; the whole where nothing tells them apart.
+
+    Raises DataError for missing values that are errors, and where no sample is left.
+    """
+    samples = without_missing(samples, data, data.missing)
+    if data.recordings is None:
+        return [samples]
+    names = data.recordings.quantities
+    values = np.column_stack([samples.columns[name] for name in names])
+    kinds, first, member = np.unique(values, axis=0, return_index=True, return_inverse=True)
+    parts: list[Samples] = []
+    for kind in np.argsort(first):
+        label = ",".join(f"{name}={x:.15g}" for name, x in zip(names, kinds[kind], strict=True))
+        element = label if samples.element is None else f"{samples.element}:{label}"
+        mask = member.ravel() == kind
+        part = replace(
+            samples,
+            rows=picked(samples.rows, mask),
+            columns={name: picked(x, mask) for name, x in samples.columns.items()},
+            left_out=samples.left_out if not parts else {},
+            notes=samples.notes if not parts else (),
+            doubts=samples.doubts if not parts else (),
+            element=element,
+        )
+        if data.sample_time is not None:
+            step = data.every * convert(data.sample_time, "s", units["time"])
+            part = part.with_columns({"time": step * np.arange(part.size, dtype=np.float64)})
+        parts.append(part)
+    return parts
 
 
 def derived(

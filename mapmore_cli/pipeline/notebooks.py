@@ -425,7 +425,9 @@ def quantities_of(
         )
         if column is not None and (numbered or columns_in(frame, str(column.column))):
             own = column.unit or unit
-            values = column_of(frame, column.column, "the frame", name, own, column.format)
+            values = column_of(
+                frame, column.column, "the frame", name, own, column.formats.get(column.column)
+            )
             values = values * column.scale + column.offset
             values_of[name] = convert(values, own, unit)
         else:

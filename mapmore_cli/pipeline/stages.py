@@ -56,7 +56,7 @@ def ingest(part: IngestSlice, workspace: Workspace) -> None:
 
 def recordings(spec: ExperimentSpec, folder: Path) -> list[Path]:
     """Return the recordings that the spec names, and the logs that are joined to them."""
-    sources = find_sources(spec.data.files, folder, spec.data.join)
+    sources = find_sources(spec.data.files, folder, spec.data.join, bad=spec.data.skip_bad_files)
     return list(dict.fromkeys(log.path for source in sources for log in (source, *source.joined)))
 
 

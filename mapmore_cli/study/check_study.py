@@ -159,6 +159,21 @@ def groups(spec: ExperimentSpec) -> Iterator[Finding]:
     )
 
 
+def recordings_apart(spec: ExperimentSpec) -> Iterator[Finding]:
+    """Require columns for the quantities whose values tell recordings apart."""
+    of = spec.data.recordings.quantities if spec.data.recordings is not None else []
+    missing = [name for name in of if name not in spec.data.measured or name == "time"]
+    yield from applying(
+        (
+            bool(missing),
+            "data.recordings.of",
+            "no column holds `{name}`, whose value tells recordings apart",
+            "add it to `columns`, as `{name}: {{column: ...}}`",
+        ),
+        name=", ".join(missing),
+    )
+
+
 def after_cycles(spec: ExperimentSpec) -> Iterator[Finding]:
     """Refuse what goes by the time of joined branches: their samples stand in the order of
     `cycles.over`.
@@ -725,7 +740,17 @@ def _unit_findings(loc: Loc, unit: str, wanted: str) -> list[Finding]:
 
 
 CHECKS = (
-    *(segmented, leaving_out, groups, after_cycles, chosen_levels, target, kind, of_kinds),
+    *(
+        segmented,
+        leaving_out,
+        groups,
+        recordings_apart,
+        after_cycles,
+        chosen_levels,
+        target,
+        kind,
+        of_kinds,
+    ),
     *(formulas, competitors, own_formulas, shapes, units),
 )
 """The checks of this file, each of which yields what it finds in a spec."""

@@ -25,6 +25,7 @@ import readers
 import small
 import specs
 import structures
+import studies
 import tables
 from driver import explore
 
@@ -43,6 +44,8 @@ TARGETS = (
     (forged.TARGET, 1),
     (exports.FREE_TEXTS, 10),
     (specs.RUNS, 400),
+    (studies.FOLDERS, 200),
+    (studies.RUNS, 50),
 )
 """What is tried, and one in how many of COUNT: a spec takes fifty times as long as an expression, a
 run a thousand times.

@@ -16,6 +16,7 @@ import readers
 import small
 import specs
 import structures
+import studies
 import tables
 from driver import LONGEST, Fault, Target, explore
 from pages import DOCS, read_rows
@@ -38,6 +39,8 @@ pytestmark = pytest.mark.filterwarnings("ignore")
         (drafts.TARGET, 6),
         (exports.FREE_TEXTS, 25),
         (exports.EXPORTS, 8),
+        (studies.FOLDERS, 4),
+        (studies.RUNS, 2),
     ],
     ids=lambda x: getattr(x, "name", x),
 )

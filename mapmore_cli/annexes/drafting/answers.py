@@ -19,6 +19,9 @@ FORM = (
 )
 # columns of arrays have a comma and a colon in brackets: `tip[:,0]:mm`
 _COMMA = re.compile(r",(?![^\[(]*[\])])")
+# a title in quotes, which may hold what else separates: `"Kraft, z=1":N`
+_QUOTED = re.compile(r"""(?<![^,=\s])(["'])(.+?)\1(?=\s*(?:[,:=]|$))""")
+_HIDDEN = 0xF0000  # private characters that stand for what is in quotes
 _ENTRY = re.compile(r"(.*?):([^:\]]*)", re.DOTALL)
 _QUANTITY = re.compile(r"[A-Za-z_]\w*", re.ASCII)
 _NUMBER = r"\d+(?:\.\d+)?(?:[eE][+-]?\d+)?"
@@ -54,6 +57,12 @@ class Answers:
         The quantity that was held.
     validate
         What is held out: an input, `recordings`, or `last` for the last samples of each.
+    recordings
+        The columns whose values tell recordings of one file apart.
+    sample_time
+        Between samples, s: no column is the clock.
+    no_clock
+        Whether no column is the clock.
     group
         The column that tells groups apart, else what words of names tell apart.
     length
@@ -67,19 +76,32 @@ class Answers:
     inputs: Named | None = None
     hold: Hold | None = None
     validate: str | None = None
+    recordings: tuple[str, ...] = ()
+    sample_time: float | None = None
+    no_clock: bool = False
     group: str | None = None
     length: float | None = None
     like: str | None = None
 
+    @property
+    def has_places(self) -> bool:
+        """Whether a column is named by its number in the list of one layout."""
+        named = [*self.columns.values(), *self.target.values(), *(self.inputs or {}).values()]
+        said = [str(one.column) for one in named] + [*self.recordings, self.group or ""]
+        return any(re.fullmatch(r"\d+(\.\.\d+)?", text) for text in said)
 
-def answers_of(**options: str | None) -> Answers:
+
+def answers_of(**options: str | bool | None) -> Answers:
     """Return what the options say, by their names; UsageError for what cannot be."""
-    readers: dict[str, Callable[[str], Any]] = {
+    readers: dict[str, Callable[[Any], Any]] = {
         **{name: partial(read_names, f"--{name}") for name in ("columns", "target", "inputs")},
         "hold": read_hold,
         "validate": str.strip,
         "group": read_group,
-        "length": read_length,
+        "recordings": lambda text: tuple(part.strip() for part in _COMMA.split(text)),
+        "sample_time": partial(read_positive, "--sample-time", "s", "10ms"),
+        "no_clock": bool,
+        "length": partial(read_positive, "--length", "m", "88mm"),
         "like": str,
     }
     values = {name: readers[name](text) for name, text in options.items() if text is not None}
@@ -96,15 +118,15 @@ def read_group(text: str) -> str | None:
     return None if text == "none" else text
 
 
-def read_length(text: str) -> float:
-    """Return a positive length in m; UsageError for anything else."""
-    remedy = "write it as 88mm"
+def read_positive(option: str, unit: str, example: str, text: str) -> float:
+    """Return a positive quantity in a unit; UsageError for anything else."""
+    remedy = f"write it as {example}"
     try:
-        value = parse_quantity(text, "m")
+        value = parse_quantity(text, unit)
     except SpecError as fault:
-        raise UsageError(f"--length: {fault.message}", fault.remedy or remedy) from fault
+        raise UsageError(f"{option}: {fault.message}", fault.remedy or remedy) from fault
     if not 0 < value < math.inf:
-        raise UsageError(f"--length: {text} is not positive", remedy)
+        raise UsageError(f"{option}: {text} is not positive", remedy)
     return value
 
 
@@ -112,13 +134,26 @@ def read_names(option: str, text: str) -> Named:
     """Read `tip`, `Tip z:mm`, `7` or `tip=Tip z:mm`: columns by their names, titles or places.
 
     Of `--columns`, as `time:ms,_,force:N`, a name without a column is that of the column at its
-    place in the text. Raises UsageError for what is neither.
+    place in the text. What stands in quotes is one title, whatever it holds. Raises UsageError for
+    what is neither.
     """
     columns: Named = {}
-    for place, entry in enumerate(one.strip() for one in _COMMA.split(text)):
+    titles: list[str] = []
+
+    def hide(quoted: re.Match[str]) -> str:
+        titles.append(quoted[2])
+        return chr(_HIDDEN + len(titles) - 1)
+
+    def shown(part: str) -> str:
+        return titles[ord(part) - _HIDDEN] if part and ord(part[0]) >= _HIDDEN else part
+
+    for place, entry in enumerate(one.strip() for one in _COMMA.split(_QUOTED.sub(hide, text))):
         if entry in ("", "_", "-"):
             continue
         name, column = _read_entry(option, entry)
+        name = shown(name)
+        if isinstance(column.column, str):
+            column = replace(column, column=shown(column.column))
         if name in columns:
             raise UsageError(
                 f"{option}: {name} is said twice",
@@ -165,4 +200,5 @@ def _read_entry(option: str, entry: str) -> tuple[str, NamedColumn]:
         match["unit"],
         scale=float(match["scale"] or 1),
         offset=float(match["offset"] or 0),
+        is_called=bool(equals),
     )

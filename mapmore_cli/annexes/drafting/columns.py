@@ -6,6 +6,7 @@ Values give facts alone: a column that never changes, a clock, a copy of another
 from __future__ import annotations
 
 import re
+import unicodedata
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import zip_longest
@@ -88,8 +89,8 @@ class TitledColumn:
         bare = _BRACKETS.sub(lambda match: "" if unit_of(match[1]) else match[0], self.title)
         behind = _BEHIND.search(bare)
         bare = bare[: behind.start()] if behind is not None and unit_of(behind[1]) else bare
-        name = re.sub(r"\W+", "_", bare, flags=re.ASCII).strip("_")[:40]
-        name = name if name[:1].isalpha() else "column"
+        name = re.sub(r"\W+", "_", spelt(bare), flags=re.ASCII).strip("_")[:40]
+        name = f"column_{name}" if name[:1].isdigit() else name or "column"
         return name if name not in ("column", *CANONICAL) else f"{name}_{self.place}"
 
     @property
@@ -104,21 +105,45 @@ class TitledColumn:
 
     @property
     def rises(self) -> bool:
-        """Whether it goes on in every file, but for a few steps back."""
+        """Whether it goes on in every file, but for a few steps back, and seldom repeats."""
         return self.moves and all(
-            len(one) > 1 and np.ptp(one) > 0 and np.mean(np.diff(one) < 0) <= MOST_GLITCHES
+            len(one) > 1
+            and np.mean(np.diff(one) < 0) <= MOST_GLITCHES
+            and 2 * np.count_nonzero(np.diff(one)) >= len(one) - 1
             for one in self.values
         )
+
+    @property
+    def turn(self) -> float:
+        """The number at which it begins anew again and again, as 60 of the seconds of a clock; 0 if
+        it does not.
+        """
+        steps = [np.diff(one) for one in self.values]
+        falls = [np.flatnonzero(step < 0) for step in steps]
+        if not sum(map(len, falls)):
+            return 0.0
+        usual = 1.5 * float(np.median(np.abs(np.concatenate(steps))) or 1.0)
+        before = np.concatenate([x[at] for x, at in zip(self.values, falls, strict=True)])
+        after = np.concatenate([x[at + 1] for x, at in zip(self.values, falls, strict=True)])
+        regular = (after >= 0).all() and (after <= usual).all()
+        turns = (one for one in TURNS if (before < one).all() and (before >= one - usual).all())
+        return next(turns, 0.0) if regular else 0.0
 
     @property
     def counts(self) -> bool:
         """Whether it goes up by one from row to row."""
         return all(len(one) > 1 and (np.diff(one) == 1).all() for one in self.values)
 
-    def is_time(self, is_titled: bool) -> bool:
-        """Return whether title or unit say that it is the time; without titles, any may be."""
+    @property
+    def is_time(self) -> bool:
+        """Whether title or unit say that it is the time."""
         by_unit = not self.quantity and bool(unit_of(self.unit, "s"))
-        return not is_titled or self.quantity == "time" or by_unit
+        return self.quantity == "time" or by_unit
+
+    @property
+    def may_be_clock(self) -> bool:
+        """Whether it goes on like a clock, and no title says what it is."""
+        return not self.title and self.rises and not self.turn
 
     def as_quantity(self, name: str) -> NamedColumn:
         """Return the column as a quantity, in the unit that the title or the file says.
@@ -128,13 +153,16 @@ class TitledColumn:
         if self.unit or name not in CANONICAL:
             why = f"{self.source or 'title'}; {range_of(self.values, self.unit or '1')}"
             return NamedColumn(self.column, self.unit or "1", why)
-        usual = default_unit(name) if name != "time" else _unit_of_clock(self.values)
+        usual = default_unit(name) if name != "time" else unit_of_clock(self.values)
         if usual == "1":
             return NamedColumn(self.column, usual, f"title; {range_of(self.values)}")
         reason = "its title says no unit" if self.title else "it rises all the time"
         why = f"{reason}: is it {usual}? {range_of(self.values)}"
         return NamedColumn(self.column, usual, why, sure=False)
 
+
+TURNS = (24.0, 60.0, 1000.0, 3600.0, 86400.0)
+"""Where hours, minutes, milliseconds, and seconds of an hour and of a day begin anew."""
 
 Table = Mapping[Column, TitledColumn]
 """All columns of some files, in their order."""
@@ -202,7 +230,31 @@ def words(text: str) -> list[str]:
     return [word.casefold() for word in re.findall(r"[^\W\d_]+|\d+", text)]
 
 
-def _unit_of_clock(values: Sequence[Array]) -> str:
+def spelt(text: str) -> str:
+    """Return a text in the Latin alphabet: accents are taken off, and letters are spelt as Unicode
+    names them, within words by their first sounds (`θ1` is `theta1`, `Πίεση` is `piese`); signs
+    without a letter's name get their number.
+    """
+    plain = "".join(
+        sign for sign in unicodedata.normalize("NFKD", text) if not unicodedata.combining(sign)
+    )
+    return re.sub(r"[^\W\d_a-zA-Z]+", _spelt_word, plain)
+
+
+def _spelt_word(match: re.Match[str]) -> str:
+    letters: list[str] = []
+    for sign in match[0]:
+        said = unicodedata.name(sign, "").rpartition(" LETTER ")[2].removeprefix("FINAL ").lower()
+        name = said.partition(" with ")[0]
+        if not name.replace(" ", "").isalpha() or sign == "\N{LATIN SMALL LETTER SHARP S}":
+            name = "ss" if sign == "\N{LATIN SMALL LETTER SHARP S}" else f"u{ord(sign):x}"
+        elif len(match[0]) > 1 and "GREEK" in unicodedata.name(sign):
+            name = name[: 2 if name[:2] in ("th", "ph", "ch", "ps") else 1]
+        letters.append(name.replace(" ", "_"))
+    return "".join(letters)
+
+
+def unit_of_clock(values: Sequence[Array]) -> str:
     """Return ms for whole numbers that go on by 1 to 100 a step, else s: a suggestion."""
     steps = np.diff(max(values, key=len))
     step = float(np.median(steps)) if steps.size else 0.0
@@ -225,14 +277,20 @@ def known_by_titles(table: Table) -> Known:
     another column, what was computed by a model, and what goes on like a clock and is not the time
     are left out.
     """
-    is_titled = any(one.title for one in table.values())
-    clock = next((one for one in table.values() if one.rises and one.is_time(is_titled)), None)
-    rest = [one for one in table.values() if one is not clock]
-    left_out = {one.column: why for one in rest if (why := _why_unused(one, clock is not None))}
+    parts = clock_in_parts(table)
+    clock = next(
+        (one for one in table.values() if one.is_time and one.rises and not one.turn), None
+    )
+    used = {*parts} or {one.column for one in [clock] if one is not None}
+    rest = [one for one in table.values() if one.column not in used]
+    left_out = {one.column: why for one in rest if (why := _why_unused(one, bool(used)))}
     left_out |= _copies([one for one in rest if one.column not in left_out])
     kept = [one for one in rest if one.column not in left_out]
     quantities = _plain_names(kept)
-    columns = {} if clock is None else {"time": clock.as_quantity("time")}
+    columns: Named = {} if clock is None else {"time": clock.as_quantity("time")}
+    if parts:
+        why = "titles: a clock in parts, which are added"
+        columns["time"] = NamedColumn(next(iter(parts)), why=why, parts=parts)
     for one in kept:
         name = quantities.get(one.column, one.name)
         name = f"column_{one.place}" if name in {*columns, "time"} else name
@@ -246,11 +304,59 @@ def _why_unused(one: TitledColumn, has_clock: bool) -> str:
         return "holds no numbers"
     if not one.moves:
         return "never changes"
-    if one.quantity == "time":
-        return "is a second clock" if has_clock else "its clock is set back"
+    if one.is_time and (turn := one.turn) and not has_clock:
+        return f"begins anew at {turn:g}: where it is the clock, say `unwrap: {turn:g}` at `time`"
+    if one.quantity == "time" or (one.is_time and has_clock):
+        return "is a second clock" if has_clock else _why_no_clock(one)
+    if one.may_be_clock:
+        unit = unit_of_clock(one.values)
+        return f"rises all the time: where it is the clock, name it, as `time={one.place}:{unit}`"
     if _NO_MEASUREMENT & {*words(one.title)}:
         return "was computed, as its title says"
     return "counts its rows" if not one.quantity and one.counts else ""
+
+
+def _why_no_clock(one: TitledColumn) -> str:
+    repeats = any(2 * np.count_nonzero(np.diff(x)) < len(x) - 1 for x in one.values)
+    return "mostly repeats, as no clock does" if repeats else "its clock is set back"
+
+
+PARTS = {
+    "h": ("h hh hr hrs hour hours std stunde stunden heure heures hora horas ora ore", 24),
+    "min": ("m mm min mins minute minutes minuten minuto minutos minuti", 60),
+    "s": ("s ss sec secs second seconds sek sekunde sekunden segundo segundos secondi", 60),
+    "ms": ("ms msec millis milli millisecond milliseconds millisekunden milisegundos", 1000),
+    "us": ("us usec micros microsecond microseconds mikrosekunden", 1000),
+}
+"""Words of titles of the parts of a clock, by unit, and the number at which each begins anew."""
+
+
+def clock_in_parts(table: Table) -> dict[Column, str]:
+    """Return the columns of a clock in parts, as hours, minutes and seconds, and their units; none
+    where titles and values do not say so.
+
+    A part holds numbers below the one at which it begins anew; the finest alone may be no whole
+    numbers. The first part may be any of them, and none is left out in between.
+    """
+    parts: dict[str, TitledColumn] = {}
+    for one in table.values():
+        said = words(one.title)
+        if not one.values or not said:
+            continue
+        for unit, (spellings, turn) in PARTS.items():
+            fits = all((x >= 0).all() and (x < turn).all() for x in one.values)
+            if said[-1] in spellings.split() and fits:
+                parts.setdefault(unit, one)
+                break
+    units = [unit for unit in PARTS if unit in parts]
+    order = [*PARTS]
+    while len(units) > 1 and order.index(units[-1]) - order.index(units[0]) >= len(units):
+        units.pop()
+    coarse = [parts[unit] for unit in units[:-1]]
+    is_whole = all((x == np.round(x)).all() for one in coarse for x in one.values)
+    if len(units) < 2 or not is_whole or not any(parts[unit].turn for unit in units[1:]):
+        return {}
+    return {parts[unit].column: unit for unit in units}
 
 
 def _copies(columns: Sequence[TitledColumn]) -> dict[Column, str]:
@@ -306,11 +412,13 @@ def named_by_person(said: Named, table: Table, option: str, known: Named) -> Nam
     """
     columns: Named = {}
     names = {one.column: name for name, one in known.items()}
-    for name, one in said.items():
+    for name, one in _each(said, table, option).items():
         is_named = option == "--columns" or not one.refers_to(name)
         wanted = known[name].column if name in known and not is_named else one.column
         titled = find(table, wanted, option)
-        name = name if is_named else names.get(titled.column, titled.name)
+        if not is_named:
+            is_title = name in CANONICAL and name not in known and words(titled.title)[:1] == [name]
+            name = name if is_title else names.get(titled.column, titled.name)
         usual = titled.as_quantity(name) if is_named else known.get(name, titled.as_quantity(name))
         chosen = one if is_named or one.unit else usual
         unit = chosen.unit or usual.unit
@@ -318,6 +426,37 @@ def named_by_person(said: Named, table: Table, option: str, known: Named) -> Nam
         why = f"you; {range_of(titled.values, unit)}" if sure else usual.why
         columns[name] = replace(chosen, column=titled.column, unit=unit, sure=sure, why=why)
     return columns
+
+
+def _each(said: Named, table: Table, option: str) -> Named:
+    """Return what a person says, with every column that `s*` or `7..70` names: of titles, and of
+    numbers of the list. The time is none of them.
+    """
+    each: Named = {}
+    titles = {one.column for one in table.values()} | {one.title for one in table.values()}
+    for name, one in said.items():
+        wanted, members = one.column, list[TitledColumn]()
+        numbers = re.fullmatch(r"(\d+)\.\.(\d+)", str(wanted))
+        if numbers is not None:
+            low, high = sorted(map(int, numbers.groups()))
+            members = [x for x in table.values() if x.moves and low <= x.place <= high]
+        elif isinstance(wanted, str) and wanted not in titles and {*"*?"} & {*wanted}:
+            likeness = re.compile(re.escape(wanted).replace(r"\*", ".*").replace(r"\?", "."), re.I)
+            members = [x for x in table.values() if x.moves and likeness.fullmatch(x.called)]
+        else:
+            each[name] = one
+            continue
+        members = [x for x in members if not x.is_time]
+        if not members or (one.is_called and len(members) > 1):
+            several = (
+                f"{len(members)} columns that move are" if members else "no column that moves is"
+            )
+            remedy = ", ".join(x.called for x in members or table.values() if x.values)
+            raise UsageError(f"{option}: {several} called {wanted}", f"say one of {remedy}")
+        for x in members:
+            key = name if one.is_called else str(x.column)
+            each[key] = replace(one, column=x.column)
+    return each
 
 
 def target_of(kinds: Mapping[str, str], is_driven: bool) -> str | None:
@@ -362,13 +501,19 @@ def kind_to_predict(name: str, titled: TitledColumn | None) -> str:
 
 def refuse_choice(table: Table, where: str, path: str) -> UsageError:
     """Return the error for columns of which nobody says what is to be predicted: it lists them."""
-    *drive, follow = [*listed(table)] or [0]
+    columns = listed(table)
+    clock = next((place for place, one in columns.items() if one.may_be_clock), None)
+    *drive, follow = [place for place in columns if place != clock] or [0]
+    time = "" if clock is None else f",time={clock}:{unit_of_clock(columns[clock].values)}"
     how = (
         f"mapmore init {path} --target ... --inputs ...  (titles, or numbers of the list)"
         if any(one.title for one in table.values())
         else f"mapmore init {path} --target force={follow}:N --inputs "
-        f"pressure={drive[-1] if drive else follow}:bar  (numbers of the list)"
+        f"pressure={drive[-1] if drive else follow}:bar{time}  (numbers of the list)"
     )
-    rows = [f"  {place}  {one.described}" for place, one in listed(table).items()]
+    rows = [
+        f"  {place}  {one.described}{'  rises all the time: a clock?' if place == clock else ''}"
+        for place, one in columns.items()
+    ]
     heading = f"{where}: titles do not say what is to be predicted. Columns that move:"
     return UsageError("\n".join([heading, *rows]), f"complete this: {how}")

@@ -53,6 +53,15 @@ def init(
         str | None,
         Option(metavar="NAME", help="What is held out: an input, recordings, or last."),
     ] = None,
+    recordings: Annotated[
+        str | None,
+        Option(metavar="NAME", help="The column whose value tells recordings apart, as trial."),
+    ] = None,
+    sample_time: Annotated[
+        str | None,
+        Option(metavar="TIME", help="Between samples, as 10ms, where no column is the clock."),
+    ] = None,
+    no_clock: Annotated[bool, Option("--no-clock", help="No column is the clock.")] = False,
     group: Annotated[
         str | None,
         Option(
@@ -91,6 +100,9 @@ def init(
         hold=hold,
         validate=validate,
         group=group,
+        recordings=recordings,
+        sample_time=sample_time,
+        no_clock=no_clock,
         length=length,
         like=like,
     )
@@ -101,7 +113,7 @@ def init(
     folder = Path() if output is None or output == STANDARD else output.parent
     asking = ask if sys.stdin.isatty() and sys.stderr.isatty() and not (yes or quiet) else None
     with Reporter(quiet) as reporter:
-        drafted = start(path, folder, name, output is not None, answers, asking)
+        drafted = start(path, folder, name, output is not None, answers, asking, reporter.say)
         for remark in drafted.remarks:
             reporter.say(f"left out: {remark}")
         for draft in drafted.drafts:

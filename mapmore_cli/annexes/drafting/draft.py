@@ -41,6 +41,8 @@ class NamedColumn:
     """The column of a quantity, its unit, and what decided this: a title, or a person.
 
     The quantity is `value * scale + offset` in `unit`, which is empty where a person said none.
+    `is_called` says that a person gave it its name. `parts` are the columns of a clock in parts,
+    and their units.
     """
 
     column: Column
@@ -49,13 +51,22 @@ class NamedColumn:
     sure: bool = True
     scale: float = 1.0
     offset: float = 0.0
+    is_called: bool = field(default=False, compare=False)
+    parts: dict[Column, str] = field(default_factory=dict)
 
     def refers_to(self, name: str) -> bool:
         """Return True for a column that a person called by its name or place alone."""
-        return self.column in (name, int(name) if name.isdigit() else name)
+        return not self.is_called and self.column in (name, int(name) if name.isdigit() else name)
+
+    @property
+    def places(self) -> set[Column]:
+        """The columns of the file."""
+        return {*self.parts} or {self.column}
 
     def as_spec(self) -> Section:
         """Return the column as the spec describes it."""
+        if self.parts:
+            return {"columns": [*self.parts], "format": " ".join(self.parts.values())}
         usual = {"unit": ("", "1"), "scale": (1.0,), "offset": (0.0,)}
         entry = {key: getattr(self, key) for key in usual}
         changed = {key: value for key, value in entry.items() if value not in usual[key]}
@@ -114,6 +125,12 @@ class Draft:
     def open(self) -> dict[Loc, Note]:
         """What is not sure."""
         return {loc: note for loc, note in self.notes.items() if not note.sure}
+
+    @property
+    def bad_files(self) -> str:
+        """Which files are left out, and why; empty for none."""
+        note = self.notes.get(("data", "skip_bad_files"))
+        return "" if note is None or note.sure else note.why
 
     def with_data(
         self, key: str, value: object, why: str | None = None, sure: bool = True

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -21,6 +21,7 @@ from mapmore_cli.study.units import default_unit
 NEAR = 0.1  # of the distance of levels, that samples of one lie within where it was gone between
 FEWEST = 200  # samples of a record with memory, and of a branch of a cycle
 MOST = 6_000  # samples of a record with memory, at first
+SHARE = 0.2  # of the samples, drawn where the last ones lie beyond the others
 LAST = 0.3  # of the samples, held out where no level and no recording can be
 WHOLE, LAST_SAMPLES = "recordings", "last"  # what a person may hold out besides an input
 COMPETITORS = ("sarosi", "polynomial_2", "polynomial_5", "muscle_like", "polynomial_3")
@@ -136,31 +137,52 @@ def goes_in_cycles(recordings: Sequence[Recording], held: Held) -> bool:
     return True
 
 
+@dataclass(frozen=True)
+class Experiment:
+    """The recordings of a study, the names of its inputs and its target, what was held, the values
+    that names tell, and the quantities that tell recordings `apart` in a file.
+    """
+
+    recordings: Sequence[Recording]
+    inputs: Sequence[str]
+    target: str
+    held: Held | None
+    conditions: Conditions
+    apart: Sequence[str] = ()
+
+    @property
+    def is_timed(self) -> bool:
+        """Whether the samples have a clock."""
+        return "time" in self.recordings[0].columns
+
+
 def with_experiment(
+    done: Experiment,
     draft: Draft,
-    recordings: Sequence[Recording],
-    target: str,
-    held: Held | None,
-    conditions: Conditions,
     held_out: str | None,
+    read: Callable[[Draft], Sequence[Recording]],
 ) -> Draft:
     """Return the draft with its target, static samples and levels, and what is held out: static
     where a person says what was held, or it is the force at what was held, or no clock is known;
     else with memory.
 
-    `held_out` is what a person says of it. Raises UsageError where that cannot be held out.
+    `held_out` is what a person says of it; `read` returns the recordings of a draft. Raises
+    UsageError where that cannot be held out.
     """
+    held, target, recordings = done.held, done.target, done.recordings
     samples = sum(one.rows_kept for one in recordings)
     is_static = held is not None and (held.why == "you" or target == "force")
-    if not is_static and "time" in recordings[0].columns and samples >= FEWEST:
+    if not is_static and done.is_timed and samples >= FEWEST:
         draft = _as_memory_study(draft, recordings).with_section("target", target)
-        return _with_split(draft, recordings, conditions, held_out)
+        if "gaps" in draft.data:  # pieces of a recording have ids of their own
+            done = replace(done, recordings=read(draft))
+        return _with_split(draft, done, held_out)
     if held is not None:
         draft = _with_levels(_with_static_samples(draft, recordings, held), held)
-    draft = _with_split(draft, recordings, conditions, held_out)
+    draft = _with_split(draft, done, held_out)
     if target != "force":
         return draft.with_section("target", target)
-    inputs = {*recordings[0].columns, *conditions}
+    inputs = {*recordings[0].columns, *done.conditions}
     known = {name: literature.get(name) for name in COMPETITORS}
     formulas = [
         name
@@ -209,31 +231,80 @@ def _with_levels(draft: Draft, held: Held) -> Draft:
     return draft.with_data("levels", levels, why)
 
 
-def _with_split(
-    draft: Draft, recordings: Sequence[Recording], conditions: Conditions, wanted: str | None
-) -> Draft:
+def _with_split(draft: Draft, done: Experiment, wanted: str | None) -> Draft:
     """Return the draft with something held out: what a person said; else inner levels; without
-    levels inner values that names tell, else recordings; else the last samples of each.
+    levels inner values that names tell, else recordings; else the last samples of each, unless
+    these lie beyond the others. The note says whether that is between or beyond what trains.
 
     Raises UsageError if nothing of what a person said can be held out.
     """
     levels, groups = draft.data.get("levels"), draft.data.get("groups", {})
-    values = {levels["of"]: levels["at"]} if levels else conditions
+    values = {levels["of"]: levels["at"]} if levels else done.conditions
     inside = {name: some for name, places in values.items() if (some := inner(sorted({*places})))}
-    is_whole = len(recordings) > 2 and not levels and {"gain", "offset"}.isdisjoint(groups)
+    logs = [*dict.fromkeys(one.log or one.id for one in done.recordings)]
+    is_whole = len(logs) > 2 and not levels and {"gain", "offset"}.isdisjoint(groups)
     way = wanted or next(iter(inside), WHOLE if is_whole else LAST_SAMPLES)
-    names = [one.id for one in recordings]
-    held_out: object = names[1:-1:3] or names[1:]
-    why = None if wanted is None else "you"
+    held_out: Section = {}
     if way == LAST_SAMPLES:
-        held_out, why = LAST, "the last of every recording"
-    elif way != WHOLE:
-        held_out, why = inside.get(way) or _band(way, recordings, values), "inner values"
+        held_out, why = _last_or_between(done, is_free=wanted is None and not done.is_timed)
+    elif way == WHOLE:
+        held_out, why = _whole_recordings(done, logs), "between: whole recordings"
+    else:
+        places: object = inside.get(way) or _band(way, done.recordings, values)
+        held_out, why = {way: places} if places else {}, "between: inner values"
     if not held_out:
         raise UsageError(
             f"--validate: {way} leaves nothing to hold out", f"say {LAST_SAMPLES}, or an input"
         )
-    return draft.with_data("split", {"validate": {way: held_out}}, why)
+    return draft.with_data("split", {"validate": held_out}, f"{'you; ' if wanted else ''}{why}")
+
+
+def _last_or_between(done: Experiment, is_free: bool) -> tuple[Section, str]:
+    """Return the last samples of every recording. Where one is `is_free` to choose, and they lie
+    beyond the others, inner values of what goes on in order, else a share of the samples.
+    """
+    names = _beyond(done)
+    if not names:
+        return {LAST_SAMPLES: LAST}, "between: the last of every recording"
+    if not is_free:
+        why = f"beyond: the last of every recording, where {', '.join(names)} was never before"
+        return {LAST_SAMPLES: LAST}, why
+    for name in names:
+        if values := inner(_set_values(done.recordings, name)):
+            return {name: values}, f"between: inner values, since {name} goes on in order"
+    share = {"fraction": SHARE, "seed": 1}
+    return share, f"between: samples drawn by chance, since {', '.join(names)} goes on in order"
+
+
+def _whole_recordings(done: Experiment, logs: Sequence[str]) -> Section:
+    """Return every third of the logs, with all pieces of each that was cut: those inside, if there
+    are any. Recordings that one quantity tells apart are named by its values.
+    """
+    held = logs[1:-1:3] or logs[1:]
+    if len(done.apart) == 1:
+        name = done.apart[0]
+        values = sorted({float(one.columns[name][0]) for one in done.recordings})
+        some = values[1:-1:3] or values[1:]
+        return {name: some} if some else {}
+    ids = [one.id for one in done.recordings if (one.log or one.id) in held]
+    return {WHOLE: ids} if ids else {}
+
+
+def _beyond(done: Experiment) -> list[str]:
+    """Return the inputs of which more than half of the last samples of all recordings lie outside
+    the values of the samples before.
+    """
+    names: list[str] = []
+    for name in done.inputs:
+        series = [one.columns[name] for one in done.recordings if name in one.columns]
+        ends = [round((1 - LAST) * len(x)) for x in series]
+        if not any(ends):
+            continue
+        before = np.concatenate([x[:end] for x, end in zip(series, ends, strict=True)])
+        last = np.concatenate([x[end:] for x, end in zip(series, ends, strict=True)])
+        outside = (last < before.min()) | (last > before.max())
+        names += [name] if outside.size and np.mean(outside) > 0.5 else []
+    return names
 
 
 def _band(name: str, recordings: Sequence[Recording], values: Conditions) -> Section:

@@ -22,7 +22,9 @@ def draft_page(draft: Draft) -> str:
     """
     from mapmore_cli.reporting.table import environment
 
-    names = {entry["column"]: name for name, entry in draft.data["columns"].items()}
+    names = {
+        entry["column"]: name for name, entry in draft.data["columns"].items() if "column" in entry
+    }
     drawn = {name: draft.raw[column] for column, name in names.items() if column in draft.raw}
     up = drawn.get(draft.output, ())
     across = {

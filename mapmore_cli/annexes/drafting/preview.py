@@ -6,13 +6,14 @@ import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
 
 from mapmore_cli.domain.errors import DataError, SpecError
 from mapmore_cli.storage.readers import reader_of, suffix_of
-from mapmore_cli.storage.tables import SourceColumn, Top
+from mapmore_cli.storage.tables import Reader, SourceColumn, TableRequest, Top
+from mapmore_cli.storage.tables.below import Below
 from mapmore_cli.storage.tables.cells import stamp_of
 from mapmore_cli.study.units import check_unit
 
@@ -21,6 +22,9 @@ REMARKS = ("#", "%", "//", "!")  # what a line begins with that is no data
 LETTERS = "smNVAKgh1%-"  # that are units as everybody writes them
 # as microcontrollers plot: `t:12,p:3.4`
 _LABELLED = re.compile(r"\s*[A-Za-z_]\w*\s*[:=]\s*[-+]?[.\d]\S*")
+HEAD = 1 << 16  # bytes at the beginning of a text
+_NUMBERS = re.compile(rb"[\s\"']*[-+.\d]")
+_DIGITS = re.compile(rb"[-+]?\d+(?:\.\d+)?(?:[eE][-+]?\d+)?")
 UNREAD = {
     "zip 7z rar tar tgz zst": "unpack it",
     "mf4 mdf": "export it as CSV, as by `asammdf.MDF(path).export('csv')`",
@@ -45,6 +49,8 @@ class Preview:
     - `titles`, `units`: of the columns as the file writes them, empty where it writes none.
     - `alike`: the sheets of a workbook that are laid out alike, where there is more than one;
       `left` are its other sheets.
+    - `tables`: the numbers and titles of tables below each other that are laid out alike, where
+      there are others in the file; `left` are these.
     - `numeric`: the places of columns of numbers.
     """
 
@@ -56,6 +62,7 @@ class Preview:
     numeric: tuple[int, ...] = field(compare=False)
     alike: tuple[str, ...] = ()
     left: tuple[str, ...] = ()
+    tables: tuple[tuple[int, str], ...] = ()
 
 
 def unread(path: Path) -> str | None:
@@ -67,6 +74,21 @@ def unread(path: Path) -> str | None:
     return f"{path.name}: no reader takes {suffix}; {remedy}"
 
 
+def kinds_of_lines(path: Path) -> tuple[bytes, ...]:
+    """Return the kinds of lines at the beginning of a text: lines of words as they are, lines of
+    numbers with 0 for each number. Texts of the same kinds are laid out alike, and one of them is
+    looked at closely. Empty for what is no text.
+    """
+    with path.open("rb") as file:
+        head = file.read(HEAD)
+    if b"\0" in head or not head:
+        return ()
+    lines = head.splitlines()[: LINES + 1]
+    lines = lines if len(head) < HEAD else lines[:-1]
+    kinds = (_DIGITS.sub(b"0", line) if _NUMBERS.match(line) else line for line in lines)
+    return tuple(dict.fromkeys(kinds))
+
+
 def preview(path: Path) -> Preview:
     """Look at the beginning of a file; DataError where it holds no table of numbers, in two
     columns, that `init` can lay out.
@@ -75,6 +97,8 @@ def preview(path: Path) -> Preview:
     if reader is None:
         problem = f"{path.name}: no reader takes {suffix_of(path) or 'files without a suffix'}"
         raise DataError(unread(path) or f"{problem}; save the table as CSV")
+    if path.stat().st_size == 0:
+        raise DataError(f"{path.name}: is empty")
     remedy = f"write `columns` by hand, as `pressure: {{column: {reader.column}, unit: kPa}}`"
     if reader.peek is None:
         raise DataError(f"{path.name}: its arrays have to be named", remedy)
@@ -90,8 +114,51 @@ def preview(path: Path) -> Preview:
     best = max(tables, key=lambda table: table.rank)
     layouts = {table.top.sheet: table.layout(reader.name) for table in tables}
     if best.top.sheet is None:
-        return best.layout(reader.name)
-    return _of_all_sheets(best.top.sheet, layouts, [top.sheet for top in tops])
+        return _with_tables_below(path, best, best.layout(reader.name), reader)
+    layout = _of_all_sheets(best.top.sheet, layouts, [top.sheet for top in tops])
+    return layout if layout.alike else _with_tables_below(path, best, layout, reader)
+
+
+def _with_tables_below(path: Path, best: _FoundTable, layout: Preview, reader: Reader) -> Preview:
+    """Return the layout with the tables of one header, that of the most rows, where several stand
+    below each other; those with another header are left.
+    """
+    if reader.below is None:
+        return layout
+    settings = {**layout.settings, "header": int(layout.settings.get("header", True))}
+    settings.pop("skip_rows", None)
+    known = {one.name for one in fields(TableRequest)} & {*settings}
+    request = TableRequest(path.name, (), **{key: settings[key] for key in known})
+    tables = reader.below(path, request)
+    if len(tables) < 2:
+        return layout
+    headers = [tuple(_titles_of(table)) for table in tables]
+    rows = Counter[tuple[str, ...]]()
+    for header, table in zip(headers, tables, strict=True):
+        rows[header] += len(table.rows)
+    wanted = rows.most_common(1)[0][0]
+    alike = [(at, one) for at, one in enumerate(tables, start=1) if headers[at - 1] == wanted]
+    first = alike[0][1]
+    cells = [row for _, row in (*first.header, *first.rows[:LINES])]
+    found = _table_in(replace(best.top, rows=cells))
+    if found is None:
+        return layout
+    left = (f"table {at} ({', '.join(x)})" for at, x in enumerate(headers, start=1) if x != wanted)
+    whole = found.layout(reader.name)
+    whole.settings.pop("skip_rows", None)
+    return replace(
+        whole,
+        tables=tuple((at, one.title) for at, one in alike),
+        left=(*layout.left, *left),
+        alike=layout.alike,
+    )
+
+
+def _titles_of(table: Below) -> list[str]:
+    """Return the cells of a table's header that are filled; of none, the number of its columns."""
+    if not table.header:
+        return [f"{len(table.rows[0][1])} columns"]
+    return [str(cell).strip() for cell in _nonempty(table.header[0][1])]
 
 
 def _no_table(path: Path, tops: Sequence[Top], remedy: str) -> DataError:

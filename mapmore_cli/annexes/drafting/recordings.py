@@ -4,7 +4,9 @@ read.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, TypeVar
@@ -13,18 +15,21 @@ import numpy as np
 
 from mapmore_cli.annexes.drafting.columns import (
     Table,
+    find,
     known_by_titles,
     named_by_person,
     read_titles,
 )
 from mapmore_cli.annexes.drafting.draft import Column, Conditions, Draft, Named, Section
+from mapmore_cli.annexes.drafting.names import told_by_names
 from mapmore_cli.annexes.drafting.sources import Study, started
 from mapmore_cli.annexes.drafting.understanding import Understood
 from mapmore_cli.checking.evidence import MUCH, two_digits
-from mapmore_cli.domain.arrays import Array
+from mapmore_cli.domain.arrays import Array, IntArray
 from mapmore_cli.domain.errors import DataError, SpecError
 from mapmore_cli.domain.recording import Dataset
-from mapmore_cli.ingestion.dataset import build_dataset
+from mapmore_cli.ingestion.clock import REPEATS
+from mapmore_cli.ingestion.dataset import BAD, build_dataset
 from mapmore_cli.ingestion.files import IngestSlice, Meter, find_sources
 from mapmore_cli.ingestion.samples import Samples, read_tables
 from mapmore_cli.storage.tables.cells import NotANumber
@@ -32,6 +37,7 @@ from mapmore_cli.study.sections.data import Data
 from mapmore_cli.study.units import can_convert, convert, default_unit, is_canonical
 
 MOST_FILES = 5  # that are looked at
+MOST_SHOWN = 12  # columns that a line names
 MOST_WORDS = 3  # that stand for missing numbers in one column; more are a column of words
 RESET = {"longer_than": 60.0, "action": "split"}  # cuts a recording where its clock is set back
 BREAK = 5  # usual steps without a sample, that are a gap
@@ -46,14 +52,16 @@ class _Columns(Data):
         return frozenset(column.column for column in self.columns.values())
 
 
-def read_draft(draft: Draft, folder: Path, measured: str) -> Dataset:
+def read_draft(
+    draft: Draft, folder: Path, measured: str, warn: Callable[[str], None] = lambda _: None
+) -> Dataset:
     """Return the dataset of a draft, in the units that it says; DataError where it cannot be
     made.
     """
     data = Data.model_validate(draft.data)
     units = {name: default_unit(name) for name in data.quantities} | draft.spec.get("units", {})
     try:
-        return build_dataset(IngestSlice(data, measured, "static", units), folder)
+        return build_dataset(IngestSlice(data, measured, "static", units), folder, warn=warn)
     except SpecError as fault:
         raise DataError(fault.message, fault.remedy) from fault
 
@@ -99,6 +107,47 @@ def table_of(study: Study, folder: Path) -> Table:
     return read_titles(layout, raw)
 
 
+def described(study: Study, folder: Path) -> str:
+    """Return the counts of a layout in words: files, rows, columns, and what names say."""
+    try:
+        table = table_of(study, folder)
+    except (DataError, SpecError) as fault:
+        return f"{study}, which cannot be read: {fault.message}"
+    values = [one.values for one in table.values() if one.values]
+    sizes = [max(map(len, x)) for x in zip(*values, strict=True)]
+    looked_at = "" if len(study.files) <= MOST_FILES else f" in {len(sizes)} of them"
+    columns = ", ".join(one.called for one in [*table.values()][:MOST_SHOWN])
+    more = ", ..." if len(table) > MOST_SHOWN else ""
+    conditions, _ = told_by_names(study.names)
+    names = "".join(f"; names say {one.why}" for one in conditions)
+    return f"{study}, {sum(sizes)} rows{looked_at}, {len(table)} columns ({columns}{more}){names}"
+
+
+def split_by(table: Table, said: Sequence[str]) -> Table:
+    """Return a table with the values of each recording apart, as columns that a person names tell
+    them; as it is where some of these lack values. Raises UsageError for a name that no column has.
+    """
+    keys = [find(table, int(one) if one.isdecimal() else one, "--recordings") for one in said]
+    sizes = {name: [*map(len, one.values)] for name, one in table.items() if one.values}
+    if not keys or any(sizes[key.column] != sizes[keys[0].column] for key in keys):
+        return table
+    usual = sizes[keys[0].column]
+    pieces: list[list[IntArray]] = []
+    for file in range(len(usual)):
+        rows = np.column_stack([key.values[file] for key in keys])
+        member = np.unique(rows, axis=0, return_inverse=True)[1].ravel()
+        pieces.append([np.flatnonzero(member == kind) for kind in range(member.max() + 1)])
+    return {
+        name: replace(
+            one,
+            values=[x[rows] for x, parts in zip(one.values, pieces, strict=True) for rows in parts],
+        )
+        if sizes.get(name) == usual
+        else one
+        for name, one in table.items()
+    }
+
+
 def _read_columns(
     section: Mapping[str, Any], folder: Path, columns: Sequence[Column]
 ) -> dict[Column, list[Array]]:
@@ -111,11 +160,21 @@ def _read_columns(
 
     def read(missing: object) -> list[Samples]:
         data = _Columns.model_validate({**section, "columns": entries, "missing": missing})
-        every = find_sources(data.files, folder)
+        every = find_sources(data.files, folder, bad=data.skip_bad_files)
         some = every[:: -(-len(every) // MOST_FILES)]  # columns are the same in all
         meter = Meter(some, lambda *_: None)
-        logs = [read_tables(source, data, data, units, meter) for source in some]
-        return [table for log in logs for table in log]
+        tables: list[Samples] = []
+        faults: list[DataError] = []
+        for source in some:
+            try:
+                tables += read_tables(source, data, data, units, meter)
+            except NotANumber:
+                raise
+            except DataError as fault:
+                faults.append(fault)
+        if faults and 2 * len(faults) >= len(some):
+            raise faults[0]
+        return _without_bad(tables)
 
     missing, tables = _with_words(read)
     raw: dict[Column, list[Array]] = {}
@@ -128,11 +187,21 @@ def _read_columns(
     return raw
 
 
+def _without_bad(tables: Sequence[Samples]) -> list[Samples]:
+    """Return the tables without those in which a column is empty that most others fill."""
+    empty = [
+        {name for name, x in table.columns.items() if not np.isfinite(x).any()} for table in tables
+    ]
+    often = [name for names in empty for name in names]
+    usual = {name for name in often if 2 * often.count(name) >= len(tables)}
+    return [table for table, names in zip(tables, empty, strict=True) if names <= usual]
+
+
 def with_columns(draft: Draft, known: Understood, target: str, table: Table) -> Draft:
     """Return the draft with the columns of one target, their units where the names are no canonical
     quantities, and a word on those that are not used.
     """
-    used = {one.column for one in known.columns.values()}
+    used = {place for one in known.columns.values() for place in one.places}
     left = ", ".join(
         f"{one.called} ({known.left_out[column]})" if column in known.left_out else one.called
         for column, one in table.items()
@@ -151,6 +220,9 @@ def with_columns(draft: Draft, known: Understood, target: str, table: Table) -> 
         name: unit for name, unit in units_in_names.items() if not is_canonical(name)
     }:
         draft = draft.with_section("units", units)
+    if known.apart:
+        of = known.apart if len(known.apart) > 1 else known.apart[0]
+        draft = draft.with_data("recordings", {"of": of}, "you; lags stay within a recording")
     if "time" in columns:
         draft = draft.without_data("sample_time")
     for name, one in columns.items():
@@ -164,7 +236,7 @@ def with_columns(draft: Draft, known: Understood, target: str, table: Table) -> 
 
 def lenient(draft: Draft) -> Draft:
     """Return the draft with single faults of cells and of the clock left out."""
-    for key, value in (("missing", "drop"), ("repeated_time", "average"), ("glitches", "drop")):
+    for key, value in (("missing", "drop"), ("repeated_time", "spread"), ("glitches", "drop")):
         draft = draft.with_data(key, value)
     return draft
 
@@ -172,35 +244,53 @@ def lenient(draft: Draft) -> Draft:
 def cleaned(draft: Draft, folder: Path, target: str) -> tuple[Draft, Dataset]:
     """Return the draft with what its recordings need to be read, and these.
 
-    A clock that is set back cuts a recording; one that cannot be mended is left out. Raises
-    DataError where they cannot be read, or where another log is joined by such a clock.
+    A clock that is set back cuts a recording; files that cannot be read are left out by name; a
+    clock for which most files would be left out is left out itself. Raises DataError where no
+    recording can be read, or where another log is joined by such a clock.
     """
     draft = lenient(draft)
-    columns = draft.data["columns"]
     try:
-        draft, dataset = _read_tolerantly(draft, folder, target)
+        return _read_tolerantly(draft, folder, target)[:2]
     except DataError as fault:
-        if "time" not in columns:
-            raise
-        try:
-            cut = draft.with_data(
-                "gaps", RESET, f"s: the clock is set back, and cuts the recording: {fault.message}"
-            )
-            draft, dataset = _read_tolerantly(cut, folder, target)
-        except DataError:
-            if "join" in draft.data:
-                raise fault from None
+        first = fault
+    ways = [draft.with_data("skip_bad_files", True)]
+    columns = draft.data["columns"]
+    if "time" in columns:
+        why = f"s: the clock is set back, and cuts the recording: {first.message}"
+        cut = draft.with_data("gaps", RESET, why)
+        ways = [cut, *ways, cut.with_data("skip_bad_files", True)]
+        if "join" not in draft.data:
             others = {key: one for key, one in columns.items() if key != "time"}
-            draft = draft.with_data("columns", others, f"time is left out: {fault.message}", False)
-            draft, dataset = _read_tolerantly(draft, folder, target)
-    return _with_losses_told(draft, dataset), dataset
+            why = f"time is left out: {first.message}"
+            bare = draft.with_data("columns", others, why, False)
+            ways += [bare, bare.with_data("skip_bad_files", True)]
+    for way in ways:
+        with suppress(DataError):
+            found, dataset, is_most = _read_tolerantly(way, folder, target)
+            if is_most or way is ways[-1]:
+                return found, dataset
+    raise first
 
 
-def _read_tolerantly(draft: Draft, folder: Path, target: str) -> tuple[Draft, Dataset]:
+def _read_tolerantly(draft: Draft, folder: Path, target: str) -> tuple[Draft, Dataset, bool]:
+    """Return the draft with words for missing values, and with the files that cannot be read by
+    their names; its dataset; and whether at least half of the files are in it.
+    """
+    warnings: list[str] = []
     missing, dataset = _with_words(
-        lambda rule: read_draft(draft.with_data("missing", rule), folder, target)
+        lambda rule: read_draft(draft.with_data("missing", rule), folder, target, warnings.append)
     )
-    return draft.with_data("missing", missing), dataset
+    draft, is_most = draft.with_data("missing", missing), True
+    if draft.data.get("skip_bad_files") is True:
+        sources = find_sources(Data.model_validate(draft.data).files, folder, bad=True)
+        names = dict.fromkeys(source.name for source in sources)
+        read = {one.source for one in dataset.recordings}
+        bad = [name for name in names if name not in read]
+        told = [warning for warning in dict.fromkeys(warnings) if BAD in warning]
+        why = "; ".join(told)
+        draft = draft.with_data("skip_bad_files", bad or True, why, False)
+        is_most = 2 * len(read) >= len(names)
+    return _with_losses_told(draft, dataset), dataset, is_most
 
 
 def _with_losses_told(draft: Draft, dataset: Dataset) -> Draft:
@@ -209,11 +299,14 @@ def _with_losses_told(draft: Draft, dataset: Dataset) -> Draft:
     """
     rules = {
         "missing": ("missing value", "samples have an empty cell"),
-        "repeated_time": ("repeated time", "time stamps repeat: the logger rounds them"),
+        "repeated_time": ("", f"{REPEATS}: the logger rounds them"),
         "glitches": ("glitch of the clock", "stamps lie before an earlier one"),
     }
     for key, (reason, words) in rules.items():
         count = sum(one.dropped.get(reason, 0) for one in dataset.recordings)
+        if not reason:
+            told = (re.search(rf": (\d+) {REPEATS}", note) for note in dataset.notes)
+            count = sum(int(match[1]) for match in told if match is not None)
         rule = draft.data[key]
         if isinstance(rule, dict):
             tokens = ", ".join(map(repr, rule["tokens"]))

@@ -16,7 +16,7 @@ from typing import Any
 
 from mapmore_cli.annexes.drafting.draft import Draft, Section
 from mapmore_cli.annexes.drafting.names import Condition, stem_of
-from mapmore_cli.annexes.drafting.preview import Preview, preview, unread
+from mapmore_cli.annexes.drafting.preview import Preview, kinds_of_lines, preview, unread
 from mapmore_cli.checking.names import POSITIONS, read_label
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.ingestion.files import expand, relative_name
@@ -25,11 +25,12 @@ from mapmore_cli.storage.readers import reader_of
 
 @dataclass(frozen=True)
 class Study:
-    """Files of one layout, and a name for them."""
+    """Files of one layout, and a name for them; `bad` are files of the folder that no study has."""
 
     files: tuple[Path, ...]
     layout: Preview
     name: str = ""
+    bad: tuple[Path, ...] = ()
 
     def __str__(self) -> str:
         return f"{len(self.files)} file{'s' if len(self.files) > 1 else ''}"
@@ -40,19 +41,30 @@ class Study:
         return Path(os.path.commonpath([file.parent for file in self.files]))
 
     @property
-    def parts(self) -> list[tuple[Path, str]]:
-        """Every recording: its file, and its sheet where the names of sheets tell something."""
-        is_told = len(self.files) == 1 or self.layout.left
-        sheets = (is_told and self.layout.alike) or ("",)
-        return [(file, sheet) for file in self.files for sheet in sheets]
+    def parts(self) -> list[tuple[Path, Section]]:
+        """Every recording: its file, and where in it: its sheet where the names of sheets tell
+        something, or its table of several below each other.
+        """
+        if self.layout.tables:
+            places: list[Section] = [{"table": at} for at, _ in self.layout.tables]
+        else:
+            is_told = len(self.files) == 1 or self.layout.left
+            places = [{"sheet": sheet} for sheet in (is_told and self.layout.alike) or ()]
+        return [(file, place) for file in self.files for place in places or [{}]]
 
     @property
     def names(self) -> list[str]:
-        """What names each recording: its sheet, else its path in the folder."""
-        return [
-            sheet if len(self.files) == 1 and sheet else stem_of(relative_name(file, self.folder))
-            for file, sheet in self.parts
-        ]
+        """What names each recording: its path in the folder; its sheet, or what stands above its
+        table, where there is one file; both where tables stand in several.
+        """
+        titles, is_one = dict(self.layout.tables), len(self.files) == 1
+        stems = {file: stem_of(relative_name(file, self.folder)) for file in self.files}
+        names = []
+        for file, place in self.parts:
+            title = titles.get(place.get("table", 0), "") if is_one or titles else ""
+            title = title or (place.get("sheet", "") if is_one else "")
+            names.append(title if is_one and title else f"{stems[file]} {title}".strip())
+        return names
 
     @property
     def quantities(self) -> set[str]:
@@ -73,18 +85,24 @@ def find_studies(path: Path) -> tuple[list[Study], list[str]]:
         )
     every = [path] if path.is_file() else [one for one in sorted(path.rglob("*")) if one.is_file()]
     left_out: list[str] = []
+    bad: list[Path] = []
+    seen: dict[tuple[str, tuple[bytes, ...]], Preview] = {}
     layouts: dict[str, tuple[Preview, list[Path]]] = {}
     for file in (one for one in every if one == path or _is_own(one, path)):
         if file != path and reader_of(file) is None:
             left_out += filter(None, [unread(file)])
             continue
         try:
-            layout = preview(file)
+            like = (file.suffix, kinds_of_lines(file))
+            layout = seen[like] if like in seen and like[1] else preview(file)
         except DataError as fault:
             left_out.append(fault.message)
+            bad.append(file)
             continue
-        layouts.setdefault(repr(layout), (layout, []))[1].append(file)
-    studies = [Study(tuple(files), layout) for layout, files in layouts.values()]
+        seen[like] = layout
+        kind = repr(replace(layout, numeric=()))
+        layouts.setdefault(kind, (layout, []))[1].append(file)
+    studies = [Study(tuple(files), layout, bad=tuple(bad)) for layout, files in layouts.values()]
     studies.sort(key=lambda study: (-len(study.files), study.files[0]))
     folders = [study.folder for study in studies]
     named = (replace(one, name=_name(one, folders.count(one.folder) == 1)) for one in studies)
@@ -127,9 +145,9 @@ def second_of(study: Study, studies: Sequence[Study]) -> Study | None:
     return beside[0] if is_lacking and len(beside) == 1 else None
 
 
-def patterns(files: Sequence[Path], folder: Path) -> list[str]:
-    """Return one glob from `folder` that matches these files and no others, else the files
-    themselves.
+def patterns(files: Sequence[Path], folder: Path, bad: Sequence[Path] = ()) -> list[str]:
+    """Return one glob from `folder` that matches these files and no others but `bad` ones, else the
+    files themselves.
 
     Each folder, and the name, is made of the words at which all begin and end.
     """
@@ -137,7 +155,8 @@ def patterns(files: Sequence[Path], folder: Path) -> list[str]:
     steps = [name.split("/") for name in names]
     if len(files) > 1 and len({len(step) for step in steps}) == 1:
         one = "/".join(_glob_of(sorted({*parts})) for parts in zip(*steps, strict=True))
-        if {*map(Path.resolve, expand(one, folder))} == {*map(Path.resolve, files)}:
+        found = {*map(Path.resolve, expand(one, folder, may_be_empty=True))}
+        if found - {*map(Path.resolve, bad)} == {*map(Path.resolve, files)}:
             return [one]
     return names
 
@@ -167,13 +186,20 @@ def started(
         draft = draft.noted(("data", "header"), "the first line holds numbers")
     if "sample_time" in layout.settings:
         draft = draft.noted(("data", "sample_time"), "s: as the file says")
-    is_by_sheet = bool(study.parts[0][1]) and bool(conditions or layout.left)
-    if is_by_sheet:
+    is_by_part = bool(layout.tables) or (
+        bool(study.parts[0][1]) and bool(conditions or layout.left)
+    )
+    if is_by_part and not layout.tables:
         draft = draft.without_data("sheet")
     if layout.left:
         why = f"laid out in another way, and left out: {', '.join(map(repr, layout.left))}"
-        draft = draft.noted(("data", "reader" if is_by_sheet else "sheet"), why)
-    draft = draft.with_data("files", _file_entries(study, folder, conditions, is_by_sheet))
+        draft = draft.noted(("data", "sheet" if "sheet" in draft.data else "reader"), why)
+    entries = _file_entries(study, folder, conditions, is_by_part)
+    draft = draft.with_data("files", entries)
+    named = {one if isinstance(one, str) else one["path"] for one in entries}
+    files = {path for one in named if glob.has_magic(one) for path in expand(one, folder, True)}
+    if bad := sorted(relative_name(one, folder) for one in files & {*study.bad}):
+        draft = draft.with_data("skip_bad_files", bad, "hold no table that could be read")
     reasons = [f"names: {', '.join(one.why for one in conditions)}"] if conditions else []
     if reasons or remark:
         why = "; ".join(filter(None, [*reasons, remark]))
@@ -182,19 +208,21 @@ def started(
 
 
 def _file_entries(
-    study: Study, folder: Path, conditions: Sequence[Condition], is_by_sheet: bool
+    study: Study, folder: Path, conditions: Sequence[Condition], is_by_part: bool
 ) -> list[Any]:
-    """Return the `files` of a spec: globs, with the sheet and the values that names tell."""
+    """Return the `files` of a spec: globs, with the sheet or the table, and the values that names
+    tell.
+    """
     values = [one.in_model_units for one in conditions]
-    members: dict[tuple[str, tuple[float, ...]], list[Path]] = {}
-    for place, (file, sheet) in enumerate(study.parts):
-        kind = (sheet if is_by_sheet else "", tuple(series[place] for series in values))
+    members: dict[tuple[Any, ...], list[Path]] = {}
+    for at, (file, place) in enumerate(study.parts):
+        kind = (*(place.items() if is_by_part else ()), tuple(series[at] for series in values))
         members.setdefault(kind, []).append(file)
     entries: list[Any] = []
-    for (sheet, numbers), files in members.items():
-        more: Section = {"sheet": sheet} if sheet else {}
+    for (*part, numbers), files in members.items():
+        more: Section = dict(part)
         if numbers:
             more["set"] = dict(zip((one.quantity for one in conditions), numbers, strict=True))
-        paths = patterns(list(dict.fromkeys(files)), folder)
+        paths = patterns(list(dict.fromkeys(files)), folder, study.bad)
         entries += [{"path": path, **more} for path in paths] if more else paths
     return entries

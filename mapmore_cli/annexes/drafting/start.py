@@ -5,7 +5,7 @@ Titles, units and the person decide what columns are; nothing is guessed from va
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -17,6 +17,7 @@ from mapmore_cli.annexes.drafting.draft import Draft, Named
 from mapmore_cli.annexes.drafting.experiment import (
     LAST_SAMPLES,
     WHOLE,
+    Experiment,
     find_held,
     with_experiment,
 )
@@ -25,6 +26,9 @@ from mapmore_cli.annexes.drafting.names import numbered_groups, tests_of
 from mapmore_cli.annexes.drafting.questions import Ask, interview
 from mapmore_cli.annexes.drafting.recordings import (
     cleaned,
+    described,
+    read_draft,
+    split_by,
     table_of,
     with_columns,
     with_second_log,
@@ -70,12 +74,15 @@ def propose(
     DataError
         Where the recordings cannot be read, or `check` finds an error in them.
     """
-    table = table_of(study, folder)
+    table = split_by(table_of(study, folder), answers.recordings)
     columns, beside = _shared_out(answers.columns, table)
     answers = replace(answers, columns=columns)
+    if second is not None and answers.inputs is not None:
+        inputs, in_second = _shared_out(answers.inputs, table)
+        answers, beside = replace(answers, inputs=inputs), beside | in_second
 
     def view(answers: Answers) -> Understood:
-        return understood(study, table, answers, path)
+        return understood(study, table, answers, path, is_driven=second is not None)
 
     if ask is not None:
         answers = interview(table, study.names, view, answers, ask)
@@ -89,6 +96,10 @@ def propose(
     drafts = []
     for target in known.targets:
         draft = started(study, folder, in_names, known.remark)
+        if answers.sample_time is not None:
+            draft = draft.with_data("sample_time", answers.sample_time, "s: you")
+        elif answers.no_clock:
+            draft = draft.without_data("sample_time")
         if group is not None:
             draft = draft.with_data("groups", {"of": group}, "you; each is scored by itself")
         if len(known.targets) > 1:
@@ -123,12 +134,15 @@ def _with_experiment(
         in_names.pop(made, None)
         hold = hold._replace(name="strain") if hold is not None and hold.name == made else hold
     draft, dataset = cleaned(draft, folder, target)
-    ignored = ("time", target, known.group, made)
+    ignored = ("time", target, known.group, made, *known.apart)
     used = dict.fromkeys([*dataset.recordings[0].columns, *in_names])
     inputs = [name for name in used if name not in ignored]
     draft = _with_sessions(draft, unequal(dataset.recordings, inputs, target), known.group)
     held = find_held(dataset.recordings, inputs, hold, in_names)
-    whole = with_experiment(draft, dataset.recordings, target, held, in_names, answers.validate)
+    done = Experiment(dataset.recordings, inputs, target, held, in_names, known.apart)
+    whole = with_experiment(
+        done, draft, answers.validate, lambda draft: read_draft(draft, folder, target).recordings
+    )
     if answers.validate is None and (tests := tests_of(study.files)):
         held_out = {"validate": {"files": tests}}
         whole = whole.with_data("split", held_out, "the names of the files say so")
@@ -168,11 +182,13 @@ def start(
     single: bool = False,
     answers: Answers = NOTHING_SAID,
     ask: Ask | None = None,
+    tell: Callable[[str], None] = lambda _: None,
 ) -> Start:
     """Draft specs for every study under `path`, or for the largest one only, with relative paths
     from `folder`.
 
-    Where somebody can be asked (`ask`), it is the largest that is asked about.
+    Where somebody can be asked (`ask`), it is the largest that is asked about. `tell` is called
+    with a line for each layout before, where there are several.
 
     Raises
     ------
@@ -182,12 +198,21 @@ def start(
         Where nothing says what is to be predicted, of any study.
     """
     studies, remarks = find_studies(path)
+    if len(studies) > 1:
+        tell(f"{path} has {len(studies)} layouts:")
+        for study, label in zip(studies, _names_apart(studies), strict=True):
+            tell(f"  {label}: {described(study, folder)}")
     seconds = [second_of(study, studies) for study in studies]
     is_single = single or ask is not None
     drafts: list[Draft] = []
     refusal: UsageError | None = None
     for study, second, label in zip(studies, seconds, _names_apart(studies), strict=True):
         if study in seconds:
+            continue
+        if study is not studies[0] and answers.has_places:
+            first = studies[0].files[0].name
+            why = f"another layout; the numbers that you say are those of {first}"
+            remarks.append(f"{label} ({study}): {why}; give its files alone to `init`")
             continue
         if drafts and is_single:
             remarks.append(f"{label} ({study}): another study; give its files alone to `init`")
@@ -197,7 +222,9 @@ def start(
             study, name=label if name is None else name if is_only else f"{name}-{label}"
         )
         try:
-            drafts += propose(called, folder, answers, second, ask, str(path))
+            found = propose(called, folder, answers, second, ask, str(path))
+            remarks += dict.fromkeys(one.bad_files for one in found if one.bad_files)
+            drafts += found
         except (UsageError, DataError, SpecError) as fault:
             if isinstance(fault, UsageError):
                 if ask is not None:

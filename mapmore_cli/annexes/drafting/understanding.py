@@ -29,7 +29,8 @@ from mapmore_cli.domain.errors import UsageError
 @dataclass(frozen=True)
 class Understood:
     """The columns of a study, which of them are predicted and which drive, what names tell beside
-    them, what is left out, and what tells groups apart: a column, else a word for names.
+    them, what is left out, what tells groups apart: a column, else a word for names; and the
+    columns whose values tell recordings `apart`.
     """
 
     columns: Named
@@ -39,6 +40,7 @@ class Understood:
     remark: str
     left_out: dict[Column, str]
     group: str | None
+    apart: list[str]
 
     @property
     def drives(self) -> list[str]:
@@ -61,8 +63,11 @@ class Understood:
         return names[0]
 
 
-def understood(study: Study, table: Table, answers: Answers, path: str) -> Understood:
-    """Return what titles, names and a person say of a study.
+def understood(
+    study: Study, table: Table, answers: Answers, path: str, is_driven: bool = False
+) -> Understood:
+    """Return what titles, names and a person say of a study; `is_driven` says that a second log
+    holds an input.
 
     Raises
     ------
@@ -71,6 +76,12 @@ def understood(study: Study, table: Table, answers: Answers, path: str) -> Under
         the person names is not there.
     """
     columns, left_out = _columns_of(table, answers)
+    apart = {
+        name: one
+        for said in answers.recordings
+        for name, one in _column_called(table, said, "--recordings", columns).items()
+    }
+    columns |= apart
     chosen = named_by_person(answers.target, table, "--target", columns)
     columns |= chosen
     wanted = answers.inputs or {}
@@ -99,16 +110,20 @@ def understood(study: Study, table: Table, answers: Answers, path: str) -> Under
         repeats += [f"{condition.quantity} (name it by --inputs)" for condition in unused]
     group, grouping = _group_of(table, answers.group, columns)
     columns |= grouping
-    inputs = [name for name in inputs if name not in grouping]
-    if not inputs and not conditions:
+    inputs = [name for name in inputs if name not in {*grouping, *apart}]
+    if not inputs and not conditions and not is_driven:
         raise UsageError(
             f"{study.files[0].name}: nothing is left that drives {targets[0]}",
             "name it by --inputs, or what was held by --hold",
         )
-    used = [name for name in dict.fromkeys(["time", *inputs, *targets, group]) if name in columns]
+    used = [
+        name
+        for name in dict.fromkeys(["time", *apart, *inputs, *targets, group])
+        if name in columns
+    ]
     remark = f"numbers not used: {', '.join(dict.fromkeys(repeats))}" if repeats else ""
     columns = {name: columns[name] for name in used}
-    return Understood(columns, targets, inputs, conditions, remark, left_out, group)
+    return Understood(columns, targets, inputs, conditions, remark, left_out, group, [*apart])
 
 
 def _columns_of(table: Table, answers: Answers) -> tuple[Named, dict[Column, str]]:
@@ -126,6 +141,9 @@ def _columns_of(table: Table, answers: Answers) -> tuple[Named, dict[Column, str
             )
             if name != "time" and is_clock:
                 del columns["time"]
+    if answers.no_clock or answers.sample_time is not None:
+        clock = columns.pop("time", None)
+        left_out |= dict.fromkeys(clock.places if clock else (), "is no clock, as you say")
     return columns, left_out
 
 
@@ -135,16 +153,19 @@ def _group_of(table: Table, said: str | None, known: Named) -> tuple[str | None,
     A column is called by its number, its title or its name. Raises UsageError for a number that
     no column has.
     """
-    if said is not None and said.isdecimal():
-        columns = [find(table, int(said), "--group")]
-    else:
-        columns = [one for one in table.values() if one.values and said in (one.title, one.name)]
-    if not columns:
+    titles = {text for one in table.values() if one.values for text in (one.title, one.name)}
+    if said is None or not (said.isdecimal() or said in titles):
         return said, {}
-    titled = columns[0]
+    column = _column_called(table, said, "--group", known)
+    return next(iter(column)), column
+
+
+def _column_called(table: Table, said: str, option: str, known: Named) -> Named:
+    """Return the column with this number, title or name, by its name; UsageError for none."""
+    titled = find(table, int(said) if said.isdecimal() else said, option)
     names = {one.column: name for name, one in known.items()}
     name = names.get(titled.column, titled.name)
-    return name, {name: known.get(name, titled.as_quantity(name))}
+    return {name: known.get(name, titled.as_quantity(name))}
 
 
 def _free(

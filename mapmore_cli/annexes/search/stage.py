@@ -35,6 +35,7 @@ def search_slice(spec: ExperimentSpec) -> Slice:
         *(rule.quantity for rule in spec.data.keep if rule.quantity in rates),
     )
     ignored += () if spec.data.groups is None else (spec.data.groups.of,)
+    ignored += () if spec.data.recordings is None else (*spec.data.recordings.quantities,)
     split = spec.data.split
     return Slice(
         spec.data.levels,

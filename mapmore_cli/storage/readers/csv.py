@@ -27,6 +27,7 @@ from mapmore_cli.storage.tables import (
     locate_columns,
     reading,
 )
+from mapmore_cli.storage.tables.below import Below, chosen_table, tables_below
 from mapmore_cli.storage.tables.cells import NUMBER, holds_number
 from mapmore_cli.storage.tables.lines import (
     LAST_LINES,
@@ -42,6 +43,9 @@ from mapmore_cli.storage.tables.thousands import may_be_grouped, refuse_grouped
 WHITESPACE = "whitespace"
 DELIMITERS = {"tab": "\t"}
 MARKS = {";": "a semicolon", "\t": "a tab"}
+
+_WORDS = re.compile(r"[\s\"']*[^\W\d_]|[\s\"']*[#\[({]")
+"""How a line of words begins."""
 
 Numbered = tuple[int, list[str]]
 """Line number in the file, and the fields of the record that ends there."""
@@ -97,6 +101,8 @@ def read_csv(path: Path, request: TableRequest) -> list[RawTable]:
 
 def _parse(lines: Lines, raw: BufferedReader, request: TableRequest) -> RawTable:
     last = deque[bytes](maxlen=2)
+    if request.table is not None:
+        return _parse_table(*_records_of(lines, request), request)
     layout, leading, _ = _begin(lines, request)
     before = [values_of_records(leading, layout)] if leading else []
     numbers: list[Any] = []
@@ -115,16 +121,21 @@ def _parse(lines: Lines, raw: BufferedReader, request: TableRequest) -> RawTable
     return replace(whole, open_end=_open_end(b"".join(last), layout))
 
 
+def _records_of(lines: Lines, request: TableRequest) -> tuple[Iterator[Numbered], str | None]:
+    """Return the records below the rows to skip, and the delimiter; None for blanks."""
+    deque(islice(lines, request.skip_rows), maxlen=0)
+    delimiter = DELIMITERS.get(request.delimiter, request.delimiter)
+    split_at = None if delimiter == WHITESPACE else delimiter
+    return _records(lines, split_at, request), split_at
+
+
 def _begin(
     lines: Lines, request: TableRequest
 ) -> tuple[Layout, list[Numbered], Iterator[Numbered]]:
     """Return what the header says, the first record where that is no header, and the records that
     follow.
     """
-    deque(islice(lines, request.skip_rows), maxlen=0)
-    delimiter = DELIMITERS.get(request.delimiter, request.delimiter)
-    split_at = None if delimiter == WHITESPACE else delimiter
-    records = _records(lines, split_at, request)
+    records, split_at = _records_of(lines, request)
     first = next((record for record in records if record[1]), None)
     if first is None:
         raise DataError(f"{request.label}: the file is empty")
@@ -148,18 +159,51 @@ def _refuse_thousands(path: Path, table: RawTable, request: TableRequest) -> Non
                 refuse_grouped(cells, request.decimal, where)
 
 
+def _parse_table(
+    records: Iterable[Numbered], delimiter: str | None, request: TableRequest
+) -> RawTable:
+    """Return one of the tables that stand below each other."""
+    is_number = partial(holds_number, decimal=request.decimal)
+    found = chosen_table((one for one in records if one[1]), request, is_number)
+    layout = _layout([*(found.header or found.rows)[0][1]], request, delimiter)
+    filled = [(number, [*cells]) for number, cells in found.rows]
+    numbers, *columns = values_of_records(filled, layout)
+    return RawTable(dict(zip(request.columns, columns, strict=True)), numbers, request.label)
+
+
+def below_csv(path: Path, request: TableRequest) -> list[Below]:
+    """Return the tables that stand below each other in a text; none where no line of words, and no
+    blank line, stands below numbers.
+    """
+    delimiter = DELIMITERS.get(request.delimiter, request.delimiter)
+    split_at = None if delimiter == WHITESPACE else delimiter
+    with reading(request.label, "text file", UNREADABLE):
+        with open_lines(path, request.encoding, request.label, errors="replace") as (lines, _):
+            begun = broken = False
+            for line in lines:
+                is_words = _WORDS.match(line) is not None
+                broken = broken or (begun and (is_words if request.header else not line.strip()))
+                begun = begun or not is_words
+        if not broken:
+            return []
+        with open_lines(path, request.encoding, request.label, errors="replace") as (lines, _):
+            records = _records(lines, split_at, request)
+            is_number = partial(holds_number, decimal=request.decimal)
+            return tables_below((one for one in records if one[1]), request.header, is_number)
+
+
 def _records(lines: Lines, delimiter: str | None, request: TableRequest) -> Iterator[Numbered]:
     """Yield the records of lines; blank lines and comments are records without fields."""
     mark = request.comment
-    told = (
+    kept = (
         lines
         if mark is None
         else ("\n" if line.lstrip().startswith(mark) else line for line in lines)
     )
     if delimiter is None:
-        yield from ((lines.rows, line.split()) for line in told)
+        yield from ((lines.rows, line.split()) for line in kept)
         return
-    for _, record, number in csv_records(told, delimiter, request.label, lines.rows):
+    for _, record, number in csv_records(kept, delimiter, request.label, lines.rows):
         yield number, record if len(record) > 1 or (record and record[0].strip()) else []
 
 
@@ -395,6 +439,16 @@ READER = Reader(
     "csv",
     read_csv,
     suffixes=(".csv", ".txt", ".tsv", ".dat"),
-    keys=("header", "skip_rows", "delimiter", "decimal", "thousands", "comment", "encoding"),
+    keys=(
+        "header",
+        "skip_rows",
+        "table",
+        "delimiter",
+        "decimal",
+        "thousands",
+        "comment",
+        "encoding",
+    ),
     peek=peek_csv,
+    below=below_csv,
 )

@@ -33,6 +33,7 @@ from mapmore_cli.storage.tables import (
     reading,
     refuse_bombs,
 )
+from mapmore_cli.storage.tables.below import Below, chosen_table, tables_below
 from mapmore_cli.storage.tables.cells import Lacking, holds_number
 from mapmore_cli.storage.tables.lines import head_of
 from mapmore_cli.storage.tables.rows import Row, table_of_rows
@@ -218,6 +219,9 @@ def _table_of_sheet(sheet: SheetCells, request: TableRequest) -> RawTable:
     rows, label = sheet.filled_rows(request.skip_rows), f"{request.label}:{sheet.title}"
     if not rows:
         raise DataError(f"{label}: the sheet is empty")
+    if request.table is not None:
+        found = chosen_table(rows, request, _is_no_text)
+        rows = [*found.header, *found.rows]
     top, first = rows[0]
     names = [str(cell).strip() for cell in first] if request.header else None
     places = locate_columns(request, names, len(first))
@@ -259,10 +263,18 @@ def _hidden_in_words(
         yield f"{label}: the column '{columns[0]}' is hidden in the workbook, and is read"
 
 
+def below_xlsx(path: Path, request: TableRequest) -> list[Below]:
+    """Return the tables that stand below each other in the sheet of a request."""
+    with reading(request.label, "workbook"):
+        sheets, _ = _chosen_sheets(_sheets_in(path, request.label), request)
+    return tables_below(sheets[0].filled_rows(0), request.header, _is_no_text)
+
+
 READER = Reader(
     "xlsx",
     read_xlsx,
     suffixes=(".xlsx", ".xlsm", ".xlsb", ".xls", ".ods"),
-    keys=("header", "skip_rows", "sheet", "hidden"),
+    keys=("header", "skip_rows", "table", "sheet", "hidden"),
     peek=peek_xlsx,
+    below=below_xlsx,
 )

@@ -35,8 +35,9 @@ class TableRequest:
     - `hidden`: `keep` or `drop` the rows that are hidden (workbooks).
     - `root`: where the columns start; `train[*]` makes every element a recording (MAT, HDF5).
     - `missing`: texts, besides the usual ones, that stand where there is no value (text, sheets).
-    - `clocks`: the columns whose cells may be time stamps; `format`: how `strptime` reads these;
-      `second`: in their unit.
+    - `clocks`: the columns whose cells may be time stamps; `formats`: how `strptime` reads those of
+      some; `second`: in their unit.
+    - `table`: which one is read of tables that stand below each other, from 1 (text, sheets).
     - `incomplete`: true where records that break off are missing values, False where they are
       errors.
     - `progress`: told now and then how many bytes of the file have been read (text, the only format
@@ -59,8 +60,9 @@ class TableRequest:
     comment: str | None = None
     hidden: str = "keep"
     clocks: frozenset[SourceColumn] = frozenset()
-    format: str | None = None
+    formats: Mapping[SourceColumn, str] = field(default_factory=dict)
     second: float = 1.0
+    table: int | None = None
 
     def cells(self, column: SourceColumn) -> CellReader:
         """Return what reads the cells of a column."""
@@ -69,7 +71,7 @@ class TableRequest:
             self.decimal,
             self.thousands,
             column in self.clocks,
-            self.format,
+            self.formats.get(column),
             self.second,
         )
 
@@ -200,6 +202,8 @@ class Reader:
     - `by_index`: whether columns also go by their 0-based index.
     - `peek`: reads the first rows of a file in every way that it may be meant, the likeliest first;
       without it, `read` is asked for no columns, which are then all.
+    - `below`: returns the tables that stand below each other in a file, by a request without
+      columns; none where it is one table.
     - `begins`: how such files begin, whatever their names; empty where that is no sign.
     """
 
@@ -211,6 +215,7 @@ class Reader:
     by_index: bool = True
     peek: Callable[[Path, int], Iterable[Top]] | None = None
     begins: bytes = b""
+    below: Callable[[Path, TableRequest], Sequence[Any]] | None = None
 
 
 def locate_columns(

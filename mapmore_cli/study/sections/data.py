@@ -262,6 +262,23 @@ class Groups(Section):
         return self.offset or self.gain
 
 
+class Apart(Section):
+    """Which rows of a file are a recording of their own: those of one value of a column.
+
+    Lags, rates and `sample_time` stay within a recording. Its id has the value behind that of the
+    file, as `log[trial=3]`.
+
+    - `of`: the quantity whose value tells recordings apart, or several, as `trial`
+    """
+
+    of: Annotated[Quantity | list[Quantity], Either()]
+
+    @property
+    def quantities(self) -> list[str]:
+        """The quantities whose values tell recordings apart; they are no inputs of a model."""
+        return [self.of] if isinstance(self.of, str) else self.of
+
+
 class GapRule(Section):
     """What a recording is where samples are missing in between.
 
@@ -307,6 +324,9 @@ class Data(Logs):
 
     - `join`: second logs of the same tests, as `[{files: ["force_*.csv"], columns: {force: {column:
       F}}, on: row}]`
+    - `recordings`: which rows of a file are a recording of their own, as `{of: trial}`
+    - `skip_bad_files`: whether files that cannot be read are left out, with a warning that says
+      why; or the files that are left out, as `["log_3.csv"]`
     - `derive`: what follows from the columns: an expression, a rate or a direction, as `{strain: "1
       - length/88"}`
     - `plateau`: where a step response rests, from when to when: its mean pressure is
@@ -329,6 +349,8 @@ class Data(Logs):
     """
 
     join: list[Join] = []
+    recordings: Apart | None = None
+    skip_bad_files: Annotated[bool | list[PathOrName], Either()] = False
     derive: dict[Quantity, Annotated[str | Rate | Direction, Either(key="direction_of")]] = {}
     plateau: Plateau | None = None
     keep: list[Keep] = []

@@ -12,10 +12,9 @@ from datetime import datetime
 from typing import TYPE_CHECKING, Annotated, Literal
 from warnings import catch_warnings
 
-from pydantic import AfterValidator, Field
+from pydantic import Field
 
 from mapmore_cli.domain.declared import (
-    Contradiction,
     Difference,
     Either,
     OfKey,
@@ -26,6 +25,7 @@ from mapmore_cli.storage.readers import READERS
 from mapmore_cli.storage.tables.cells import FORMAT, THOUSANDS
 from mapmore_cli.study.fields import InColumnUnit, Quantity, Row, Section, SignedSeconds, SpecPath
 from mapmore_cli.study.tree import quoted
+from mapmore_cli.study.units import can_convert
 
 OfQuantity = Annotated[float, of_sibling("quantity")]
 Interval = Annotated[tuple[OfQuantity, OfQuantity], Field(strict=False)]
@@ -89,11 +89,14 @@ else:
 READERS_OF: Mapping[str, tuple[str, ...]] = {
     key: tuple(name for name, reader in READERS.items() if key in reader.keys)
     for key in (
-        *("header", "skip_rows", "delimiter", "decimal", "thousands", "comment", "encoding"),
-        *("sheet", "hidden", "root"),
+        *("header", "skip_rows", "table", "delimiter", "decimal", "thousands", "comment"),
+        *("encoding", "sheet", "hidden", "root"),
     )
 }
 """The readers that have a use for a key."""
+
+
+TableNumber = Annotated[int, Field(ge=1, le=10_000)]
 
 
 class FileEntry(Section):
@@ -103,6 +106,7 @@ class FileEntry(Section):
     - `set`: quantities that are the same throughout, as `{pressure: 2 bar}`
     - `id`: the recording's id, where one file matches, as `first`
     - `sheet`: the sheet of these workbooks, as `Data`
+    - `table`: which one of the tables that stand below each other in these files, from 1, as `2`
     - `keep`: samples of these files to keep, besides the `keep` of all, as `[{quantity: time,
       above: 2 s}]`
     """
@@ -111,30 +115,30 @@ class FileEntry(Section):
     set: dict[Quantity, OfKey] = {}
     id: str | None = None
     sheet: str | None = None
+    table: TableNumber | None = None
     keep: list[Keep] = []
 
 
-def possible_format(text: str) -> str:
-    """Return a format of stamps; raises Contradiction for one that `strptime` cannot read, or that
-    leaves doubts.
+def fault_of_format(text: str, in_parts: bool = False) -> tuple[str, str] | None:
+    """Return what is wrong with a format of stamps, and the remedy: `strptime` cannot read it, or
+    it leaves doubts. None if it is right.
     """
+    remedy = f"write it as {FORMAT}"
+    if in_parts:
+        remedy = "say the unit of a number, as `ms`, or the codes of a date, as `%Y-%m-%d`"
     try:
         with catch_warnings(action="ignore"):  # of days without a year
             datetime.strptime(datetime(2026, 3, 1).strftime(text), text)
     except (ValueError, re.error) as fault:
-        raise Contradiction(
-            f"{text!r} is no format of stamps: {fault}", f"write it as {FORMAT}"
-        ) from None
+        return f"{text!r} is no format of stamps: {fault}", remedy
     if (
         "%" not in text
+        or (in_parts and text == "%f")
         or ("%I" in text) != ("%p" in text)
         or ("%d" in text and "%y" not in text.lower())
     ):
-        raise Contradiction(
-            "a format has codes; hours to 12 need AM or PM, and a day its year",
-            f"write it as {FORMAT}",
-        )
-    return text
+        return "a format has codes; hours to 12 need AM or PM, and a day its year", remedy
+    return None
 
 
 class SourceColumn(Section):
@@ -150,17 +154,81 @@ class SourceColumn(Section):
     - `unwrap`: the number at which an encoder begins anew: jumps by more than half of it are such a
       turn; of `time`, `true` goes on where the clock begins anew, at midnight, after an hour, or at
       2^32 of its unit, as `4096`
-    - `format`: of `time`, how its stamps are written, in the codes of Python's `strptime`, as
+    - `columns`: of `time`, the columns of a clock in parts, which are added, as `[date, hour, min]`
+    - `format`: of `time`, how its stamps are written, in the codes of Python's `strptime`; of a
+      clock in parts for each, in their order, its unit or these codes, as
       `"%m/%d/%Y %I:%M:%S.%f %p"`
     """
 
-    column: Annotated[str | int, Either()]
+    column: Annotated[str | int, Either()] = ""
     unit: str | None = None
     scale: float = 1.0
     offset: InColumnUnit = 0.0
     rest: Seconds | None = None
     unwrap: Annotated[Annotated[float, Field(gt=0)] | Literal[True], Either()] | None = None
-    format: Annotated[str, AfterValidator(possible_format)] | None = None
+    columns: list[Annotated[str | int, Either()]] = []
+    format: Annotated[str | list[str], Either()] | None = None
+
+    @property
+    def places(self) -> Sequence[str | int]:
+        """The columns of the file."""
+        return self.columns or [self.column]
+
+    @property
+    def _formats(self) -> Sequence[str]:
+        """What `format` says of each column."""
+        if isinstance(self.format, list):
+            return self.format
+        return self.format.split() if self.format and self.columns else [self.format or ""]
+
+    @property
+    def formats(self) -> dict[str | int, str]:
+        """The codes of the columns whose cells are stamps."""
+        pairs = zip(self.places, self._formats, strict=False)
+        return {place: text for place, text in pairs if "%" in text and text not in CODES}
+
+    @property
+    def units_of_parts(self) -> dict[str | int, str]:
+        """The unit of each part of a clock; stamps are in s."""
+        pairs = zip(self.columns, self._formats, strict=False)
+        return {place: CODES.get(text, "s" if "%" in text else text) for place, text in pairs}
+
+    def _contradictions(self) -> Sequence[Row]:
+        formats = self._formats if self.format is not None else []
+        faults = [fault for text in formats if (fault := self._fault_of(text))]
+        return [
+            (
+                (self.column == "") == (not self.columns),
+                "a quantity comes from one `column`, and a clock in parts from `columns`",
+                "give one of both, as `column: t`",
+                "column",
+                "columns",
+            ),
+            (
+                bool(self.columns) and len(self._formats) != len(self.columns),
+                f"`format` has {len(self._formats)} parts, and `columns` has {len(self.columns)}",
+                'say of each column its unit or the codes of its stamps, as `format: "h min s ms"`',
+                "format",
+                "columns",
+            ),
+            (
+                bool(self.columns) and self.unit is not None,
+                "the parts of a clock have units of their own",
+                "remove `unit`: `format` has them",
+                "unit",
+            ),
+            *((True, *fault, "format") for fault in faults[:1]),
+        ]
+
+    def _fault_of(self, text: str) -> tuple[str, str] | None:
+        """Return what is wrong with a format, or a part of one, and the remedy; None if nothing."""
+        if self.columns and (text in CODES or can_convert(text, "s")):
+            return None
+        return fault_of_format(text, in_parts=bool(self.columns))
+
+
+CODES = {"%H": "h", "%M": "min", "%S": "s"}
+"""Codes of `strptime` of which a column holds nothing but the number."""
 
 
 class Logs(Section):
@@ -182,6 +250,8 @@ class Logs(Section):
     - `root`: place in a MAT or HDF5 file from which columns are addressed; with `[*]` at its end
       every element is a recording of its own, except members that have none of the columns; in a
       TDMS file a group, or `[*]` for all, as `runs[*]`
+    - `table`: which one of the tables that stand below each other in a file, counted from 1; the
+      whole file is one by default, as `2`
     - `columns`: which column holds which quantity, as `{pressure: {column: P, unit: bar}}`
     - `sample_time`: time between samples, which makes the time where no column holds it, as `1 ms`
     - `every`: reads one sample in so many, as `10`
@@ -199,6 +269,7 @@ class Logs(Section):
     sheet: str | None = None
     hidden: Literal["keep", "drop"] = "keep"
     root: str | None = None
+    table: TableNumber | None = None
     columns: Annotated[dict[Quantity, SourceColumn], Field(min_length=1)]
     sample_time: Seconds | None = None
     every: Annotated[int, Field(ge=1, le=1_000_000_000)] = 1
@@ -207,8 +278,8 @@ class Logs(Section):
         """Return the columns whose cells may be stamps: that of `time`, if no other quantity has
         it.
         """
-        others = {column.column for name, column in self.columns.items() if name != "time"}
-        return frozenset({column.column for column in self.columns.values()} - others)
+        others = {at for name, one in self.columns.items() if name != "time" for at in one.places}
+        return frozenset({at for one in self.columns.values() for at in one.places} - others)
 
     def _contradictions(self) -> Sequence[Row]:
         reader, has_time = READERS[self.reader], "time" in self.columns
@@ -230,7 +301,7 @@ class Logs(Section):
             ),
             (
                 not reader.by_index
-                and any(isinstance(column.column, int) for column in self.columns.values()),
+                and any(isinstance(at, int) for one in self.columns.values() for at in one.places),
                 f"reader `{reader.name}` finds columns by name",
                 f"write `column: {reader.column}`",
                 "columns",
@@ -262,8 +333,8 @@ class Logs(Section):
                 "comment",
             ),
             (
-                any(column.format is not None or column.unwrap is True for column in others),
-                "`format` and `unwrap: true` belong to `time`",
+                any(one.format or one.columns or one.unwrap is True for one in others),
+                "`format`, `columns` and `unwrap: true` belong to `time`",
                 "remove them elsewhere",
                 "columns",
             ),

@@ -1,0 +1,281 @@
+"""What `init` reads in folders: bad files, tables below each other, clocks in parts, recordings
+that a column tells apart, many columns; and what it tells of them.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from recorded import checked, drafted, loaded, write
+
+from mapmore_cli.annexes.drafting.answers import answers_of, read_names
+from mapmore_cli.annexes.drafting.columns import spelt
+from mapmore_cli.annexes.drafting.start import start
+from mapmore_cli.domain.errors import DataError, SpecError, UsageError
+from mapmore_cli.ingestion.dataset import build_dataset
+from mapmore_cli.ingestion.files import slice_of
+
+N = 240
+T = 0.1 * np.arange(N)
+LONG = 0.1 * np.arange(4 * N)
+SAID = {"target": "F", "inputs": "P"}
+
+
+def swing(number=0):
+    """A pressure, and a force that lags behind it."""
+    pressure = 200 + 100 * np.sin((0.7 + 0.2 * number) * T) + 20 * np.sin(3.1 * T + number)
+    return pressure, np.convolve(pressure, [0.5, 0.3, 0.2])[:N] + number
+
+
+def recordings(folder, names, cut=0.0):
+    """Files of a clock, a pressure and a force, each cut in the middle by so many seconds."""
+    for number, name in enumerate(names):
+        time = T + cut * (np.arange(N) > N // 2)
+        columns = dict(zip(("t [s]", "P [kPa]", "F [N]"), (time, *swing(number)), strict=True))
+        write(folder / f"{name}.csv", columns)
+
+
+def dataset_of(draft, folder):
+    spec = loaded(draft, folder).spec
+    return build_dataset(slice_of(spec), folder)
+
+
+# What is held out
+# --------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "name", ["{}[First run]", "[ab]{}", "a #{}", "x, {}", "Prüfung {}", "{}#1"]
+)
+@pytest.mark.parametrize("cut", [0.0, 30.0])
+def test_held_out_recordings_are_those_that_exist(tmp_path, name, cut):
+    """Brackets are text, and pieces of a recording that gaps cut have ids of their own."""
+    recordings(tmp_path, [name.format(number) for number in range(4)], cut)
+    draft = drafted(tmp_path, answers=answers_of(**SAID))
+    held = draft.data["split"]["validate"]["recordings"]
+    assert {*held} < {one.id for one in dataset_of(draft, tmp_path).recordings}
+    assert len(held) == (2 if cut else 1)
+    checked(draft, tmp_path)
+
+
+def test_a_raster_is_not_cut_at_its_end(tmp_path):
+    """That would be beyond what trains: inner rows are held out, and the draft says so."""
+    y, x = np.divmod(np.arange(21 * 21), 21)
+    write(tmp_path / "scan.csv", (x, y, np.exp(-((x - 9) ** 2) / 40 - y / 30)), "")
+    said = answers_of(target="signal=2:V", inputs="x=0:mm,y=1:mm")
+    draft = drafted(tmp_path, answers=said)
+    assert draft.data["split"] == {"validate": {"y": [2, 5, 8, 11, 14, 17]}}
+    assert "between: inner values" in draft.text()
+    assert dataset_of(draft, tmp_path).recordings[0].rows_kept == 441
+    by_end = drafted(tmp_path, answers=answers_of(target="2", inputs="0,1", validate="last"))
+    assert "beyond: the last of every recording" in by_end.text()
+
+
+# The clock
+# --------------------------------------------------------------------------------------------------
+
+
+def test_a_clock_in_parts_is_added_up(tmp_path):
+    seconds = 3595.0 + T
+    parts = {"Date": 0, "Hour": 9 + seconds // 3600, "Minute": seconds // 60 % 60}
+    parts |= {"Second": seconds // 1 % 60, "ms": np.round(1000 * (seconds % 1))}
+    columns = dict(zip(("P [kPa]", "F [N]"), swing(), strict=True))
+    write(tmp_path / "log.csv", parts | columns)
+    text = (tmp_path / "log.csv").read_text().replace("\n0,", "\n2026-03-01,")
+    (tmp_path / "log.csv").write_text(text)
+    draft = drafted(tmp_path, answers=answers_of(**SAID))
+    clock = {"columns": ["Hour", "Minute", "Second", "ms"], "format": "h min s ms"}
+    assert draft.data["columns"]["time"] == clock
+    spec = loaded(draft, tmp_path).spec
+    time = build_dataset(slice_of(spec), tmp_path).recordings[0].columns["time"]
+    np.testing.assert_allclose(time, 9 * 3600 + seconds)
+    dated = {"columns": ["Date", *clock["columns"]], "format": "%Y-%m-%d %H %M %S ms"}
+    draft = draft.with_data("columns", draft.data["columns"] | {"time": dated})
+    time = dataset_of(draft, tmp_path).recordings[0].columns["time"]
+    np.testing.assert_allclose(time - 1772323200, 9 * 3600 + seconds)
+
+
+@pytest.mark.parametrize(
+    ("clock", "why"),
+    [
+        ({"columns": ["h", "m"], "format": "h"}, "has 1 parts"),
+        ({"columns": ["h"], "format": "h", "column": "t"}, "one `column`"),
+        ({"columns": ["h", "f"], "format": "h %f"}, "a format has codes"),
+        ({"columns": ["h"], "format": "kPa"}, "a format has codes"),
+        ({"columns": ["h"], "format": "h", "unit": "s"}, "units of their own"),
+        ({}, "one `column`"),
+    ],
+)
+def test_a_clock_in_parts_needs_a_unit_for_each(tmp_path, clock, why):
+    recordings(tmp_path, "ab")
+    draft = drafted(tmp_path, answers=answers_of(**SAID))
+    draft = draft.with_data("columns", draft.data["columns"] | {"time": clock})
+    with pytest.raises(SpecError, match=why):
+        loaded(draft, tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("stamps", "title", "why"),
+    [
+        (np.floor(LONG), "t [s]", "mostly repeats"),
+        (LONG % 60, "s [s]", "begins anew at 60"),
+        (LONG, "", "rises all the time: where it is the clock, name it, as `time=0:s`"),
+    ],
+)
+def test_what_is_no_clock_is_told_and_rows_are_kept(tmp_path, stamps, title, why):
+    pressure, force = (np.tile(values, 4) for values in swing())
+    write(tmp_path / "log.csv", (stamps, pressure, force), f"{title},P,F\n" if title else "")
+    said = SAID if title else {"target": "force=2:N", "inputs": "pressure=1:kPa"}
+    draft = drafted(tmp_path, answers=answers_of(**said))
+    assert "time" not in draft.data["columns"]
+    assert why in " ".join(draft.text().replace("#", "").split())
+    assert "average" not in draft.text()
+    timed = drafted(tmp_path, answers=answers_of(**said, sample_time="100ms"))
+    assert timed.data["sample_time"] == 0.1
+    assert dataset_of(timed, tmp_path).recordings[0].rows_kept == 4 * N
+
+
+def test_a_person_may_say_that_there_is_no_clock(tmp_path):
+    recordings(tmp_path, "a")
+    draft = drafted(tmp_path, answers=answers_of(**SAID, no_clock=True))
+    assert {"time", "sample_time"}.isdisjoint({*draft.data, *draft.data["columns"]})
+
+
+# Names
+# --------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("title", "name"),
+    [("θ1", "theta1"), ("Πίεση", "piese"), ("Länge", "Lange"), ("Maß", "Mass"), ("力", "u529b")],
+)
+def test_letters_of_other_alphabets_are_spelt(title, name):
+    assert spelt(title) == name
+
+
+@pytest.mark.parametrize("said", ["s*", "1..4", "'s[0,0]','s[1,0]','s[2,0]',\"s[3,0]\""])
+def test_many_columns_are_named_at_once(tmp_path, said):
+    """By a pattern, by a range of the numbers shown, or in quotes where titles hold separators."""
+    random = np.random.default_rng(1)
+    sensors = random.random((5, 90))
+    titles = ",".join(["force", *(f'"s[{number},0]"' for number in range(4)), "other"])
+    write(tmp_path / "skin.csv", (sensors.sum(axis=0), *sensors), f"{titles}\n")
+    draft = drafted(tmp_path, answers=answers_of(target="force", inputs=said))
+    assert [*draft.data["columns"]] == [*(f"s_{number}_0" for number in range(4)), "force"]
+
+
+@pytest.mark.parametrize(
+    ("said", "why"), [("q*", "no column that moves"), ("p=P*", "2 columns that move are called")]
+)
+def test_a_pattern_names_what_there_is(tmp_path, said, why):
+    write(tmp_path / "a.csv", {"P1": T, "P2": T**2, "F": np.sin(T)})
+    with pytest.raises(UsageError, match=why):
+        start(tmp_path, tmp_path, answers=answers_of(target="F", inputs=said))
+
+
+@pytest.mark.parametrize("said", ["pressure,strain", "pressure,strain=strain"])
+def test_a_strain_that_a_person_names_is_called_so(tmp_path, said):
+    pressure, force = swing()
+    strain = 0.1 + 0.05 * np.sin(T)
+    columns = {"pressure": pressure, "length": 80 * (1 - strain) + 0.1 * T, "strain": strain}
+    write(tmp_path / "a.csv", columns | {"force": force})
+    draft = drafted(tmp_path, answers=answers_of(target="force", inputs=said))
+    assert draft.data["columns"]["strain"] == {"column": "strain"}
+
+
+def test_what_stands_in_quotes_is_a_title():
+    named = read_names("--inputs", "p='Druck, ist: 1':bar,Kraft")
+    assert [(name, one.column, one.unit) for name, one in named.items()] == [
+        ("p", "Druck, ist: 1", "bar"),
+        ("Kraft", "Kraft", ""),
+    ]
+
+
+# Bad files, layouts and tables
+# --------------------------------------------------------------------------------------------------
+
+
+def test_bad_files_are_left_out_by_name(tmp_path):
+    recordings(tmp_path, "abcd")
+    (tmp_path / "e.csv").write_text("")
+    rows = (f"{k},,{k}" if k % 2 else f"{k},{k}," for k in range(30))
+    (tmp_path / "f.csv").write_text("\n".join(["t [s],P [kPa],F [N]", *rows]))
+    found = start(tmp_path, tmp_path, answers=answers_of(**SAID))
+    (draft,) = found.drafts
+    assert draft.data["files"] == ["*.csv"]
+    assert {*draft.data["skip_bad_files"]} == {"e.csv", "f.csv"}
+    assert any("e.csv: is empty" in remark for remark in found.remarks)
+    assert any("f.csv: no sample is left" in remark for remark in found.remarks)
+    checked(draft, tmp_path)
+    warnings = []
+    spec = loaded(draft.with_data("skip_bad_files", True), tmp_path).spec
+    dataset = build_dataset(slice_of(spec), tmp_path, warn=warnings.append)
+    assert [one.id for one in dataset.recordings] == [*"abcd"]
+    assert sum("is left out as a bad file" in warning for warning in warnings) == 2
+    for bad, why in ((False, "e.csv: is empty"), (["*.csv"], "every file is left out")):
+        spec = loaded(draft.with_data("skip_bad_files", bad), tmp_path).spec
+        with pytest.raises(DataError, match=why):
+            build_dataset(slice_of(spec), tmp_path)
+
+
+def test_all_layouts_are_told_and_numbers_are_those_of_one(tmp_path):
+    recordings(tmp_path, ["a_1bar", "a_2bar"])
+    write(tmp_path / "z.csv", (T, T**2, np.sin(T)), "x;y;z\n", ";")
+    told = []
+    found = start(tmp_path, tmp_path, answers=answers_of(target="2", inputs="1"), tell=told.append)
+    assert "2 files, 480 rows, 3 columns (t [s], P [kPa], F [N]); names say pressure" in told[1]
+    assert "1 file, 240 rows, 3 columns (x, y, z)" in told[2]
+    assert len(found.drafts) == 1
+    assert any("the numbers that you say are those of a_1bar.csv" in one for one in found.remarks)
+
+
+@pytest.mark.parametrize("mark", [",", ";"])
+def test_tables_below_each_other_are_recordings(tmp_path, mark):
+    """What stands above each says what sets it apart; one with another header is told."""
+    lines = ["Bench 7", ""]
+    for distance in (0, 5, 10, 15):
+        rows = (f"{p}{mark}{2 * p - distance * p / 20 + 0.01}" for p in range(0, 200, 10))
+        lines += [f"distance {distance} mm", f"P_kPa{mark}F_N", *rows, ""]
+    lines += [f"a{mark}b", f"1{mark}2", f"2{mark}3"]
+    (tmp_path / "tables.csv").write_text("\n".join(lines))
+    draft = drafted(tmp_path, answers=answers_of(target="F_N", inputs="P_kPa"))
+    assert draft.data["files"] == [
+        {"path": "tables.csv", "table": number, "set": {"distance": 5 * (number - 1)}}
+        for number in (1, 2, 3, 4)
+    ]
+    assert "table 5 (a, b)" in draft.text()
+    dataset = dataset_of(draft, tmp_path)
+    assert [one.rows_kept for one in dataset.recordings] == [20] * 4
+    draft = draft.with_data("files", [{"path": "tables.csv", "table": 9, "set": {"distance": 0}}])
+    with pytest.raises(DataError, match="there is no table 9: 5 stand below each other"):
+        dataset_of(draft.without_data("levels").without_data("split"), tmp_path)
+
+
+# Recordings that a column tells apart
+# --------------------------------------------------------------------------------------------------
+
+
+def test_a_column_tells_recordings_apart(tmp_path):
+    """Also where their rows are mixed; each has a clock of its own and is held out whole."""
+    trial = np.arange(N) % 2 + 2 * (np.arange(N) // 120)
+    columns = dict(zip(("P [kPa]", "F [N]"), swing(), strict=True))
+    write(tmp_path / "press.csv", {"trial": trial} | columns)
+    said = answers_of(**SAID, recordings="trial", sample_time="10 ms")
+    draft = drafted(tmp_path, answers=said)
+    assert draft.data["recordings"] == {"of": "trial"}
+    assert draft.data["split"]["validate"] == {"trial": [1]}
+    dataset = dataset_of(draft, tmp_path)
+    assert [one.id for one in dataset.recordings] == [f"press[trial={k}]" for k in range(4)]
+    for one in dataset.recordings:
+        np.testing.assert_allclose(one.columns["time"], 0.01 * np.arange(60))
+    draft = draft.with_data("recordings", {"of": "specimen"})
+    with pytest.raises(SpecError, match="no column holds `specimen`"):
+        loaded(draft, tmp_path)
+
+
+def test_an_input_in_a_second_log_may_be_named(tmp_path):
+    pressure, force = swing()
+    write(tmp_path / "tester.csv", {"time [s]": T, "force [N]": force})
+    write(tmp_path / "valve.csv", {"time [s]": T[::2], "pressure [kPa]": pressure[::2]})
+    draft = drafted(tmp_path, answers=answers_of(target="force", inputs="pressure"))
+    assert [*draft.data["join"][0]["columns"]] == ["time", "pressure"]
