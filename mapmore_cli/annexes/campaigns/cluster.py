@@ -17,11 +17,11 @@ from secrets import token_hex
 from threading import Lock
 from typing import TYPE_CHECKING, Any
 
+from mapmore_cli.annexes.campaigns.sealed import run_and_seal
 from mapmore_cli.annexes.campaigns.workers import ended, worker_died
 from mapmore_cli.domain.errors import MapmoreError, UsageError, WriteError
 from mapmore_cli.pipeline.jobs import Finished, Job
 from mapmore_cli.pipeline.processors import variables_set
-from mapmore_cli.pipeline.sealed import run_and_seal
 from mapmore_cli.storage.atomic import TEMPORARY, refusals_told, write_text
 from mapmore_cli.storage.run_record import tool_versions
 

@@ -85,12 +85,12 @@ def batch(
     from mapmore_cli.annexes.campaigns import workers
     from mapmore_cli.annexes.campaigns.cluster import run_on_cluster
     from mapmore_cli.annexes.campaigns.page import run_names, scores_of, write_page
+    from mapmore_cli.annexes.campaigns.sealed import known_by_seal, run_and_seal
     from mapmore_cli.annexes.campaigns.tables import campaign_tables
     from mapmore_cli.cli.views import page_lines
     from mapmore_cli.pipeline.jobs import Job
     from mapmore_cli.pipeline.runner import Options
     from mapmore_cli.pipeline.runs_page import write_runs_page
-    from mapmore_cli.pipeline.sealed import known_by_seal, run_and_seal
     from mapmore_cli.storage.run_folder import refuse_foreign
     from mapmore_cli.storage.run_record import CAMPAIGN_RECORD
     from mapmore_cli.study.campaign import expanded
