@@ -155,8 +155,8 @@ def hinge_constants(runs: Path) -> Table:
     title = "Error with half and twice each constant over that with it"
     note = (
         f"Fitted to {LEVELS[0]} or {LEVELS[1]} strain levels of {len(HINGED)} simulated muscles, "
-        f"the formula errs by {100 * base:.3g} % of the largest force at all others (geometric "
-        "mean)."
+        f"the formula has an error of {100 * base:.3g} % of the largest force at all other levels "
+        "(geometric mean)."
     )
     return Table.of("hinge", title, columns, rows, note)
 

@@ -10,6 +10,8 @@ from pathlib import Path
 import generated
 import pytest
 
+from mapmore_cli.reporting.order import FIGURES
+
 ROOT = Path(__file__).resolve().parents[1]
 PAGES = sorted(
     page
@@ -42,6 +44,12 @@ def test_no_link_is_dead(page):
         if not target.exists() or (anchor and anchor not in anchors(target)):
             dead.append(link)
     assert not dead
+
+
+def test_every_figure_of_a_run_is_explained():
+    text = (ROOT / "docs" / "how-good.md").read_text("utf-8")
+    section = text.split("## What the other figures show")[1].split("\n## ")[0]
+    assert re.findall(r"^\| `(\w+)` \|", section, re.MULTILINE) == list(FIGURES)
 
 
 def test_generated_texts_are_as_the_program_makes_them():

@@ -12,6 +12,7 @@ DOCS = Path(__file__).parents[2] / "docs"
 FIRST = "first-model"
 AFTER_FIRST = (
     "how-mapmore-builds-a-model",
+    "which-model",
     "how-good",
     "how-sure",
     "beyond-the-data",

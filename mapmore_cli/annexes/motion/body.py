@@ -109,7 +109,7 @@ class Motion:
 
 @dataclass(frozen=True)
 class SectionSearch:
-    """How the parameters of one section were found."""
+    """Record of the search for the parameters of one section."""
 
     section: Annotated[Label, "identifier of the section"]
     samples: Annotated[Count, "training samples at which it holds"]

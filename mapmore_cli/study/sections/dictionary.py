@@ -228,7 +228,7 @@ class SmoothSteps(AlongRange):
 
 
 class Products(Section):
-    """Every product of terms of other families.
+    """All products of terms of the families in `of`, up to a total degree.
 
     - `of`: families, or states by name, as `[{slow: {of: [pressure]}}, strain]`
     - `order`: largest total degree, as `2`

@@ -355,7 +355,7 @@ class Logs(Section):
 
 
 class Match(Section):
-    """Quantities of two logs that change together, which tell the shift of the second.
+    """Two quantities that change together, one of each log; `shift: auto` compares them.
 
     - `first`: the quantity of the first log, as `pressure`
     - `second`: that of the second, as `valve`
@@ -366,7 +366,7 @@ class Match(Section):
 
 
 class Join(Logs):
-    """A second log of the same tests: its quantities are brought onto the samples of the first.
+    """A second log of the same tests; its quantities are added to the samples of the first log.
 
     Samples outside of the second log are `missing`. One file serves all recordings; several are
     paired with those of `data.files` in order.

@@ -2,9 +2,10 @@
 beside a passive spring.
 
 H eq 4-5, `F_PAM = P F f_la(l) f_v(v) + F f_lp(l)` with `f_la = 1 + a0 l + a1 l^2 + a2 l^3`, `f_v =
-1 + b0 v`, `f_lp = c0 + c1 l`. As in H's table I, P is in kPa, the length l in m of elongation from
-a rest length of the muscle's own, and the velocity v in m/s with *shortening positive*: with b0 < 0
-a shortening muscle then pulls less, as a damper does. F is in N/kPa, c0 in kPa, c1 in kPa/m.
+1 + b0 v`, `f_lp = c0 + c1 l`. The units are those of H's table I. P is the pressure in kPa. l is
+the elongation in m, measured from a rest length that each muscle has for itself. v is the velocity
+in m/s; it is *positive when the muscle shortens*. If b0 is negative, a shortening muscle pulls
+less, as a damper does. F is in N/kPa, c0 in kPa, c1 in kPa/m.
 
 It is linear in all but b0 once the products with F are parameters, so that a search for b0 alone
 fits it (variable projection); H seeks all seven by the simplex (method `simplex`).

@@ -122,8 +122,8 @@ other parameters, and equals `chou_hannaford` wherever that describes a braid.""
         """Tondu and Lopez' static force as W prints it: the area is that of the muscle's nominal
         diameter, and the angle alone is fitted.
 
-W eq 4 with eq 6-7. `tondu_lopez` is the same with the area fitted too, which then is one model with
-`chou_hannaford`.""",
+W eq 4 with eq 6-7. In `tondu_lopez` the area is fitted as well as the angle; that model can
+describe the same forces as `chou_hannaford`.""",
         of_diameter=True,
     ),
     braided(
