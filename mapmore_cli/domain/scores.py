@@ -287,6 +287,21 @@ class ScoreTable:
         )
 
 
+@dataclass(frozen=True)
+class Alert:
+    """One sentence that speaks against a number.
+
+    - `kind`: what it is about, a word for scripts, as `residuals`.
+    - `section`: the section of the page that shows it.
+    - `target`: the output that it is about; empty where it is about all of them.
+    """
+
+    kind: str
+    sentence: str
+    section: str
+    target: str = ""
+
+
 STRUCTURE_SEEN = "the structure was chosen with all "
 """What a warning and a verdict begin with, where a structure was chosen with held-out data."""
 

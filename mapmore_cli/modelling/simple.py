@@ -16,8 +16,6 @@ import numpy as np
 from mapmore_cli.domain.arrays import Array, IntArray, by_blocks, in_blocks, picked, stacked
 from mapmore_cli.domain.models import Equation
 from mapmore_cli.domain.recording import Curve, Dataset
-from mapmore_cli.modelling.equations import as_equation
-from mapmore_cli.modelling.expressions import folded, parse
 from mapmore_cli.modelling.signals.sampling import even_share
 
 # total degree of each polynomial, every monomial up to it included
@@ -76,6 +74,9 @@ class Polynomial:
 
     def equation(self, name: str) -> Equation:
         """Return it in coordinates `s_NAME` that are -1 and 1 at the ends of the training data."""
+        from mapmore_cli.modelling.equations import as_equation  # which load SciPy
+        from mapmore_cli.modelling.expressions import folded, parse
+
         factors = _powers(len(self.names), self.degree)
         terms = (
             "*".join([f"({value!r})", *(f"s_{self.names[i]}^{of.count(i)}" for i in sorted({*of}))])

@@ -14,8 +14,7 @@ from mapmore_cli.storage.run_folder import RunFiles
 from mapmore_cli.study.loader import load
 
 if TYPE_CHECKING:
-    from mapmore_cli.domain.scores import Limit, Published, ScoreTable
-    from mapmore_cli.reporting.alerts import Alert
+    from mapmore_cli.domain.scores import Alert, Limit, Published, ScoreTable
     from mapmore_cli.study.loader import LoadedSpec
 
 
@@ -67,8 +66,7 @@ class Finished:
         """Return what came of a spec whose run is up to date, with the `warnings` meanwhile;
         `started` is by `time.perf_counter`.
         """
-        files = RunFiles(outcome.run_dir)
-        table = files.scores()
+        table = RunFiles(outcome.run_dir).scores()
         published = loaded.spec.report.published
         return cls(
             outcome.name,
@@ -79,7 +77,7 @@ class Finished:
             required_limits(loaded.spec.validation.require, table.scores),
             (*table.warnings, *warnings),
             time.perf_counter() - started,
-            alerts_of_run(files, loaded.spec.unconfirmed, "search" in outcome.stages),
+            _alerts(outcome, loaded.spec.unconfirmed),
         )
 
     @property
@@ -88,13 +86,22 @@ class Finished:
         return tuple(limit.sentence for limit in self.limits if not limit.kept)
 
 
-def alerts_of_run(files: RunFiles, unconfirmed: Sequence[str], searched: bool) -> tuple[Alert, ...]:
-    """Return what speaks against the scores of a finished run, as its page says it."""
+def _alerts(outcome: RunOutcome, unconfirmed: Sequence[str]) -> tuple[Alert, ...]:
+    """Return what speaks against the scores of a finished run, as its page says it; of a run that
+    was up to date, from the page of all runs, so that none of its results is read.
+    """
+    from mapmore_cli.pipeline.runs_rows import known_alerts
+
+    if {*outcome.stages.values()} == {"up-to-date"}:
+        known = known_alerts(outcome.run_dir)
+        if known is not None:
+            return known
     from mapmore_cli.checking.findings import sentences
     from mapmore_cli.reporting.alerts import alerts_of
 
+    files = RunFiles(outcome.run_dir)
     results = files.dataset(), files.model(), files.validation()
-    search = files.search() if searched else None
+    search = files.search() if "search" in outcome.stages else None
     return alerts_of(*results, unconfirmed, sentences(files.folder), search)
 
 

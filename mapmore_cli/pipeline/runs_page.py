@@ -6,16 +6,15 @@ import json
 import os
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
-from dataclasses import asdict, dataclass
-from datetime import UTC, datetime
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mapmore_cli.domain.errors import WriteError
 from mapmore_cli.domain.scores import OWN, REPEATABILITY, deciding
-from mapmore_cli.storage.atomic import refusals_told, write_text
+from mapmore_cli.pipeline.runs_rows import MARK, PAGE, Row, rows_of
+from mapmore_cli.storage.atomic import refusals_told, refuse_link, write_text
 from mapmore_cli.storage.run_folder import RunFiles, run_lock
 from mapmore_cli.storage.run_record import RUN_RECORD
 
@@ -24,96 +23,37 @@ if TYPE_CHECKING:
     from mapmore_cli.domain.results import Validation
     from mapmore_cli.pipeline.jobs import Finished
 
-PAGE = "index.html"
-MARK = '<script type="application/json" id="runs">'
-"""What the rows of a page stand behind, and what tells it from a page of the user."""
-
 POINTS, WIDTH, HEIGHT = 40, 120, 36
 """Places of a small picture, and its size in pixels."""
-
-
-@dataclass(frozen=True)
-class Row:
-    """One output of a run.
-
-    - `nrmse`: by model, in per cent: of held-out data, where there are any.
-    - `alerts`: what speaks against the number, the worst first.
-    - `ended`: when the scores were written, in seconds since 1970.
-    - `picture`: what was measured and predicted along a curve, as two paths of SVG.
-    """
-
-    run: str
-    muscle: str
-    campaign: str
-    data: str
-    target: str
-    split: str
-    nrmse: dict[str, float]
-    alerts: tuple[str, ...]
-    ended: float
-    picture: tuple[str, str]
-
-    @property
-    def own(self) -> float | None:
-        """NRMSE of the run's own model."""
-        return self.nrmse.get(OWN)
-
-    @property
-    def best_other(self) -> tuple[str, float] | None:
-        """Name and NRMSE of the competitor that errs least."""
-        others = [(name, error) for name, error in self.nrmse.items() if name != OWN]
-        return min(others, key=lambda one: one[1], default=None)
-
-    @property
-    def day(self) -> str:
-        """When it ended, to the minute."""
-        return f"{datetime.fromtimestamp(self.ended, UTC):%Y-%m-%d %H:%M}"
 
 
 def write_runs_page(
     runs: Path, finished: Sequence[Finished], warn: Callable[[str], None] = lambda _message: None
 ) -> None:
     """Write `RUNS/index.html`: the rows that it has, of runs that are still there, and those of
-    `finished` runs in place of theirs.
+    `finished` runs in place of theirs. Where nothing changed, nothing is written.
 
-    Another page of that name stays as it is, and `warn` is told of it; a folder that cannot be
-    written is no fault of a finished run either.
+    Another page of that name stays as it is, and `warn` is told of it. Raises WriteError where the
+    page cannot be written.
     """
     place = runs / PAGE
     if not finished and not place.is_file():
         return
-    try:
-        with run_lock(runs, patient=True), refusals_told(runs):
-            known = _rows_of(place)
-            if known is None:
-                warn(f"{place}: is not a page of runs, and stays as it is")
-                return
-            of_run: dict[str, list[Row]] = {}
-            for row in known:
-                of_run.setdefault(row.run, []).append(row)
-            of_run |= {one.name: _rows(one, of_run.get(one.name, ())) for one in finished}
-            there = {entry.name for entry in os.scandir(runs)}
-            rows = [row for run, own in of_run.items() if run in there for row in own]
-            rows.sort(key=lambda row: (-row.ended, row.run, row.target))
+    with run_lock(runs, patient=True), refusals_told(runs):
+        refuse_link(place)
+        known = rows_of(place)
+        if known is None:
+            warn(f"{place}: is not a page of runs, and stays as it is")
+            return
+        of_run: dict[str, list[Row]] = {}
+        for row in known:
+            of_run.setdefault(row.run, []).append(row)
+        of_run |= {one.name: _rows(one, of_run.get(one.name, ())) for one in finished}
+        there = {entry.name for entry in os.scandir(runs)}
+        rows = [row for run, own in of_run.items() if run in there for row in own]
+        rows.sort(key=lambda row: (-row.ended, row.run, row.target))
+        if rows != known:
             write_text(place, _page(runs, rows))
-    except WriteError as fault:
-        warn(f"the page of all runs was not written: {fault.message}")
-
-
-def _rows_of(place: Path) -> list[Row] | None:
-    """Return the rows of a page: none where there is no page yet, None where another page is
-    there.
-    """
-    if not place.exists() and not place.is_symlink():
-        return []
-    with suppress(OSError, ValueError, TypeError):
-        _, mark, rest = place.read_text(encoding="utf-8").partition(MARK)
-        if mark:
-            return [
-                Row(**row | {"alerts": tuple(row["alerts"]), "picture": tuple(row["picture"])})
-                for row in json.loads(rest.partition("</script>")[0])
-            ]
-    return None
 
 
 def _rows(one: Finished, known: Iterable[Row]) -> list[Row]:
@@ -143,7 +83,7 @@ def _rows(one: Finished, known: Iterable[Row]) -> list[Row]:
                 if score.model != REPEATABILITY and np.isfinite(score.nrmse)
             },
             alerts=tuple(
-                alert.sentence
+                alert
                 for alert in one.alerts
                 if alert.target in ("", table.scores[0].target if table.scores else "")
             ),

@@ -4,34 +4,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.recording import Dataset
 from mapmore_cli.domain.results import AUTOCORRELATION, ResidualTest, Search, Validation
-from mapmore_cli.domain.scores import OWN, REPEATABILITY, STRUCTURE_SEEN, Score, deciding
+from mapmore_cli.domain.scores import OWN, REPEATABILITY, STRUCTURE_SEEN, Alert, Score, deciding
 from mapmore_cli.modelling.kinds import outside_range
 from mapmore_cli.reporting.table import title_of
 
 FEW_CURVES = 3
 """Held-out curves below which an error says little about others, and has no standard error."""
-
-
-@dataclass(frozen=True)
-class Alert:
-    """One sentence that speaks against a number.
-
-    - `kind`: what it is about, a word for scripts, as `residuals`.
-    - `section`: the section of the page that shows it.
-    - `target`: the output that it is about; empty where it is about all of them.
-    """
-
-    kind: str
-    sentence: str
-    section: str
-    target: str = ""
 
 
 def alerts_of(

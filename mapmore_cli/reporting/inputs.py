@@ -14,13 +14,13 @@ from mapmore_cli.domain.fits import Fit, SegmentedCurve
 from mapmore_cli.domain.models import Equation, LeftOut, Model
 from mapmore_cli.domain.recording import Curve, Dataset, Quantity
 from mapmore_cli.domain.results import FitResult, Search, Validation
-from mapmore_cli.domain.scores import REPEATABILITY, Published, deciding
+from mapmore_cli.domain.scores import REPEATABILITY, Alert, Published, deciding
 from mapmore_cli.modelling.kinds import outside_range, rules, runs_over_time
 from mapmore_cli.modelling.shape.violations import Violation
 from mapmore_cli.modelling.simple import SIMPLE
 from mapmore_cli.modelling.validation.intervals import INTERVAL, ends, half_widths_of
 from mapmore_cli.modelling.validation.shown import in_time, is_turned
-from mapmore_cli.reporting.alerts import Alert, alerts_of
+from mapmore_cli.reporting.alerts import alerts_of
 
 MOST_LINES = 7
 """Lines that can be told apart in one panel."""

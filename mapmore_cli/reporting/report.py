@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from mapmore_cli.domain.scores import deciding
+from mapmore_cli.reporting.competitors import competitor_equations
 from mapmore_cli.reporting.explore import explored
 from mapmore_cli.reporting.figures.drawing import (
     SVG_PROLOGUE,
@@ -39,7 +40,7 @@ from mapmore_cli.reporting.table import (
     to_csv,
     to_latex,
 )
-from mapmore_cli.reporting.tables import competitor_equations, training_rmse
+from mapmore_cli.reporting.tables import training_rmse
 
 TABLE_FILES: Mapping[str, Callable[[Table], str]] = {"csv": to_csv, "tex": to_latex}
 """What is written of a table, by format."""

@@ -11,10 +11,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from mapmore_cli.domain.scores import Score, ScoreTable
+from mapmore_cli.domain.errors import WriteError
+from mapmore_cli.domain.scores import Alert, Score, ScoreTable
 from mapmore_cli.pipeline import runs_page
-from mapmore_cli.pipeline.runs_page import MARK, Row, write_runs_page
-from mapmore_cli.reporting.alerts import Alert
+from mapmore_cli.pipeline.runs_page import write_runs_page
+from mapmore_cli.pipeline.runs_rows import MARK, Row, rows_of
 
 HOSTILE = "</script><script>alert(1)</script>\"'&"
 
@@ -58,7 +59,7 @@ class Folder:
 
     @property
     def rows(self):
-        return runs_page._rows_of(self.page)
+        return rows_of(self.page)
 
 
 @pytest.fixture
@@ -71,7 +72,7 @@ def test_a_run_that_ends_gets_a_row_and_replaces_its_own(folder):
     write_runs_page(folder.runs, [folder.finish("a", alerts=(alert,)), folder.finish("b")])
     row = next(row for row in folder.rows if row.run == "a")
     assert (row.muscle, row.data, row.target) == ("Peano", "a.csv and 1 more", "force")
-    assert (row.own, row.best_other, row.alerts) == (1.0, ("sarosi", 2.0), ("only 1 curve",))
+    assert (row.own, row.best_other, row.alerts) == (1.0, ("sarosi", 2.0), (alert,))
     assert [line.count("L") for line in row.picture] == [8, 8]
     time.sleep(0.02)
     write_runs_page(folder.runs, [folder.finish("a", nrmse=0.005)])
@@ -98,7 +99,8 @@ def test_a_page_of_the_user_stays(folder, text):
 def test_nothing_is_written_through_a_link(folder, tmp_path):
     away = tmp_path / "away.html"
     folder.page.symlink_to(away)
-    write_runs_page(folder.runs, [folder.finish("a")], lambda _message: None)
+    with pytest.raises(WriteError, match="is a link"):
+        write_runs_page(folder.runs, [folder.finish("a")])
     assert not away.exists()
 
 

@@ -15,7 +15,6 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.linalg.lapack import dtbtrs
 
 from mapmore_cli.domain.arrays import Array
 
@@ -161,6 +160,8 @@ def _together(columns: Array, lengths: Sequence[int], kept: float) -> Array:
     `R = A^-1 + A^-T - I` with ones on the diagonal of A and `-kept` below it. SciPy's filters do
     the same, but loading `scipy.signal` takes a quarter of the time of a small run.
     """
+    from scipy.linalg.lapack import dtbtrs
+
     turned = np.empty_like(columns)
     for rows in (rows for rows in _rows(lengths) if rows.stop > rows.start):
         own = columns[rows]
