@@ -292,7 +292,7 @@ class StateSet:
     names: Annotated[
         tuple[TermName, ...], "(s) as `pressure`, `force[k-1]`, `slow(play(pressure, 0.16), 0.3)`"
     ]
-    step: Annotated[Step, "time between samples", "s"]
+    step: Annotated[Step, "time between samples; where `ordered`, their median", "s"]
     ranges: Annotated[
         Mapping[TermName, Span],
         "training range of each source of `play`, `stop` and `saturate`, by its name",
@@ -317,6 +317,14 @@ class StateSet:
     margin: Annotated[
         Number, "how far beyond its training range a scaled state may go, as a fraction of it"
     ]
+    ordered: Annotated[
+        bool, "whether steps of time may be uneven, since the order of samples alone counts"
+    ] = False
+
+    @property
+    def longest_step(self) -> float:
+        """The time between samples, s, beyond which memory begins anew."""
+        return math.inf if self.ordered else self.step
 
     @property
     def scaled(self) -> bool:

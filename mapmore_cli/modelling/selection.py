@@ -128,8 +128,10 @@ class MemoryRecipe(Fit):
     - `target`: the output.
     - `dictionary`: candidate terms as text, products of names of states.
     - `step`: time between samples, s.
+    - `ordered`: whether that is uneven, and the order of samples alone counts.
     """
 
     target: str
     dictionary: tuple[str, ...]
     step: float
+    ordered: bool = False

@@ -15,7 +15,8 @@ def states_table(states: StateSet) -> Table:
         rows.append((name, "oscillator it drives", None, None, hertz, damping))
     for name, ends in states.ranges.items():
         rows.append((name, "training range, of which widths are parts", *ends, None, None))
-    notes = [f"Samples are {states.step:.6g} s apart."]
+    uneven = " in the median; their order alone counts" * states.ordered
+    notes = [f"Samples are {states.step:.6g} s apart{uneven}."]
     if states.scaled:
         scales = zip(states.names, states.low.tolist(), states.high.tolist(), strict=True)
         rows += [(name, "scaled to [0, 1]", low, high, None, None) for name, low, high in scales]

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -14,10 +15,15 @@ from common import dataset_of
 
 from mapmore_cli.annexes.search import candidate, searching
 from mapmore_cli.annexes.search.bench import Slice
-from mapmore_cli.annexes.search.searching import search
+from mapmore_cli.annexes.search.searching import choices_of, search
+from mapmore_cli.annexes.search.situation import situation_of
+from mapmore_cli.fitting.kinds import refit
 from mapmore_cli.modelling.expressions.operator import Setting, along
 from mapmore_cli.modelling.expressions.operators import OPERATORS
+from mapmore_cli.modelling.forecast import forecast
+from mapmore_cli.modelling.kinds import rules
 from mapmore_cli.modelling.pieces.recipe import Fuse
+from mapmore_cli.study.sections.data import Holdout
 from mapmore_cli.study.sections.model import ModelChoice
 
 Columns = dict[str, np.ndarray]
@@ -106,6 +112,53 @@ def test_recordings_that_no_memory_fits_are_searched_without_one(
     assert "feedback" not in {tried.family for tried in result.tried}
     assert "models with a past were not tried" in result.notes[0]
     assert "resample: 0.02 s" in result.notes[0]
+
+
+def piston(seed):
+    """A piston at uneven steps of time, whose friction changes its sign with the direction of
+    motion, and grows with the pressure.
+    """
+    rng = np.random.default_rng(seed)
+    x = np.concatenate([np.linspace(*ends, 30) for ends in [(0, 1), (1, 0)] * 4])
+    pressure = np.repeat(rng.uniform(1, 3, 8), 30)
+    side = along(OPERATORS["stop"], x, Setting((0.02,), STEP, (0.0, 1.0))) / 0.02
+    force = 30 * pressure - 4 * x + (3 + 2 * pressure) * side
+    time = np.cumsum(rng.uniform(0.5, 1.5, len(x)) * STEP)
+    return {"time": time, "x": x, "pressure": pressure, "y": force}
+
+
+def test_direction_of_motion_is_found_at_uneven_steps(monkeypatch):
+    tables = searching.family("tables")
+    few = [one for one in tables["candidates"] if one.get("kind") in ("simple", "direction")]
+    monkeypatch.setattr(searching, "FAMILIES", ("tables",))
+    monkeypatch.setattr(searching, "family", lambda _name: {**tables, "candidates": few})
+    dataset = dataset_of(piston(0))
+    taken = search(dataset, WHOLE, beside=False).found
+    assert taken.words == "plane and direction of x in 0.02 of its range"
+    assert taken.parameters == 5
+    assert taken.error < 1e-3
+    (unseen,) = dataset_of(piston(1)).curves
+    model = refit(choices_of(taken.sections, WHOLE), dataset)
+    assert np.ptp(unseen.columns["time"]) != np.ptp(dataset.curves[0].columns["time"])
+    values = forecast(model, unseen).values
+    np.testing.assert_allclose(values, unseen.columns["y"], atol=0.01 * np.ptp(values))
+    assert "whatever the time between them" in " ".join(rules(model))
+
+
+def test_direction_is_not_tried_where_no_model_may_run_along_recordings():
+    dataset, drawn = dataset_of(piston(0)), Holdout.model_validate({"fraction": 0.2})
+    assert WHOLE.in_order(dataset)
+    assert not replace(WHOLE, by_level=True).in_order(dataset)
+    assert not replace(WHOLE, held_out=drawn).in_order(dataset)
+    without_clock = {name: x for name, x in piston(0).items() if name != "time"}
+    assert not WHOLE.in_order(dataset_of(without_clock))
+    looked_at = situation_of(dataset)
+    assert not looked_at.timed
+    kinds = [
+        {one.kind for one in candidate.offered_structures(searching.family("tables"), situation)}
+        for situation in (looked_at, replace(looked_at, ordered=True))
+    ]
+    assert ["direction" in of for of in kinds] == [False, True]
 
 
 def test_a_model_that_goes_on_by_itself_is_refused(monkeypatch):

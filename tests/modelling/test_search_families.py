@@ -2,20 +2,25 @@
 
 import re
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
-from common import dataset_of
+import yaml
+from common import curve_of, dataset_of
 
 from mapmore_cli.annexes.search import searching
 from mapmore_cli.annexes.search.bench import Bench, Slice, cut_short, searchable
 from mapmore_cli.annexes.search.candidate import offered_structures
 from mapmore_cli.annexes.search.searching import FAMILIES, choices_of, family
 from mapmore_cli.annexes.search.situation import Situation, situation_of
+from mapmore_cli.fitting.kinds import refit
+from mapmore_cli.modelling.forecast import forecast
 from mapmore_cli.modelling.pieces.recipe import Fuse
-from mapmore_cli.study.sections.data import Holdout
+from mapmore_cli.study.sections.data import Holdout, Levels
 from mapmore_cli.study.sections.model import ModelChoice
 
+CONFIGS = Path(__file__).parents[2] / "configs"
 WHOLE = Slice(None, ModelChoice(type="auto"), Fuse(), {}, None, (), False)
 SITUATIONS = {
     "map": Situation(
@@ -88,6 +93,24 @@ def test_the_structure_of_the_papers_is_tried_wherever_there_are_levels():
         "linear",
         "levels",
     )
+
+
+@pytest.mark.parametrize("rival", [False, True], ids=["own", "m2_default"])
+def test_the_shared_settings_of_muscles_fit_small_maps(rival):
+    """Seven pressures at each strain, unevenly spread: an even third of them may hold two."""
+    shared = yaml.safe_load((CONFIGS / "_isometric.yaml").read_text(encoding="utf-8"))
+    sections = shared["validate"]["against"][0]["set"] if rival else shared
+    cuts = {"strain": "levels", **sections["segment"]}
+    parts = {"segment": cuts, "dictionary": sections["dictionary"], "fit": sections["fit"]}
+    pressure, curves = np.array([0, 60, 90, 120, 130, 400, 600.0]), []
+    for strain in (0.0, 0.1, 0.2):
+        columns = {"strain": np.full(7, strain), "pressure": pressure}
+        columns["force"] = pressure * (1 - 3 * strain)
+        curves.append(replace(curve_of(columns, name=f"e{strain}"), level=strain))
+    dataset = replace(dataset_of(curves[0].columns, output="force"), curves=tuple(curves))
+    part = replace(WHOLE, levels=Levels(of="strain", at=[0.0, 0.1, 0.2]))
+    model = refit(choices_of(parts, part), replace(dataset, level="strain"))
+    assert np.isfinite(forecast(model, curves[1]).values).all()
 
 
 def test_constants_copies_and_the_clock_are_no_inputs():

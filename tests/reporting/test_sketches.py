@@ -28,7 +28,7 @@ def texts(svg):
     ]
 
 
-@pytest.mark.parametrize("name", [*FIGURES.keys() - FILES_ALONE])
+@pytest.mark.parametrize("name", sorted(FIGURES.keys() - FILES_ALONE))
 def test_every_figure_of_a_page_is_a_quick_drawing(inputs, name):
     for drawing in drawings(name, inputs):
         figure = sketched(drawing, inputs.style)

@@ -58,6 +58,14 @@ class Slice:
     ignored: tuple[str, ...]
     by_level: bool
 
+    def in_order(self, dataset: Dataset) -> bool:
+        """Whether a model of the study may go along its recordings: none of their samples is drawn
+        at random, and `cycles` have taken none out of the order of time.
+        """
+        drawn = self.held_out is not None and self.held_out.fraction is not None
+        known = dataset.quantities
+        return "time" in known and "hysteresis" not in known and not (drawn or self.by_level)
+
 
 @dataclass(frozen=True)
 class Bench:

@@ -76,6 +76,7 @@ def _applies(when: Mapping[str, int], of: Situation) -> bool:
         "moving": len(of.moving),
         "steps": of.steps,
         "tables": not of.timed,
+        "ordered": of.ordered,
         "levels": of.curves if of.level in of.inputs else when.get("levels", 0),
         "by_level": of.level is not None and len(of.inputs) == 2 and of.curves > 1,
     }

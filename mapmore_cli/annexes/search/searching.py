@@ -38,7 +38,7 @@ from mapmore_cli.fitting.kinds.choices import ModelChoices, lengths_of
 from mapmore_cli.fitting.refitting import missed_by, without
 from mapmore_cli.modelling.forecast import forecast
 from mapmore_cli.modelling.kinds import fed_back, parameters, runs_over_time
-from mapmore_cli.modelling.memory.records import records_of, time_step
+from mapmore_cli.modelling.memory.records import sampled
 from mapmore_cli.modelling.pieces.remarks import exploding_curves
 from mapmore_cli.modelling.validation.significance import WITHIN, simplest_of, undominated
 from mapmore_cli.pipeline.processors import shared_out
@@ -117,8 +117,9 @@ def search(
     training = searchable(dataset)
     situation = situation_of(training, part.ignored, part.model.inputs)
     uneven = _uneven(dataset) if situation.timed else ()
-    if part.by_level or uneven:  # a model that runs along recordings cannot be fitted then
+    if part.by_level or uneven:  # a model that counts steps along recordings cannot be fitted then
         situation = replace(situation, step=None)
+    situation = replace(situation, ordered=part.in_order(dataset) and not situation.timed)
     training = cut_short(training, held_run(dataset), situation.timed)
     parts = plugins.parts("families", Mapping)  # type: ignore[type-abstract]
     added = [part.value for part in parts]
@@ -146,7 +147,7 @@ def _uneven(dataset: Dataset) -> tuple[str, ...]:
     included.
     """
     try:
-        records_of(dataset.curves, time_step(dataset.curves))
+        sampled(dataset.curves)
     except DataError as fault:
         return (f"models with a past were not tried: {fault.message}; {fault.remedy}",)
     return ()
@@ -350,7 +351,7 @@ def _refusal(model: Model, bench: Bench) -> str:
     """Return why a model is refused whatever its errors are; empty where it is not."""
     if fed_back(model) and rings(model, bench.dataset):
         return "goes on by itself: its start still rings late in a recording"
-    if not runs_over_time(model) and astray(model, bench):
+    if not (bench.situation.timed and runs_over_time(model)) and astray(model, bench):
         return "goes astray: far beyond all that was measured, at inputs of the study"
     if exploding_curves(model, bench.dataset.curves, bench.dataset.target):
         return "goes astray: it explodes beyond the ends of its curves"

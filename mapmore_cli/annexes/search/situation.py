@@ -12,7 +12,7 @@ import numpy as np
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.recording import Curve, Dataset
-from mapmore_cli.modelling.memory.records import records_of, time_step
+from mapmore_cli.modelling.memory.records import sampled
 from mapmore_cli.modelling.signals.sampling import correlation
 
 NOT_INPUTS = ("time", "hysteresis")
@@ -43,6 +43,8 @@ class Situation:
         at even steps, so that nothing can be said of the past.
     around_zero
         Inputs that take both signs.
+    ordered
+        Whether samples are in order of time at uneven steps, so that an input rises or falls.
     """
 
     target: str
@@ -53,6 +55,7 @@ class Situation:
     step: float | None = None
     steps: int = 0
     around_zero: tuple[str, ...] = ()
+    ordered: bool = False
 
     @property
     def timed(self) -> bool:
@@ -124,8 +127,8 @@ def _even_step(curves: Sequence[Curve]) -> tuple[float | None, int]:
     not in order at even steps.
     """
     try:
-        step = time_step(curves)
-        most = max(record.size for record in records_of(curves, step)) - 1
+        step, _, records = sampled(curves)
     except DataError:
         return None, 0
+    most = max(record.size for record in records) - 1
     return (step, most) if most >= FEWEST_IN_A_RECORD else (None, 0)

@@ -14,11 +14,11 @@ from mapmore_cli.checking.rules import Issue, Issues, Subject
 from mapmore_cli.domain.arrays import Array, extremes, picked
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.recording import Dataset
-from mapmore_cli.modelling.memory.records import records_of, time_step
+from mapmore_cli.modelling.memory.records import sampled
 from mapmore_cli.modelling.signals.sampling import MANY, even_share
 from mapmore_cli.modelling.validation.repeatability import WORTH, floors
 from mapmore_cli.study.check_study import formula_called
-from mapmore_cli.study.sections.dictionary import entries_of, texts_in
+from mapmore_cli.study.sections.dictionary import entries_of, goes_by_order, texts_in
 
 FEWEST = 5  # samples that show the shape of a curve
 
@@ -111,13 +111,15 @@ def _split_values(dataset: Dataset, name: str, held_out: bool) -> Array:
 
 
 def even_steps(subject: Subject) -> Issues:
-    """Require all recordings at the same even steps, and none with holes that nobody declared."""
+    """Require all recordings at the same even steps, and none with holes that nobody declared;
+    not where the order of samples is all that a model goes by.
+    """
     if not subject.spec.runs_over_time:
         return
-    curves = subject.dataset.curves
+    curves, spec = subject.dataset.curves, subject.spec
+    ordered = spec.has_memory and goes_by_order(spec.dictionary)
     try:
-        step = time_step(curves)
-        records = records_of(curves, step)
+        step, _, records = sampled(curves, ordered)
     except DataError as fault:
         yield Issue(
             "error",

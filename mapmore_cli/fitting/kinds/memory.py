@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -21,9 +22,10 @@ from mapmore_cli.modelling.expressions.states import state
 from mapmore_cli.modelling.literature.backbone import residual_of
 from mapmore_cli.modelling.memory import model as memory
 from mapmore_cli.modelling.memory.fitting import fit_outputs, fit_with_memory
-from mapmore_cli.modelling.memory.records import Record, records_of, time_step
+from mapmore_cli.modelling.memory.records import Record, records_of, sampled
 from mapmore_cli.modelling.memory.states import with_ranges
 from mapmore_cli.modelling.selection import MemoryRecipe
+from mapmore_cli.study.sections.dictionary import goes_by_order
 
 
 def _unseen(curve: Curve, outputs: Sequence[str], lag: int) -> Curve:
@@ -51,8 +53,8 @@ def _asked(
 
     Held-out outputs are unknown: fed back, they would be the past of training samples.
     """
-    step = time_step(dataset.curves)
-    longest = max(int(record.training.sum()) for record in records_of(dataset.curves, step))
+    step, uneven, pieces = sampled(dataset.curves, goes_by_order(part.dictionary))
+    longest = max(int(record.training.sum()) for record in pieces)
     terms = terms_of(part.dictionary, Clock(step, step * longest))
     outputs = [one.target for one in dataset.each]
     names = {name for text in terms for name in candidate(text).names}
@@ -62,7 +64,7 @@ def _asked(
             residual_of(_unseen(curve, outputs, lag), dataset.target, backbone)
             for curve in dataset.curves
         ],
-        step,
+        math.inf if uneven else step,
     )
     asked = from_fields(
         MemoryRecipe,
@@ -70,6 +72,7 @@ def _asked(
         target=dataset.target,
         dictionary=terms,
         step=step,
+        ordered=uneven,
     )
     return records, replace(asked, dictionary=with_ranges(records, asked))
 

@@ -160,6 +160,7 @@ class Operator:
       write several operators.
     - `along`: a faster way to compute its values on one uninterrupted piece, (n,), which begins at
       rest; None takes the recursion.
+    - `timed`: whether it needs even steps of time; else the order of samples is enough.
     """
 
     name: str
@@ -171,6 +172,7 @@ class Operator:
     spread: Callable[[int, float, float], tuple[float, ...]] | None = None
     family: str = ""
     along: Callable[[Array, Setting], Array] | None = None
+    timed: bool = True
 
     @property
     def counts(self) -> tuple[int, ...]:

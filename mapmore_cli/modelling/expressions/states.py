@@ -56,6 +56,16 @@ class _State:
         """Samples that it looks back at least, and so without a value at the beginning."""
         return sum(part.steps for part in self.parts if isinstance(part, Lagged))
 
+    @property
+    def goes_by_order(self) -> bool:
+        """Whether it needs the order of samples at most, and no time between them."""
+        return all(
+            not OPERATORS[part.operator].timed
+            if isinstance(part, Operated)
+            else isinstance(part, Measured)
+            for part in self.parts
+        )
+
 
 @dataclass(frozen=True)
 class Measured(_State):

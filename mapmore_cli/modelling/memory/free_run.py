@@ -102,17 +102,17 @@ class Along:
         """Yield row numbers and columns of the pieces within which memory lasts: rows with all
         inputs, one step apart; and whether a piece goes on that of the block before.
         """
-        inputs, step = memory_inputs(self.model), self.model.states.step
+        inputs, states = memory_inputs(self.model), self.model.states
         needed = (columns[name] for name in ("time", *inputs) if name in columns)
         rows = np.flatnonzero(complete(needed, n))
-        time: Array = (self.rows + rows).astype(np.float64) * step
+        time: Array = (self.rows + rows).astype(np.float64) * states.step
         if "time" in columns:
             time = np.asarray(columns["time"], dtype=np.float64)[rows]
         before, stamps = len(self.last), joined([self.last, time])
         with numbered(np.concatenate([rows[:before], rows])):
             if not self.rows:
-                _refuse_other_steps(stamps, rows, step)
-            parts = uninterrupted(stamps, step)
+                _refuse_other_steps(stamps, rows, states.longest_step)
+            parts = uninterrupted(stamps, states.longest_step)
         self.last = stamps[-1:]
         names = [name for name in (*inputs, self.model.output) if name in columns]
         for number, part in enumerate(parts):

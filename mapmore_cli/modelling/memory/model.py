@@ -205,7 +205,10 @@ class MemoryVerbs(Verbs):
         most = max(fed_back_states(memory.states, memory.output).values(), default=0)
         first = f"the first {most} measured samples" if most > 1 else "the first measured sample"
         start = f"from {first} of {memory.output}" if most else f"without measured {memory.output}"
-        yield f"Runs free {start}, at steps of {memory.states.step:.6g} s."
+        steps = f"at steps of {memory.states.step:.6g} s"
+        if memory.states.ordered:
+            steps = "sample by sample, whatever the time between them"
+        yield f"Runs free {start}, {steps}."
 
     def parameters(self, model: Model) -> int:
         """Return the coefficients of the terms, with the model's own constant where it has one, and

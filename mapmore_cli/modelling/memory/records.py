@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -58,11 +59,13 @@ class Record:
 
 def uninterrupted(time: Array, step: float) -> list[slice]:
     """Return the pieces of a record with the stamps `time` (n,): cut where a step is longer than
-    `step` (s), or time runs backwards.
+    `step` (s), or time runs backwards. With an infinite `step` the order of samples alone counts.
 
     Raises AtSample where stamps are neither `step` apart nor a gap: the memory of the model counts
     samples.
     """
+    if math.isinf(step):
+        return cut_after(len(time), steps_where(time, lambda steps: steps < 0))
     largest = max(map(abs, extremes(time))) if len(time) else 0.0
     slack = UNEVEN * step + 4 * np.finfo(np.float64).eps * largest
     early = steps_where(time, lambda steps: (steps >= 0) & (steps < step - slack))
@@ -100,6 +103,26 @@ def time_step(curves: Sequence[Curve]) -> float:
             "name a column of stamps, `time`",
         )
     return usual
+
+
+def sampled(
+    curves: Sequence[Curve], ordered: bool = False
+) -> tuple[float, bool, tuple[Record, ...]]:
+    """Return the time between samples, s, whether it is uneven, and the recordings cut into
+    uninterrupted pieces.
+
+    Where what runs along them goes by the order of samples alone (`ordered`), steps may be uneven:
+    then the time is the median, and pieces end only where time runs backwards. Raises DataError
+    where steps are uneven and must not be.
+    """
+    try:
+        step = time_step(curves)
+        return step, False, records_of(curves, step)
+    except DataError:
+        typical = [typical_step(curve.columns["time"]) for curve in curves if curve.size > 1]
+        if not (ordered and typical and np.median(typical) > 0):
+            raise
+    return float(np.median(typical)), True, records_of(curves, math.inf)
 
 
 def records_of(curves: Sequence[Curve], step: float) -> tuple[Record, ...]:

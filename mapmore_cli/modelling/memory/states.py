@@ -141,7 +141,14 @@ def resolve_states(
     ranges: dict[str, tuple[float, float]] = {}
     found_already = dict(resonances)
     states = StateSet(
-        tuple(names), recipe.step, ranges, found_already, np.empty(0), np.empty(0), recipe.margin
+        tuple(names),
+        recipe.step,
+        ranges,
+        found_already,
+        np.empty(0),
+        np.empty(0),
+        recipe.margin,
+        recipe.ordered,
     )
     known: list[dict[str, Array]] = [{} for _ in records]
 

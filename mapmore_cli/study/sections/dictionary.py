@@ -13,7 +13,7 @@ from pydantic import Field, create_model
 from mapmore_cli.domain.declared import Either, ListToo, OfTarget, always_in
 from mapmore_cli.modelling.expressions import ExpressionError, parse, state
 from mapmore_cli.modelling.expressions.operator import Operator
-from mapmore_cli.modelling.expressions.operators import families
+from mapmore_cli.modelling.expressions.operators import OPERATORS, families
 from mapmore_cli.study.fields import Row, Section
 from mapmore_cli.study.tree import Loc, quoted
 
@@ -376,10 +376,26 @@ def texts_in(loc: Loc, family: Family) -> Iterator[tuple[Loc, str, bool]]:
             yield (*loc, "with", place), text, is_along
 
 
+STATIC = ("polynomial", "terms", "products", "spline", "ends", "steps")
+"""Families whose terms need nothing but the sample itself, where what they name does not."""
+
+
+def goes_by_order(dictionary: Sequence[DictionaryEntry]) -> bool:
+    """Tell whether terms need the order of samples at most, as play and stop do, and no time
+    between them.
+    """
+    return all(
+        (name in STATIC or (name in OPERATORS and not OPERATORS[name].timed))
+        and not getattr(family, "window", None)
+        and all(state(used).goes_by_order for used in _names_of(loc, family))
+        for loc, name, family in entries_of(dictionary)
+    )
+
+
 def remembers(dictionary: Sequence[DictionaryEntry]) -> bool:
     """Tell whether any term needs more of a recording than the sample itself."""
     return any(
-        name not in ("polynomial", "terms", "products", "spline", "ends", "steps")
+        name not in STATIC
         or getattr(family, "window", None)
         or any(not used.isidentifier() for used in _names_of(loc, family))
         for loc, name, family in entries_of(dictionary)

@@ -16,6 +16,7 @@ from mapmore_cli.modelling.expressions.operators.play import play
 from mapmore_cli.modelling.memory.records import (
     AtSample,
     records_of,
+    sampled,
     time_step,
     uninterrupted,
 )
@@ -129,6 +130,16 @@ def test_a_record_is_cut_at_gaps_and_where_the_clock_was_set_back():
     with pytest.raises(AtSample, match=r"only 0\.0094 s after") as told:
         uninterrupted(np.array([0.0, 1.0, 1.94]) * STEP, STEP)
     assert told.value.sample == 2
+
+
+def test_where_the_order_alone_counts_steps_may_be_uneven():
+    time = np.r_[0.0, 1.0, 1.2, 9.0, 3.0, 4.0]
+    curves = [curve_of({"time": time, "x": time})]
+    with pytest.raises(DataError, match="a: sample 2"):
+        sampled(curves)
+    step, uneven, records = sampled(curves, ordered=True)
+    assert (step, uneven, [piece.size for piece in records]) == (1.0, True, [4, 2])
+    assert sampled([curve_of({"time": STEP * np.arange(5)})], ordered=True)[:2] == (STEP, False)
 
 
 def test_pieces_of_curves_share_one_time_step():

@@ -40,11 +40,13 @@ OPERATORS = (
         ),
         needs="range",
         starts=lambda _step, _longest: tuple((v,) for v in WIDTHS),
+        timed=False,
     ),
     Operator(
         name="saturate",
         summary="The quantities `of`, held at the ends of their training range.",
         recursion=saturate,
         needs="range",
+        timed=False,
     ),
 )

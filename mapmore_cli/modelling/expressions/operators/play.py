@@ -75,6 +75,7 @@ def _with_widths(
         starts=lambda _step, _longest: STARTS,
         spread=spread_widths,
         along=along,
+        timed=False,
     )
 
 
