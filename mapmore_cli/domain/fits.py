@@ -66,8 +66,18 @@ class Scaling:
     y_intercept: Annotated[Number, "intercept of the output", "[target]"]
 
 
+@dataclass(frozen=True)
+class ChosenTerms:
+    """What FROLS found out about the k chosen terms (M2 eq 2-7), in scaled coordinates."""
+
+    theta: Annotated[Array, "(k) coefficients of the terms, A theta = g"]
+    theta_error: Annotated[Array, "(k) standard errors of theta; NaN without a degree of freedom"]
+    g: Annotated[Array, "(k) coefficients of the orthogonalised terms"]
+    err: Annotated[Array, "(k) error reduction ratios"]
+
+
 @dataclass(frozen=True, repr=False)
-class Selection:
+class Selection(ChosenTerms):
     """Everything that FROLS found out about one segment (M2 eq 2-7): k terms chosen of M
     candidates, in scaled coordinates.
 
@@ -77,10 +87,6 @@ class Selection:
     """
 
     chosen: Annotated[IntArray, "(k) candidates in the order of selection, from 0", "-"]
-    g: Annotated[Array, "(k) coefficients of the orthogonalised regressors"]
-    err: Annotated[Array, "(k) error reduction ratios"]
-    theta: Annotated[Array, "(k) coefficients of the original regressors, A theta = g"]
-    theta_error: Annotated[Array, "(k) standard errors of theta; NaN without a degree of freedom"]
     a: Annotated[Array, "(k, k) unit upper triangular A, P_chosen = Q A"]
     g_all: Annotated[
         Array,

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass, field, replace
 from typing import Annotated, Any, Literal, TypeVar
 
-from mapmore_cli.domain.arrays import ASCENDING, Array, IntArray, Number, Numbers, Ranges
+from mapmore_cli.domain.arrays import ASCENDING, IntArray, Number, Numbers, Ranges
 from mapmore_cli.domain.declared import (
     Count,
     Label,
@@ -17,6 +17,7 @@ from mapmore_cli.domain.declared import (
 from mapmore_cli.domain.fits import (
     LOWER_BOUND,
     Boundaries,
+    ChosenTerms,
     ErrorsNote,
     FormulaFit,
     MemoryModel,
@@ -27,16 +28,13 @@ from mapmore_cli.domain.recording import CurveRange, Quantity, Signal
 
 
 @dataclass(frozen=True)
-class SegmentFunction:
+class SegmentFunction(ChosenTerms):
     """`f(x) = y_slope sum_k theta_k D_k(slope x + intercept) + y_intercept` (M2 eq 8)."""
 
     id: Annotated[Label, "identifier of the segment"]
     cell: Annotated[tuple[int, ...], "place along each segmented variable, from 1", "-"]
     terms: Annotated[tuple[TermName, ...], "(k) names of the terms D_k, in the order of selection"]
-    theta: Annotated[Numbers, "(k) coefficients of the terms, in scaled coordinates"]
-    theta_error: Annotated[Array, "(k) standard errors of theta; NaN without a degree of freedom"]
-    g: Annotated[Array, "(k) coefficients of the orthogonalised regressors"]
-    err: Annotated[Array, "(k) error reduction ratios"]
+    theta: Annotated[Numbers, "(k) coefficients of the terms, which are finite"]
     scaling: Annotated[Scaling, "scaling of the segment"]
     samples: Annotated[Count, "samples fitted to"]
     condition: Annotated[float, "2-norm condition number of the chosen regressors"]

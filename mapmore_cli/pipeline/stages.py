@@ -68,7 +68,7 @@ def static_run(spec: ExperimentSpec) -> list[Need]:
 
 INGEST = Stage(
     name="ingest",
-    revision=7,
+    revision=8,
     outputs=(DATASET,),
     reads=slice_of,
     run=ingest,

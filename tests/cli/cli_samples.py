@@ -171,13 +171,13 @@ def line(curve, level, slope, height, end):
     scaling = Scaling("none", "-", ("strain",), np.ones(1), np.zeros(1), 1.0, height)
     one = np.ones(1)
     segment = SegmentFunction(
-        f"{curve}/strain:1",
-        (1,),
-        ("strain",),
         np.array([slope]),
         0.1 * one,
         slope * one,
         one,
+        f"{curve}/strain:1",
+        (1,),
+        ("strain",),
         scaling,
         50,
         1.0,

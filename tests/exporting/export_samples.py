@@ -46,13 +46,13 @@ def segment(
     )
     nothing = np.zeros(k)
     return SegmentFunction(
-        f"s{cell}",
-        cell,
-        terms,
         theta,
         nothing,
         nothing,
         nothing,
+        f"s{cell}",
+        cell,
+        terms,
         scaling,
         50,
         1.0,

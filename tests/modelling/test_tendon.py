@@ -12,6 +12,7 @@ from mapmore_cli.domain.recording import Quantity
 from mapmore_cli.modelling import kinds
 from mapmore_cli.modelling.tendon import Tendon
 from mapmore_cli.modelling.tendon.model import TendonVerbs, muscle_columns, solve
+from mapmore_cli.pipeline.notebooks import LoadedModel
 
 size = st.floats(0.5, 20)
 
@@ -44,14 +45,25 @@ def test_a_damped_muscle_follows_the_differential_equation_of_both():
     assert own["length"] == pytest.approx(length - found / k)
 
 
-def test_a_model_behind_a_tendon_needs_the_time_where_its_velocity_counts(monkeypatch):
+@pytest.mark.parametrize(
+    ("inputs", "there", "missing"),
+    [
+        (("length", "velocity"), ("length", "velocity"), "no time"),
+        (("length", "velocity"), ("length",), "no time and no velocity"),
+        (("length", "velocity"), ("time", "length"), "no velocity"),
+        (("length",), ("length",), "no time"),
+    ],
+)
+def test_a_column_that_a_muscle_behind_a_tendon_lacks_is_named(inputs, there, missing, monkeypatch):
     monkeypatch.setattr(kinds, "predict", lambda _muscle, own: 5 + 30 * own["length"])
-    inputs = tuple(Quantity(name, "1") for name in ("length", "velocity"))
-    force = Quantity("force", "N")
-    muscle = Model("muscle", force, inputs, Body())
-    model = Model("both", force, inputs, Tendon(muscle, stiffness=60.0, force=2.0))
-    columns = {"length": np.linspace(-1, 1, 7), "velocity": np.zeros(7)}
-    with pytest.raises(DataError, match="both: a tendon needs the time"):
-        TendonVerbs().simulate(model, columns)
-    found = TendonVerbs().simulate(model, {"time": np.arange(7.0), **columns}).values
+    quantities, force = tuple(Quantity(name, "1") for name in inputs), Quantity("force", "N")
+    muscle = Model("muscle", force, quantities, Body())
+    model = Model("both", force, quantities, Tendon(muscle, stiffness=60.0, force=2.0))
+    columns = {"time": np.arange(7.0), "length": np.linspace(-1, 1, 7), "velocity": np.zeros(7)}
+    some = {name: columns[name] for name in there}
+    with pytest.raises(DataError, match=f"both: a force behind a tendon .* there is {missing}\n"):
+        TendonVerbs().simulate(model, some)
+    with pytest.raises(TypeError, match=f"a function of {', '.join(['time', *inputs])}; got"):
+        LoadedModel(model)(**some)
+    found = TendonVerbs().simulate(model, columns).values
     assert found == pytest.approx((5 + 30 * (columns["length"] + 2 / 60)) / 1.5, abs=1e-6)

@@ -59,7 +59,7 @@ QUIET = settings(
 )
 
 
-@pytest.mark.parametrize("version", ["3.0", "3.1"])
+@pytest.mark.parametrize("version", ["3.0", "3.1", "3.2"])
 def test_files_of_older_formats_are_read(version, tmp_path):
     """They were written by the programs of their time."""
     with ZipFile(Path(__file__).parent / "archive" / f"{version}.zip") as archive:
@@ -151,7 +151,7 @@ def examples():
     boundaries, limits = (np.array([0.0, 0.2]),), {"strain": (0.0, 0.2), "pressure": (250.0, 250.0)}
     numbers = (selection.theta, selection.theta_error, selection.g, selection.err)
     function = SegmentFunction(
-        id_, (1,), ("strain^2", "1"), *numbers, scaling, 40, 12.5, "max_terms"
+        *numbers, id_, (1,), ("strain^2", "1"), scaling, 40, 12.5, "max_terms"
     )
     fusion = Fusion(
         extrapolation={"strain": ("continue", 0.0), "pressure": ("saturate", "saturate")}

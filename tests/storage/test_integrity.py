@@ -40,7 +40,10 @@ def model(tmp_path):
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        (put(f"{SEGMENT}/theta/shape", [1]), "theta, has 1 values, where others of (k) have 2"),
+        (
+            put(f"{SEGMENT}/theta/shape", [1]),
+            "theta_error, has 2 values, where others of (k) have 1",
+        ),
         (put(THETA, [[1.0, 2.0]]), "theta, is no array of 1 dimensions of float64"),
         (put(THETA, [np.nan, 1.0]), "theta, is not finite"),
         (put("body/curves/all/boundaries/all", [0.2, 0.1]), "boundaries/000, does not ascend"),

@@ -34,7 +34,9 @@ FEWEST = 8  # samples of a record
 class Shift:
     """What to add to the second log's time, and how sure that is.
 
-    - `value`, `half_width`: in the unit of the stamps; the latter of the 95 % interval.
+    - `value`, `half_width`: in the unit of the stamps; the latter of the 95 % interval: what noise
+      does to the shift, and half a sample of either record, added in squares. Where noise is small,
+      half a sample is more than the error.
     - `step`: the coarser of the two records' typical steps.
     - `correlation`: of the changes in both records at this shift; negative where one falls when the
       other rises.
@@ -99,8 +101,8 @@ def find_shift(
     if not found:
         return None
     best = max(found, key=lambda peak: peak.sigmas)
-    # a jump may lie anywhere between two samples
-    half_width = max(best.half_width, 0.5 * sum(steps))
+    # beside noise, a jump may lie anywhere between two samples
+    half_width = math.hypot(best.half_width, 0.5 * sum(steps))
     return replace(best, half_width=half_width, step=max(steps))
 
 
@@ -135,11 +137,10 @@ def _peak(
     independent = max(float(overlap[top]) / (2 * width), 4.0)
     sigmas = 0.0 if rises_on else math.atanh(best) * math.sqrt(independent - 3)
     place = top + _vertex(size, top)
-    error = _standard_error(u, v, int(lags[top]), best)
     next_best = float(outside[rival])
     return Shift(
         offset + step * float(lags[0] + place),
-        1.96 * step * error,
+        step * _half_width(u, v, int(lags[top])),
         step,
         float(r[top]),
         next_best,
@@ -195,17 +196,31 @@ def _vertex(size: Array, top: int) -> float:
     return 0.0 if bend >= 0 else min(max(0.5 * (left - right) / bend, -0.5), 0.5)
 
 
-def _standard_error(u: Array, v: Array, lag: int, r: float) -> float:
-    """Of the shift in lags: what is left of `u` after `v`, over the slope of `v`, as in a
-    regression on its derivative.
+def _half_width(u: Array, v: Array, lag: int) -> float:
+    """Return the half width of the 95 % interval of the lag at which the changes `u` and `v` agree
+    best, in lags; infinite where no slopes agree.
+
+    Scaled to one spread, the changes are `s + e/2` and `s - e/2` of `n` samples, and the lag errs
+    by `sum s'[i] e[i] / sum u'[i] v'[i]`. Neighbouring changes share samples and noise may be slow,
+    so the numerator has the variance `sum_k R(k) A(k)`, with the autocovariance R of e and `A(k) =
+    sum_i s'[i] s'[i + k]`. In frequencies it is a sum of products, of which few may carry most:
+    their effective number is the degrees of freedom of Student's t.
     """
-    start, end = max(lag, 0), min(len(u), len(v) + lag)
-    slope = np.gradient(v[start - lag : end - lag]) if end - start > 1 else np.zeros(1)
-    noise = (
-        (1 - r * r)
-        / max(r * r, 1e-12)
-        * float(np.sum(v[start - lag : end - lag] ** 2))
-        / max(end - start, 1)
-    )
-    steepness = float(np.sum(slope**2))
-    return math.sqrt(noise / steepness) if steepness > 0 else math.inf
+    from scipy.fft import next_fast_len, rfft  # takes long to load, and few specs need it
+    from scipy.special import stdtrit
+
+    n = min(len(u), len(v) + lag) - max(lag, 0)
+    first, second = u[max(lag, 0) :][:n], v[max(-lag, 0) :][:n]
+    first, second = first - first.mean(), second - second.mean()
+    second = second * math.copysign(math.sqrt(first @ first / (second @ second)), first @ second)
+    steepness = float(np.diff(first) @ np.diff(second))
+    if steepness <= 0:
+        return math.inf
+    size = next_fast_len(2 * n, real=True)  # so that the sums do not wrap around
+    slope, rest = rfft(np.gradient(first + second) / 2, size), rfft(first - second, size)
+    products = np.abs(slope * rest) ** 2
+    total = float(np.sum(products))
+    if total == 0:
+        return 0.0
+    freedom = total**2 / float(products @ products)
+    return float(stdtrit(freedom, 0.975)) * math.sqrt(2 * total / (size * n)) / steepness

@@ -55,9 +55,14 @@ def solve(
 
 def _force(model: Model, columns: Columns) -> Array:
     body = model.body_of(Tendon)
-    if "time" not in columns and "velocity" in columns:
-        raise DataError(f"{model.name}: a tendon needs the time", "give the column `time`, in s")
-    rows = {name: columns[name] for name in ("time", *(one.name for one in model.inputs))}
+    needed = ("time", *(quantity.name for quantity in model.inputs))
+    if missing := [name for name in needed if name not in columns]:
+        raise DataError(
+            f"{model.name}: a force behind a tendon follows from {', '.join(needed)} along a "
+            f"recording, but there is no {' and no '.join(missing)}",
+            f"give a column for {' and for '.join(missing)}; the time is in s",
+        )
+    rows = {name: columns[name] for name in needed}
     return solve(lambda own: kinds.predict(body.muscle, own), rows, body.stiffness, body.force)
 
 
@@ -65,7 +70,10 @@ class TendonVerbs(Verbs):
     """What a muscle behind a tendon does."""
 
     def simulate(self, model: Model, columns: Columns) -> SimulatedRun:
-        """Return the force at every row of a recording, (n,). Raises DataError without its time."""
+        """Return the force at every row of a recording, (n,).
+
+        Raises DataError where the time or an input is missing.
+        """
         return SimulatedRun(_force(model, columns), ())
 
     def outside_range(self, model: Model, columns: Columns) -> BoolArray:

@@ -11,7 +11,8 @@ accepts the last, and `warn` is told of it, and of files without a checksum.
 there do not know them. A new major format is refused by older programs, a new minor only adds
 fields. Format 3.0 is the first that was released; in 3.1 rows of a segment that follow each other
 are two numbers; since 3.2 short arrays of all members of a list lie in one dataset, where up to 200
-members had a dataset each.
+members had a dataset each; since 3.3 a segment begins with the numbers of its chosen terms. A
+checksum takes arrays in the order in which the document first refers to them.
 """
 
 from __future__ import annotations
@@ -64,7 +65,7 @@ from mapmore_cli.storage.artefacts.schema import (
 from mapmore_cli.storage.atomic import replacing
 from mapmore_cli.storage.run_record import refuse_newer
 
-FORMAT_VERSION = "3.2"
+FORMAT_VERSION = "3.3"
 
 CHECKSUM = "checksum"
 """Attribute of the root: SHA-256 (hexadecimal) of all arrays and of the document."""
@@ -148,7 +149,7 @@ class FileKind(Generic[T]):
                     f"give a file that `mapmore {self.stage}` wrote",
                 )
             record, doubt = self._record(
-                file, path.stat().st_size, version not in ("3.0", "3.1", FORMAT_VERSION)
+                file, path.stat().st_size, version not in ("3.0", "3.1", "3.2", FORMAT_VERSION)
             )
             if doubt == _ALTERED and not unverified:
                 raise DataError(

@@ -127,11 +127,12 @@ class Decoder:
                 f"{path}/{name[:60]}",
                 "is missing" if name in known else "is not known to this format",
             )
-        given = {name: hint for name, (hint, _) in known.items() if name in node}
+        # in the order of the document: the checksum takes arrays as they were written
         return type_(
             **{
-                name: self.value(node[name], hint, f"{path}/{name}", (), sizes)
-                for name, hint in given.items()
+                name: self.value(field, known[name][0], f"{path}/{name}", (), sizes)
+                for name, field in node.items()
+                if name in known
             }
         )
 
