@@ -303,7 +303,7 @@ class NotNumbers(ValueError, TypeError):
 def _no_unit(numbers: Array, unit: str) -> Array:
     if unit == "dimensionless":
         return numbers
-    raise ValueError(f"it has the unit {unit}, and no unit is known here: give plain numbers")
+    raise ValueError(f"it has the unit {unit}, but no unit is known here: give plain numbers")
 
 
 def _finite_numbers(values: object, name: str) -> Array:
@@ -314,7 +314,6 @@ def _finite_numbers(values: object, name: str) -> Array:
         raise NotNumbers(fault.message) from fault
     if not np.isfinite(found).all():
         raise ValueError(
-            "Input contains NaN or infinity: missing and masked values are such. Leave their "
-            "rows out."
+            "Input contains NaN or infinity (or missing or masked values). Remove those rows."
         )
     return found

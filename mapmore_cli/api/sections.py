@@ -176,8 +176,10 @@ def _data_of(
     frames = tuple(one for one in tables if labels_of(one) is not None)
     if not tables or 0 < len(frames) < len(tables):
         raise SpecError(
-            "fit: frames and files are mixed" if tables else "fit: there are no frames",
-            "give frames alone, or paths alone",
+            "fit: the list contains both frames and file names"
+            if tables
+            else "fit: there are no frames",
+            "give frames only, or file names only",
         )
     if frames and "columns" not in section:
         section["columns"] = canonical_columns(frames[0], target)
@@ -194,7 +196,7 @@ def _reader_of(path: object) -> str:
     """
     if not isinstance(path, str | Path):
         raise SpecError(
-            f"fit: {type(path).__name__} is no table",
+            f"fit: a {type(path).__name__} is not a table",
             "give a mapping of arrays, a data frame, or the path of a file",
         )
     reader = reader_of(Path(path))

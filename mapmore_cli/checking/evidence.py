@@ -146,9 +146,10 @@ class Unequal:
         """Return it as a sentence, with what each effect explains of the sum of squares."""
         gain, offset, both = (f"{1 - (left / self.apart) ** 2:.0%}" for left in self.left.values())
         return (
-            f"{self.other.name} has the same {', '.join(self.inputs)} as {self.one.name}, and "
-            f"{self.target} differs by {self.apart:.2g} of its range (rms); a factor explains "
-            f"{gain} of it, an offset {offset}, both {both}"
+            f"{self.other.name} has the same {', '.join(self.inputs)} as {self.one.name}, "
+            f"but {self.target} differs by {self.apart:.2g} of its range (rms); a factor "
+            f"between the two explains {gain} of the difference, an offset {offset}, both "
+            f"together {both}"
         )
 
 

@@ -47,12 +47,11 @@ ORDER = (
 
 REMOVED = {
     "paper": (
-        "`mapmore paper` has left the program: its page is made by docs/papers/compare.py",
+        "`mapmore paper` no longer exists: docs/papers/compare.py makes its page",
         "run `make paper` in a checkout of the sources",
     ),
     "simulate": (
-        "`mapmore simulate` has left the program: the rig that makes the shipped recordings is "
-        "datasets/rig",
+        "`mapmore simulate` no longer exists: datasets/rig makes the shipped recordings",
         "run `python -m datasets.rig SPEC` in a checkout of the sources",
     ),
 }
@@ -184,7 +183,8 @@ def _common(
         Option("--version", callback=_print_version, is_eager=True, help="Print the version."),
     ] = False,
     debug: Annotated[
-        bool, Option("--debug", help="Show the traceback of an error (anywhere on the line).")
+        bool,
+        Option("--debug", help="Show the traceback of an error (anywhere on the command line)."),
     ] = False,
     env: Annotated[
         list[str],

@@ -32,7 +32,7 @@ def check(
     overrides: Overrides = NONE,
     confirm: Annotated[
         bool,
-        Option("--confirm", help="Take what is marked CHECK as right: remove the mark."),
+        Option("--confirm", help="Accept everything that is marked CHECK: remove the marks."),
     ] = False,
     runs: Runs = RUNS,
     as_json: AsJson = False,

@@ -93,7 +93,7 @@ def _bring_up_to_date(
         if finished.missed:
             raise LimitMissed(
                 "; ".join(finished.missed),
-                "the results are complete; see validate.require in the spec",
+                "the results are complete; the limits are set by validate.require in the spec",
             )
 
 
@@ -102,8 +102,8 @@ def _unconfirmed(loaded: LoadedSpec) -> Iterator[str]:
     if count := len(loaded.spec.unconfirmed):
         guesses = "guess of the spec is" if count == 1 else "guesses of the spec are"
         yield (
-            f"{count} {guesses} not confirmed: see `mapmore check {loaded.path}`, and `--confirm` "
-            "there where all are right"
+            f"{count} {guesses} not confirmed: `mapmore check {loaded.path}` lists them, "
+            "and `--confirm` accepts all of them"
         )
 
 
@@ -144,11 +144,14 @@ Figures = Annotated[
     Option(
         "--figures",
         metavar="NAMES",
-        help="Draw these alone, as fit,error; or all, or none. Default: `report.figures`.",
+        help=(
+            "Draw only these figures, for example fit,error; or all, or none. Default: "
+            "`report.figures`."
+        ),
     ),
 ]
 PrintSpec = Annotated[
-    bool, Option("--print-spec", help="Print the spec with its defaults filled in; do nothing.")
+    bool, Option("--print-spec", help="Print the spec with all default values; run nothing.")
 ]
 
 

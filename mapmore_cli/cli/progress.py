@@ -36,7 +36,7 @@ class Reporter:
 
     def __init__(self, quiet: bool = False, verbose: bool = False) -> None:
         if quiet and verbose:
-            raise UsageError("--quiet and --verbose exclude each other", "leave one of them out")
+            raise UsageError("--quiet and --verbose exclude each other", "leave out one of them")
         self._quiet = quiet
         self._verbose = verbose
         self._bar: Progress | None = None

@@ -84,7 +84,7 @@ def _of_run(run_dir: Path) -> View:
     if not record.is_file():
         raise DataError(
             f"{run_dir}: is not a run folder (no run.json)",
-            "name a folder that `mapmore run` wrote, as runs/NAME",
+            "name a folder that `mapmore run` wrote, for example runs/NAME",
         )
     run, stale = _of_json(record), _stale(run_dir)
     document, lines = {**run.document, "stale": list(stale)}, tuple(stale.values())
@@ -103,7 +103,10 @@ def _stale(run_dir: Path) -> dict[str, str]:
     line that says so.
     """
     return {
-        name: f"{name} is out of date: {before} was done again since; run the spec to renew it"
+        name: (
+            f"{name} is out of date, because {before} was repeated since; run the spec again to "
+            "renew it"
+        )
         for name, before in stale_stages(load_records(run_dir, lambda _message: None)).items()
     }
 
@@ -137,8 +140,8 @@ def _of_hdf5(
         return VIEWS[kind](record)
     except (ArithmeticError, LookupError, TypeError, ValueError) as fault:
         raise DataError(
-            f"{path}: holds values that do not fit each other ({type(fault).__name__}: {fault})",
-            "get a fresh copy, or make it anew",
+            f"{path}: contains inconsistent values ({type(fault).__name__}: {fault})",
+            "copy the file again, or repeat the run that made it",
         ) from fault
 
 

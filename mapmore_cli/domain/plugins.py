@@ -65,7 +65,7 @@ def parts(group: str, form: type[P], package: str = "") -> Iterator[Added[P]]:
                 if not isinstance(part.value, form):
                     raise TypeError(f"{type(part.value).__name__} is no {form.__name__}")
                 if part.name in taken:
-                    raise ValueError(f"`{part.name}` is there already")
+                    raise ValueError(f"there is already a `{part.name}`")
                 found.append(Added(part.name, part.value, part.source))
         except Exception as fault:  # whatever is wrong there, the rest goes on without it
             leave_plugin_out(group, name, fault.__cause__ or fault)
@@ -163,7 +163,9 @@ def entry_points(group: str) -> dict[str, EntryPoint]:
         if point.name not in found:
             found[point.name] = point
         elif point.value != found[point.name].value:
-            _leave_out(group, point, f"`{point.name}` is that of {_owner(found[point.name])}")
+            _leave_out(
+                group, point, f"`{point.name}` already exists in {_owner(found[point.name])}"
+            )
     return found
 
 
@@ -192,5 +194,6 @@ def load(group: str, name: str) -> Any:
     except (Exception, SystemExit) as fault:
         raise NotInstalled(
             f"`{name}` is not installed: {point.value} cannot be imported ({fault})",
-            f"install the package that has {point.module.partition('.')[0]}, with all its parts",
+            f"install the package that contains {point.module.partition('.')[0]}, with all "
+            "its parts",
         ) from fault

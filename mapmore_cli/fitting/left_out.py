@@ -152,8 +152,9 @@ def _group_folds(dataset: Dataset, of: str) -> list[Masks]:
     values = np.unique(np.concatenate([curve.columns[of] for curve in dataset.curves]))
     if len(values) < 2:
         raise DataError(
-            f"split.leave_one_group_out: {of} is {values[0]:g} in all recordings",
-            "name what tells them apart in `data.groups`",
+            f"split.leave_one_group_out: {of} is {values[0]:g} in all recordings, so that "
+            "there is only one group",
+            "name the quantity that distinguishes the groups in `data.groups`",
         )
     return [tuple(curve.columns[of] == value for curve in dataset.curves) for value in values]
 
@@ -173,7 +174,7 @@ def refuse_over_time(choices: ModelChoices) -> None:
     """Raise SpecError for a model that cannot be fitted without a level."""
     if choices.kind == "sum" or choices.over_time:
         raise SpecError(
-            "split.leave_one_level_out: a model over time cannot be fitted without a level",
+            "split.leave_one_level_out: a model over time cannot be fitted with a level left out",
             "hold out recordings instead",
         )
 
@@ -236,9 +237,9 @@ def residuals(
     made_by = choices_by_fold(run_dir, choices, dataset, [*parts.values()])
     if kind == "blocks" and needed:
         raise SpecError(
-            "validate.intervals: the runs that are added up can be fitted anew without a level or "
-            "a recording, and there are fewer than three",
-            "leave it out, or ask for the intervals of the parts",
+            "validate.intervals: a sum of models needs at least three levels or recordings "
+            "that can be left out in turn, and there are fewer",
+            "remove `intervals`, or compute the intervals of the parts",
         )
     y = np.concatenate([curve.columns[dataset.target][curve.training] for curve in dataset.curves])
     low, high = extremes(y)
@@ -250,8 +251,8 @@ def residuals(
             every = left_out_of(dataset, outs, made)
         except (DataError, FitError) as error:
             raise type(error)(
-                f"validate.intervals: without {name}, {error.message}",
-                "leave it out, or change what that fit needs",
+                f"validate.intervals: the fit without {name} failed: {error.message}",
+                "remove `intervals`, or change what that fit needs",
             ) from error
         errors[name] = [
             (curve.columns[dataset.target] - output.values)[out & output.ready]
@@ -324,9 +325,9 @@ def _specimens(dataset: Dataset, of: str) -> tuple[LeftOutKind, int, dict[str, M
     )
     if len(values) < FEWEST:
         raise DataError(
-            f"validate.intervals: each specimen is left out in turn, and {len(values)} "
-            f"{'is' if len(values) == 1 else 'are'} too few",
-            "leave it out, or add recordings of a third specimen",
+            f"validate.intervals leaves out one specimen at a time, for which {len(values)} "
+            f"{('is' if len(values) == 1 else 'are')} too few",
+            "remove `intervals`, or add recordings of a third specimen",
         )
     masks = {
         f"{of}={value:g}": tuple(~c.held_out & (c.columns[of] == value) for c in dataset.curves)
@@ -356,9 +357,9 @@ def _summand_without(run_dir: Path, dataset: Dataset) -> Model:
     choices = model_choices(load(run_dir / "experiment.yaml").spec)
     if choices.summands:
         raise SpecError(
-            f"validate.intervals: {choices.name} adds runs up itself, and cannot be fitted anew "
-            "without a part of the data",
-            "leave it out, or add up all runs in one spec",
+            f"validate.intervals: {choices.name} is itself a sum of runs, which cannot be "
+            "fitted with a part of the data left out",
+            "remove `intervals`, or add up all runs in one spec",
         )
     own = RunFiles(run_dir).dataset()
     out = {_level_or_id(curve) for curve in dataset.curves if not curve.training.any()}

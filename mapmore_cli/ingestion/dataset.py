@@ -139,8 +139,8 @@ def _check(data: Data) -> None:
     for name in sorted(set().union(*constants)):
         if name in data.measured or name in data.derive:
             raise SpecError(
-                f"files: '{name}' is set for a file and measured or derived as well",
-                "Keep one of both.",
+                f"files: '{name}' is set for a file, and is also measured or derived",
+                "Keep one of the two.",
             )
         if not all(name in given for given in constants):
             raise SpecError(
@@ -150,8 +150,8 @@ def _check(data: Data) -> None:
     for key in ("last", "last_cycles"):
         if data.cycles and data.split.hold_out and getattr(data.split.hold_out, key) is not None:
             what = (
-                f"split.validate: `{key}` needs samples in the order of time, which `cycles` "
-                "gives up"
+                f"split.validate: `{key}` needs samples in the order of time, but `cycles` "
+                "reorders them"
             )
             raise SpecError(what, "Hold out levels or files.")
 
@@ -192,7 +192,8 @@ def _mended(
     warnings += [doubt for piece in whole for doubt in piece.doubts]
     if lost := len(whole) - len(left):
         warnings.append(
-            f"{samples.label}: {lost} of {len(whole)} pieces between gaps have no sample left"
+            f"{samples.label}: {lost} of {len(whole)} pieces between gaps (`data.gaps`) "
+            "have no sample left"
         )
     return [
         Recording(
@@ -242,11 +243,12 @@ def _check_sizes(samples: Samples, units: Mapping[str, str]) -> None:
         if largest > MOST or 0 < largest < LEAST:
             size = f"the largest {name} is {largest:.3g} {units.get(name, '')}".rstrip()
             remedy = (
-                "mend its `unit`, `scale` or expression, or say what stands for a missing "
-                "value (`missing`)"
+                "correct its `unit`, `scale` or expression, or name the number that stands "
+                "for a missing value (`missing`)"
             )
             raise DataError(
-                f"{samples.label}: {size}, and only {LEAST:g} to {MOST:g} can be computed with",
+                f"{samples.label}: {size}, but numbers must be 0 or between {LEAST:g} and "
+                f"{MOST:g} in magnitude",
                 remedy,
             )
 
@@ -273,7 +275,7 @@ def held_out(
         )
     if held.all():
         raise DataError(
-            "split.validate: all samples are held out, none is left to train on",
+            "split.validate: all samples are held out, so that none is left for training",
             _levels_and_recordings(parts, levels),
         )
     return np.split(held, np.cumsum([part.size for part in parts])[:-1])
@@ -326,7 +328,7 @@ def _matching(
         if not any(matches(name, pattern) for name in names):
             raise DataError(
                 f"split.validate.{kind}: '{pattern}' matches nothing",
-                f"The data have: {', '.join(dict.fromkeys(names))}.",
+                f"The data contain: {', '.join(dict.fromkeys(names))}.",
             )
     return [any(matches(name, pattern) for pattern in patterns) for name in names]
 
@@ -370,7 +372,7 @@ def _within(parts: Sequence[LevelPart], name: str, choice: Sequence[float] | Bet
                 max(part.columns[name].max() for part in parts),
             )
             remedy = (
-                f"{name} runs from {least:g} to {most:g}; give an interval: `{name}: "
+                f"{name} goes from {least:g} to {most:g}; give an interval: `{name}: "
                 f"{{between: ...}}`"
             )
             raise DataError(f"split.validate: {complaint}", remedy)
@@ -405,7 +407,7 @@ def meant_levels(choice: Holdout | None, levels: LevelSet | None) -> list[str]:
         return []
     named = ((f"{value:g}", levels.named(value)) for value in values)
     return [
-        f"split.validate: {levels.of} {value} is taken as the level {at:g}"
+        f"split.validate: for {levels.of} {value}, the level {at:g} is held out"
         for value, at in named
         if at is not None and f"{at:g}" != value
     ]

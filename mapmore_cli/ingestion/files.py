@@ -164,8 +164,8 @@ def _found(
         paths = expand(entry.path, folder) if table is None else [folder / entry.path]
         if entry.id is not None and len(paths) > 1:
             raise SpecError(
-                f"files: id '{entry.id}' is given to {len(paths)} files ({entry.path})",
-                "Name a single file, or drop the id.",
+                f"files: the id '{entry.id}' is given to {len(paths)} files ({entry.path})",
+                "Name a single file, or remove the id.",
             )
         for path in paths:
             name = relative_name(path, folder)
@@ -173,8 +173,8 @@ def _found(
                 before = found[name, entry.sheet][1].path
                 which = f"{name}:{entry.sheet}" if entry.sheet else name
                 raise DataError(
-                    f"{which}: named twice, by '{before}' and '{entry.path}'",
-                    "make the patterns of `files` disjoint",
+                    f"{which}: is named twice, by '{before}' and by '{entry.path}'",
+                    "change the patterns of `files` so that each file matches one of them",
                 )
             found[name, entry.sheet] = (Log(path, name, entry.sheet, table=table), entry)
     return list(found.values())
@@ -200,7 +200,9 @@ def _logs_to_join(join: Join, count: int, folder: Path) -> list[Log]:
     if len(logs) not in (1, count):
         names = ", ".join(log.name for log in logs[:4])
         what = f"join: {len(logs)} files cannot be paired with {count} of `data.files`: {names} ..."
-        raise DataError(what, "Name one for each, in the same order, or a single one for all.")
+        raise DataError(
+            what, "Name one file for each, in the same order, or a single file for all."
+        )
     return logs if len(logs) == count else logs * count
 
 
@@ -213,7 +215,8 @@ def expand(pattern: str, folder: Path) -> list[Path]:
     literal = folder / pattern
     if literal.is_dir():
         raise DataError(
-            f"{pattern}: is a folder", f"Name the files in it, as `{pattern.rstrip('/')}/*.csv`."
+            f"{pattern}: is a folder",
+            f"Name the files in it, for example `{pattern.rstrip('/')}/*.csv`.",
         )
     files = []
     for path in sorted(
@@ -225,18 +228,19 @@ def expand(pattern: str, folder: Path) -> list[Path]:
         name = relative_name(path, folder)
         if not path.exists():
             raise DataError(
-                f"{name}: is a link that leads nowhere", "mend the link, or leave it out of `files`"
+                f"{name}: is a link to a file that does not exist",
+                "correct the link, or leave it out of `files`",
             )
         if not path.is_file():
-            raise DataError(f"{name}: is no regular file", "name files that hold recordings")
+            raise DataError(f"{name}: is not a regular file", "name files that contain recordings")
         if not is_label(name):
             raise DataError(
-                f'the name {name!r} is not one line of valid text without " ` $ < > \\',
+                f'the file name {name!r} must be one line of valid text without " ` $ < > \\',
                 "rename the file",
             )
         # as all files below /proc say of themselves, which may never end
         if path.stat().st_size == 0:
-            raise DataError(f"{name}: is empty", "leave it out of `files`, or get it again")
+            raise DataError(f"{name}: is empty", "leave it out of `files`, or copy it again")
         files.append(path)
     if not files:
         raise DataError(f"{pattern}: no such file", _what_exists(literal))
@@ -271,8 +275,8 @@ def _below(parts: Sequence[str], top: Path, pattern: str, entered: Iterator[int]
     for path in inner:
         if next(entered) > MOST_FOLDERS:
             raise DataError(
-                f"{pattern}: leads through more than {MOST_FOLDERS} folders",
-                "name the folders themselves, as `measured/*/*.csv`",
+                f"{pattern}: matches paths through more than {MOST_FOLDERS} folders",
+                "name the folders explicitly, for example `measured/*/*.csv`",
             )
         yield from _below(rest[1:] or ["*"], path, pattern, entered)
 
@@ -352,7 +356,8 @@ def _what_exists(path: Path) -> str:
         return f"The folder {folder} is empty."
     shown = difflib.get_close_matches(path.name, names, n=SHOWN, cutoff=0.5) or names[:SHOWN]
     return (
-        f"The folder {folder} has: {', '.join(shown)}{', ...' if len(shown) < len(names) else ''}"
+        f"The folder {folder} contains: "
+        f"{', '.join(shown)}{(', ...' if len(shown) < len(names) else '')}"
     )
 
 

@@ -197,7 +197,7 @@ def _in_model_units(raw: RawTable, table: Logs, data: Data, units: Mapping[str, 
             if not resting.any():
                 raise DataError(
                     f"{raw.label}: {name} has no value in the first {column.rest:g} s",
-                    "Lengthen `rest`, or mend the file.",
+                    "Make `rest` longer, or correct the file.",
                 )
             columns[name] = by_blocks(partial(np.add, -float(values[resting].mean())), values)
     return Samples(
@@ -224,7 +224,8 @@ def _against_the_file(raw: RawTable, table: Logs, units: Mapping[str, str]) -> I
         scales = "scale" in column.model_fields_set and column.scale != -1.0
         if scales and told.is_scaled and column.scale != 1.0:
             yield (
-                f"{what} is scaled as the file says, and `scale: {column.scale:g}` scales it again"
+                f"{what} is scaled by the file itself, and `scale: {column.scale:g}` scales "
+                "it again"
             )
         declared = column.unit or units[name]
         free = column.unit is None and (
@@ -235,14 +236,18 @@ def _against_the_file(raw: RawTable, table: Logs, units: Mapping[str, str]) -> I
             continue
         unit = unit_of_file(told.unit, declared)
         if unit is None:
-            yield f"{what} is in '{shortened(told.unit)}', says the file, and is read in {declared}"
+            yield (
+                f"{what} is in '{shortened(told.unit)}' according to the file, but is read in "
+                f"{declared}"
+            )
         elif not is_same(unit, declared):
             remedy = (
-                f"say `unit: {unit}`, or by `scale` how the numbers become {declared}; "
-                "`scale: 1` where the file is wrong"
+                f"write `unit: {unit}`, or set `scale` to the factor from the numbers to {declared} "
+                "(`scale: 1` if the unit in the file is wrong)"
             )
             raise DataError(
-                f"{what} is in {unit}, says the file, but is read as {name} in {declared}", remedy
+                f"{what} is in {unit} according to the file, but is read as {name} in {declared}",
+                remedy,
             )
     step = next((told.step for told in raw.noted.values() if told.step), None)
     if (
@@ -251,12 +256,12 @@ def _against_the_file(raw: RawTable, table: Logs, units: Mapping[str, str]) -> I
         and not isclose(step, table.sample_time, rel_tol=1e-3)
     ):
         what = (
-            f"{raw.label}: the file says one sample every {step:.9g} s, and the spec every "
+            f"{raw.label}: the file gives one sample every {step:.9g} s, but the spec every "
             f"{table.sample_time:.9g} s"
         )
         if step != 1.0:
-            raise DataError(what, f"say `sample_time: {step:.9g} s`")
-        yield f"{what}, which is believed: LabVIEW notes 1 s where nobody says"
+            raise DataError(what, f"write `sample_time: {step:.9g} s`")
+        yield f"{what}, which is used: LabVIEW writes 1 s if nobody has set a rate"
 
 
 def _converted(
@@ -346,7 +351,7 @@ def derived(
             at = int(np.argmin(finite))
             raise DataError(
                 f"{samples.at(at)}: derive.{name} gives {values[at]}",
-                "Mend the expression or the data.",
+                "Correct the expression or the data.",
             )
         samples = samples.with_columns({name: values})
     return samples

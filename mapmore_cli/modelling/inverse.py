@@ -83,7 +83,7 @@ def invert(model: Model, wanted: Array, given: Columns, name: str, rule: str = L
     Raises UsageError for an unknown input or rule; DataError for a model with memory.
     """
     if rule not in (LOWEST, NEAREST):
-        raise UsageError(f"there is no rule '{rule}'", f"take {LOWEST} or {NEAREST}")
+        raise UsageError(f"there is no rule '{rule}'", f"use {LOWEST} or {NEAREST}")
     values, rows, flat, _ = _solutions(model, wanted, given, name)
     counts = np.bincount(rows, minlength=len(wanted))
     one = UNIQUE if model.shape is not None and name in model.shape.monotone else ONE

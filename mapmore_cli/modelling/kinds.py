@@ -143,7 +143,8 @@ def alone(model: Model) -> Model:
     names = [one.name for one in model.outputs]
     if len(names) > 1:
         raise UsageError(
-            f"the model {model.name} has the outputs {', '.join(names)}, and this is done with one",
+            f"the model {model.name} has the outputs {', '.join(names)}, but this works "
+            "with one output only",
             f"make a model of one of them: set `target: {names[0]}`",
         )
     return model
@@ -203,8 +204,8 @@ def numbers_in_reach(model: Model) -> Iterator[None]:
             yield
     except ExpressionError as fault:
         raise DataError(
-            f"the model {model.name} cannot be written out: {fault.message}",
-            "make it anew by its spec",
+            f"the model {model.name} cannot be written as equations: {fault.message}",
+            "run its spec again",
         ) from fault
 
 

@@ -61,19 +61,22 @@ def freeze(run_dir: Path, tag: str, archive: Path) -> Path:
     """
     if not TAG.fullmatch(tag):
         raise UsageError(
-            f"{tag!r} cannot be a tag",
-            "use letters, digits, points, dashes and underscores, as 2026-spring",
+            f"{tag!r} cannot be used as a tag",
+            "use letters, digits, points, dashes and underscores, for example 2026-spring",
         )
     _check_finished(run_dir)
     name = _entry(run_dir / RUN_RECORD, "name")
     if not isinstance(name, str) or not TAG.fullmatch(name):  # a stranger's may lead anywhere
         raise DataError(
-            f"{run_dir / RUN_RECORD}: has no name of a run",
-            "make the run anew with `mapmore run CONFIG --force`",
+            f"{run_dir / RUN_RECORD}: does not contain the name of the run",
+            "repeat the run with `mapmore run CONFIG --force`",
         )
     place = archive / f"{name}@{tag}"
     refuse_link(place)
-    refusal = WriteError(f"{place}: is frozen already, and stays as it is", "choose another tag")
+    refusal = WriteError(
+        f"{place}: this tag is frozen already, and a frozen model is never overwritten",
+        "choose another tag",
+    )
     with refusals_told(archive):
         archive.mkdir(parents=True, exist_ok=True)
         with unfinished_beside(place, folder=True) as unfinished:
@@ -121,12 +124,12 @@ def _check_finished(run_dir: Path) -> None:
     """Check that what `run.json` says was written is there."""
     remedy = "bring the run up to date with `mapmore run`"
     if missing := [kept for kept in KEPT if not (run_dir / kept).is_file()]:
-        raise DataError(f"{run_dir}: is no finished run ({', '.join(missing)} missing)", remedy)
+        raise DataError(f"{run_dir}: is not a finished run ({', '.join(missing)} missing)", remedy)
     outputs = [record.outputs for record in known_records(run_dir).values()]
     written = {path: stamp.sha256 for one in outputs for path, stamp in one.items()}
     for kept in KEPT[:3]:
         if take_stamp(run_dir / kept).sha256 != written.get(kept):
-            raise DataError(f"{run_dir / kept}: is not the file that the run wrote", remedy)
+            raise DataError(f"{run_dir / kept}: was changed after the run wrote it", remedy)
 
 
 def find_model(text: str, runs: Path, archive: Path) -> Path:
@@ -144,7 +147,7 @@ def find_model(text: str, runs: Path, archive: Path) -> Path:
     folders = list(dict.fromkeys(place for place in places if (place / MODEL).is_file()))
     if not folders:
         raise DataError(
-            f"{text}: there is no model of this name",
+            f"{text}: there is no model with this name",
             f"name a model file, a run in {runs}, or a tag in {archive}",
         )
     if len(folders) > 1 and folders[0].parent == archive:
@@ -155,8 +158,8 @@ def find_model(text: str, runs: Path, archive: Path) -> Path:
     model, record = folders[0] / MODEL, folders[0] / FROZEN
     if record.is_file() and take_stamp(model).sha256 != _entry(record, "sha256", MODEL):
         raise DataError(
-            f"{model}: is not the model that was frozen",
-            "take the folder from a backup, or freeze the run anew",
+            f"{model}: was changed after it was frozen",
+            "restore the folder from a backup, or freeze the run again",
         )
     return model
 
@@ -173,8 +176,8 @@ def runs_of(campaign: Path) -> list[str] | None:
     names = _entry(record, "runs")
     if not isinstance(names, list) or not all(TAG.fullmatch(str(name)) for name in names):
         raise DataError(
-            f"{record}: does not name the runs of the campaign",
-            "make it anew with `mapmore batch CAMPAIGN`",
+            f"{record}: does not contain the names of the campaign's runs",
+            "repeat it with `mapmore batch CAMPAIGN`",
         )
     return names
 
@@ -212,9 +215,9 @@ def compared(
     settings = tuple(_other_settings(*records))
     if settings and not other_settings:
         raise UsageError(
-            f"{before} and {after} were made by other settings, so that a difference may be theirs:"
-            f" {'; '.join(settings)}",
-            "make both by the same settings, or add --allow-other-settings",
+            f"{before} and {after} were made with different settings, which may cause the "
+            f"difference: {'; '.join(settings)}",
+            "make both with the same settings, or add --allow-other-settings",
         )
     hashes = [
         {stamp.sha256 for stage in one.values() for stamp in stage.inputs.values()}

@@ -109,7 +109,7 @@ class LoadedModel:
         outside = int(outside_range(self.model, flat).sum())
         if outside:
             warnings.warn(
-                f"{outside} of {prod(shape)} point(s) lie outside of the training range of "
+                f"{outside} of {prod(shape)} point(s) lie outside the training range of "
                 f"{self.model.name}",
                 stacklevel=2,
             )
@@ -222,7 +222,7 @@ class LoadedModel:
         """
         if wanted is None:
             if self.output.name not in given:
-                raise TypeError(f"no wanted output: give `{self.output.name}`")
+                raise TypeError(f"the wanted output is missing: give `{self.output.name}`")
             wanted = given.pop(self.output.name)
         arrays = [
             self._given(self.output.name, wanted),
@@ -296,7 +296,7 @@ def canonical_columns(frame: object, target: object) -> dict[str, dict[str, str]
         known = known_names("", names, "The frame has")
         raise SpecError(
             "columns: no column of the frame has a canonical name",
-            f'say which is which: columns={{"force": {{"column": "F"}}}}. {known}',
+            f'assign the columns: columns={{"force": {{"column": "F"}}}}. {known}',
         )
     return columns
 
@@ -315,7 +315,7 @@ def column_of(
         raise DataError(f"{label}: there is no column '{column}'", known)
     if len(matches) > 1 or labels.count(matches[0]) > 1:
         raise DataError(
-            f"{label_of_column} is there more than once", "give every column a name of its own"
+            f"{label_of_column} exists more than once", "give each column a name of its own"
         )
     values = given_numbers(frame[matches[0]], label_of_column, name, unit, layout)
     if values.ndim != 1:
@@ -364,7 +364,7 @@ def tables_of(
         if len(set(lengths.values())) > 1:
             raise DataError(
                 f"{label}: columns of different length: {lengths}",
-                "they do not belong to one recording",
+                "give columns of one recording, which all have the same length",
             )
         rows = range(max(lengths.values(), default=0))
         tables[f"recording_{number}"] = RawTable(arrays, rows, label, IN_MEMORY, titles=titles)
@@ -400,7 +400,7 @@ def source_of(entry: object) -> Column:
     source = entry.get("column") if isinstance(entry, Mapping) else entry
     if not isinstance(source, str | int):
         raise SpecError(
-            "columns: an entry names no column",
+            "columns: an entry does not name its column",
             'write columns={"force": {"column": "F", "unit": "N"}}',
         )
     return source

@@ -204,15 +204,15 @@ def predicted_lines(
         cells, diverged = predictor.cells(label, block, table.values(block, places), runs)
         for start in diverged:
             warn(
-                f"{label}:row {block[start].line}: the free run diverges; there is no "
-                "prediction until it starts anew"
+                f"{label}:row {block[start].line}: the free run diverges, so that there is "
+                "no prediction until it is started again"
             )
         predicted += sum(not own.startswith(",") for own in cells)
         beyond += sum("true" in own.split(",") for own in cells)
         yield from table.extended(block, cells)
     if predicted and beyond == predicted:
         warn(
-            f"{label}: every row lies outside of the training range; the model expects "
+            f"{label}: every row lies outside the training range; the model expects "
             f"{table.expected}"
         )
 
@@ -234,8 +234,9 @@ def inverted_lines(
     """
     if runs_over_time(model):
         raise UsageError(
-            "this model has memory: the input for an output depends on what was before",
-            "invert a static model",
+            "this model has memory: its output depends on past inputs, so that it cannot "
+            "be inverted",
+            "use a model without memory",
         )
     needed = [
         alone(model).output.name,
@@ -264,7 +265,9 @@ def _reading_turned(model: Model, name: str) -> Reading:
     if name not in inputs:
         raise UsageError(f"--as: the model has no input '{name}'", f"it has {', '.join(inputs)}")
     if runs_over_time(model):
-        raise UsageError("--as: this model has memory, and cannot be inverted", "leave --as out")
+        raise UsageError(
+            "--as: this model has memory, so that it cannot be inverted", "leave --as out"
+        )
     return Reading((model.output.name, *(one for one in inputs if one != name)), turned_for=name)
 
 
@@ -298,10 +301,10 @@ def adapt(
     if set(constants) != {of}:
         unit = next(quantity.unit for quantity in model.inputs if quantity.name == of)
         remedy = (
-            f"give it as `--set {of}={(low + high) / 2:.3g}`, in {unit}; the family goes from "
-            f"{low:g} to {high:g}"
+            f"give it, for example `--set {of}={(low + high) / 2:.3g}`, in {unit}; the "
+            f"family covers {low:g} to {high:g}"
         )
-        raise UsageError(f"adapt needs the {of} of the specimen, and nothing else", remedy)
+        raise UsageError(f"adapt needs the {of} of the specimen, and no other constant", remedy)
     names = ("pressure", "strain", model.output.name)
     columns = {name: np.empty(0) for name in names}
     if lines is not None:
@@ -321,11 +324,14 @@ def adapt(
     inputs = tuple(quantity for quantity in model.inputs if quantity.name != of)
     notes = [*fit.notes]
     if not low <= constants[of] <= high:
-        notes.append(f"{of} {constants[of]:g} lies outside of the family's {low:g} to {high:g}")
+        notes.append(
+            f"{of} {constants[of]:g} lies outside the range of the family, {low:g} to {high:g}"
+        )
     if model.left_out is not None:
         notes.append(
-            f"its intervals are those of the family, by {model.left_out.curves} specimens, "
-            "whatever was measured of this one"
+            "its intervals are those of the family, which come from "
+            f"{model.left_out.curves} specimens; the samples of this specimen do not change "
+            "them"
         )
     return replace(
         model, inputs=inputs, body=replace(model.body, fit=fit, ranges=ranges), notes=tuple(notes)
@@ -337,9 +343,9 @@ def dimension_of(model: Model) -> str:
     if isinstance(model.body, Formula) and is_family(model.body.fit.definition):
         return family_of(model.body.fit.definition).settings.of
     raise UsageError(
-        f"the model {model.name} is of one muscle, and adapt needs that of a family, which is "
-        "learnt from several",
-        "give each muscle's files what it differs in, as `set: {rest_length: 83 mm}`, and "
-        "write `model: {family: {of: rest_length}}`; "
-        "or fit this muscle by itself: `mapmore init` with its files",
+        f"adapt needs a family model, which is fitted to several muscles, but {model.name} "
+        "is fitted to one",
+        "give the files of each muscle the property that differs, for example `set: "
+        "{rest_length: 83 mm}`, and write `model: {family: {of: rest_length}}`; or "
+        "make a model of this muscle alone: `mapmore init` with its files",
     )

@@ -86,8 +86,8 @@ def processes(count: int, method: str, work: object = None) -> Iterator[ProcessP
     # the system keeps the locks between processes as small files, or has none
     except (OSError, NotImplementedError) as fault:
         raise WriteError(
-            f"no worker process can be started: {getattr(fault, 'strerror', None) or fault}",
-            "make room in shared memory (/dev/shm) and on the disk",
+            f"a worker process cannot be started: {getattr(fault, 'strerror', None) or fault}",
+            "free some shared memory (/dev/shm) and disk space",
         ) from fault
     with pool:
         try:

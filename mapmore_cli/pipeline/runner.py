@@ -182,9 +182,9 @@ def _origin(loaded: LoadedSpec, run_dir: Path, campaign: Path | None) -> Origin:
     rival = here.rival_of(before, run_dir) if before is not None else None
     if rival is not None:
         raise WriteError(
-            f"{run_dir}: holds the run '{loaded.spec.name}' of {rival}; this is a run of "
-            f"{here.campaign or here.spec} (seen from there)",
-            "give one of them another `name`, or choose another folder with --runs",
+            f"{run_dir}: contains the run '{loaded.spec.name}' of {rival}, but this is a "
+            f"run of {here.campaign or here.spec} (path relative to that folder)",
+            "give one of them another `name`, or use another folder with --runs",
         )
     return here
 
@@ -299,8 +299,8 @@ class _Run:
         """Warn of files that had to make way, and that the run did not write as they were."""
         if paths:
             self.warn(
-                f"{self.run_dir}: {', '.join(paths)} was changed after the run, or came from "
-                "elsewhere. The new results take this place, and what was there is in "
+                f"{self.run_dir}: {', '.join(paths)} was changed after the run, or was not "
+                "written by it. The new results replace it; the old files are in "
                 f"{self.run_dir.parent / TRASH}"
             )
 
@@ -391,8 +391,9 @@ class _Run:
         if other.is_kept(runs):
             if not current:
                 self.warn(
-                    f"{name}: its data or settings have changed since its model was made, which is "
-                    f"compared as it is; `mapmore run {other.need.key}` brings it up to date"
+                    f"{name}: its data or settings have changed since its model was made; "
+                    f"the comparison uses the old model; `mapmore run {other.need.key}` "
+                    "brings it up to date"
                 )
         elif not current:
             known = findings.sentences(self.run_dir)  # a variation has most of them as well

@@ -107,7 +107,7 @@ def segment(part: ModelChoices, workspace: Workspace) -> None:
             cut = part.segment[name]
             wanted = cut.count if isinstance(cut, Cuts) else None
             if isinstance(cut, Cuts) and wanted is not None and len(boundaries) <= wanted:
-                why = ": neighbours with too few samples are joined" if cut.joins else ""
+                why = ", because neighbours with too few samples are joined" if cut.joins else ""
                 workspace.warn(
                     f"curve {curve.curve}: {len(boundaries) - 1} segment(s) along {name} "
                     f"instead of {wanted}{why}"
@@ -146,8 +146,8 @@ def fit(part: ModelChoices, workspace: Workspace) -> None:
     tied = (piece.id for one in result.each for piece in one.pieces if piece.selection.tied.any())
     for id_ in dict.fromkeys(tied):
         workspace.warn(
-            f"segment {id_}: candidates tie within 1e-9, and the first was taken: "
-            "remove the others from the dictionary"
+            f"segment {id_}: several candidates are equally good (within 1e-9), and the "
+            "first was chosen; remove the others from the dictionary"
         )
     write_fit(workspace.out / FIT, result, units_of(dataset))
 

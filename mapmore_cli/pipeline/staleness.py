@@ -108,7 +108,8 @@ def refuse_circle(loaded: LoadedSpec, heirs: tuple[Path, ...] = ()) -> None:
         if other.resolve() in chain:
             circle = " -> ".join(one.name for one in (*chain, other))
             raise SpecError(
-                f"{loaded.name}: runs need each other in a circle: {circle}", "remove one of them"
+                f"{loaded.name}: these runs need each other in a circle: {circle}",
+                "remove one of them",
             )
         refuse_circle(load(other), chain)
 
@@ -126,7 +127,8 @@ def _varied(loaded: LoadedSpec, variation: Need) -> LoadedSpec:
         return changed(loaded, (*variation.overrides, *as_overrides(own)))
     except SpecError as error:
         raise SpecError(
-            f"{loaded.name}: as `{variation.key}`, with other settings: {error.message}",
+            f"{loaded.name}: as the competitor `{variation.key}`, with other settings: "
+            f"{error.message}",
             error.remedy,
         ) from error
 
@@ -242,7 +244,7 @@ def _reasons(stage: Stage, known: StageRecord | None, now: StageRecord, previous
     if previous and known.before != now.before:
         reasons.append(f"follows from {previous}")
     if not reasons and known.fingerprint != now.fingerprint:
-        reasons.append("run.json does not fit its own entries")
+        reasons.append("run.json is inconsistent: its fingerprint does not match its entries")
     reasons += _file_differences("output", "missing", known.outputs, now.outputs)
     recorded = {path for name in known.outputs for path in (name, name.split("/", 1)[0])}
     missing = [output for output in stage.outputs if output not in recorded]

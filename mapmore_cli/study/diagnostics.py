@@ -252,7 +252,9 @@ def _problem(details: ErrorDetails, root: Node, keys_at: KeysAt) -> Mistake:
             return Mistake(at, clash.message, clash.remedy)
         case "string_pattern_mismatch" if rest and rest[-1] == "[key]":
             message = f"{str(loc[-1])!r} cannot be the name of a quantity"
-            return Mistake(node.start, message, "use letters, digits and `_`, as `step_pressure`")
+            return Mistake(
+                node.start, message, "use letters, digits and `_`, for example `step_pressure`"
+            )
     # a number that was written with a unit is told as the number that it is here
     value = details["input"] if isinstance(details["input"], float) else node.value
     return Mistake(node.at, *_of_value(details, value, name))

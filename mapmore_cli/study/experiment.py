@@ -174,52 +174,56 @@ class Competitor(Section):
         return [
             (
                 sum(kind is not None for kind in kinds) != 1,
-                "a competitor is a `model`, a `run`, this spec with keys `set`, a `sum`, or "
-                "`static` with `damping`",
-                "give one of the five, as `{model: sarosi}`",
+                (
+                    "a competitor is one of: `model`, `run`, `set` (this spec with other "
+                    "settings), `sum`, or `static` with `damping`"
+                ),
+                "give one of these, for example `{model: sarosi}`",
                 *("model", "run", "set", "sum", "static"),
             ),
             (
                 first is not None and (not has_name or first.formula is None),
-                "a sum as competitor is of formulas, and has a name",
-                "add it, as `as: pair`",
+                "a sum as a competitor consists of formulas, and needs a name",
+                "add the name: `as: pair`",
                 "sum",
             ),
             (
                 self.set is not None and not has_name,
-                "changed settings need a name",
-                "add it, as `{set: {fit.max_terms: 1}, as: one_term}`",
+                "a competitor with other settings needs a name",
+                "add it: `{set: {fit.max_terms: 1}, as: one_term}`",
                 "set",
             ),
             (
                 (self.static is None) != (self.damping is None),
-                "a composite needs `static` and `damping`",
-                "add the other, as `{static: sarosi, damping: reynolds}`; `damping: none` adds "
-                "nothing",
+                "a composite needs both `static` and `damping`",
+                (
+                    "add the other: `{static: sarosi, damping: reynolds}`; `damping: none` "
+                    "adds nothing"
+                ),
                 "static",
                 "damping",
             ),
             (
                 (self.run is not None or self.set is not None) and self.method is not None,
-                "another run has a fit of its own",
+                "another run is compared as it is, and not fitted here",
                 "remove `method`",
                 "method",
             ),
             (
                 self.is_file and (not has_name or self.method is not None),
-                "a frozen model needs a name for its scores, and is not fitted",
+                "a frozen model is not fitted here, and needs a name for the table of scores",
                 "write `{model: archive/NAME@TAG/model.h5, as: before}`",
                 *("as", "method", "model"),
             ),
             (
                 self.starts is not None and (self.model is None or frees),
-                "`starts` goes with a `model` and `method: levenberg_marquardt`",
+                "`starts` needs a `model` and `method: levenberg_marquardt`",
                 "write `{model: sarosi, method: levenberg_marquardt, starts: published}`",
                 "starts",
             ),
             (
                 self.levels is not None and (self.model is None or self.is_file),
-                "`levels` goes with the formula of a `model`",
+                "`levels` needs the formula of a `model`",
                 "write `{model: polynomial_5, levels: nominal, as: at_levels}`",
                 "levels",
             ),
@@ -504,11 +508,11 @@ class ExperimentSpec(Section):
             return self
         if self.model.type == "auto" and parts:
             remedy = (
-                "remove it, or say the whole structure, as `dictionary: [{polynomial: {of: "
-                "[strain], order: 4}}]`"
+                "remove it, or write the whole structure: `dictionary: "
+                "[{polynomial: {of: [strain], order: 4}}]`"
             )
             raise Contradiction(
-                f"`{parts[0]}` is part of the structure that `model: {{type: auto}}` searches",
+                f"`{parts[0]}` belongs to the structure that `model: {{type: auto}}` searches",
                 remedy,
                 *parts,
             )

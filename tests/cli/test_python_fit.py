@@ -279,7 +279,7 @@ def test_a_summary_has_what_a_regression_table_has():
             "the frame, row 17 .from 0., column 'eps': the value of strain is missing",
         ),
         ({"columns": {"force": {"column": "G"}}}, DataError, "no column 'G'"),
-        ({"columns": {"force": {"unit": "N"}}}, SpecError, "names no column"),
+        ({"columns": {"force": {"unit": "N"}}}, SpecError, "does not name its column"),
         ({"split": {"validate": {"pressure": [1000]}}}, DataError, "no level"),
     ],
 )

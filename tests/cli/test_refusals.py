@@ -20,7 +20,7 @@ LINES = """
 3  run none.yaml                             none.yaml
 2  batch SPEC --jobs 0                       greater than or equal to 1
 2  batch SPEC --cluster tcp://host:1 --cluster-file x.json  exclude each other
-2  simulate rig.yaml                         has left the program
+2  simulate rig.yaml                         no longer exists
 7  example .                                 is not an empty folder
 4  freeze . --tag x --archive archive        is no finished run
 2  freeze RUN --tag ../x --archive archive   cannot be a tag
@@ -51,7 +51,7 @@ LINES = """
 2  export MODEL -o out --to fmu --float      --float is for C alone
 2  export MODEL -o out --to csv              --grid goes with --to csv
 2  export MODEL -o out --to csv --grid pressure=0:90000:100,strain=0.1  \
-    outside of the training range
+    outside the training range
 2  export MODEL -o out --to java             java
 7  export MODEL -o t.csv/out --to c          cannot be written
 7  export MODEL -o t.csv/out --to fmu        cannot be written

@@ -110,7 +110,7 @@ def test_show_says_what_is_older_than_its_sources(pair, mapmore, document):
     mapmore("run", bench, "-q", code=0)
     assert "out of date" not in mapmore("show", run).stdout
     mapmore("fit", bench, "-q", "--set", "fit.max_terms=2", code=0)
-    assert "fuse is out of date: fit was done again since" in mapmore("show", run).stdout
+    assert "fuse is out of date, because fit was repeated since" in mapmore("show", run).stdout
     assert "fuse is out of date" in mapmore("show", run / "model.h5").stdout
     assert document("show", run)["stale"] == ["fuse", "validate", "report"]
 
@@ -125,7 +125,7 @@ def test_another_spec_of_the_same_name_is_refused(tmp_path, mapmore):
     mapmore("ingest", tmp_path / "spring" / "bench.yaml", "-q", code=0)
     result = mapmore("ingest", tmp_path / "autumn" / "bench.yaml", "-q", code=7)
     assert (
-        "holds the run 'bench' of ../../spring/bench.yaml; this is a run of ../../autumn/bench.yaml"
+        "contains the run 'bench' of ../../spring/bench.yaml, but this is a run of ../../autumn/bench.yaml"
         in result.stderr
     )
     (tmp_path / "spring" / "bench.yaml").unlink()

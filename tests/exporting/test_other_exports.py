@@ -96,7 +96,7 @@ def test_a_table_has_the_points_of_its_grid():
 
 
 def test_a_grid_beyond_the_training_range_is_refused():
-    with pytest.raises(UsageError, match="outside of the training range"):
+    with pytest.raises(UsageError, match="outside the training range"):
         exported(pieces(), "csv", grid="pressure=0:500:100,strain=0.03:0.19:0.04")
 
 
@@ -121,7 +121,7 @@ def test_coefficients_that_multiply_to_no_number_are_told(to):
     )
     body = replace(model.body, curves=(replace(curve, segments=(huge, *rest)), *others))
     with pytest.raises(
-        DataError, match=r"dmsp-20 cannot be written out: -?inf is not a finite number"
+        DataError, match=r"dmsp-20 cannot be written as equations: -?inf is not a finite number"
     ):
         exported(replace(model, body=body), to)
 

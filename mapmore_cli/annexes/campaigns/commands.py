@@ -52,13 +52,15 @@ def batch(
         Option(
             "--cluster",
             metavar="ADDRESS",
-            help="Scheduler of a Dask cluster to run on, as tcp://host:8786.",
+            help="Address of the Dask scheduler of a cluster, for example tcp://host:8786.",
         ),
     ] = None,
     cluster_file: Annotated[
         Path | None,
         Option(
-            "--cluster-file", metavar="FILE", help="The same, by the file that the scheduler wrote."
+            "--cluster-file",
+            metavar="FILE",
+            help="The same, given by the file that the scheduler wrote.",
         ),
     ] = None,
     overrides: Overrides = NONE,
@@ -66,7 +68,10 @@ def batch(
         bool,
         Option(
             "--no-pages",
-            help="Write no page for each run. The same command without it does that later.",
+            help=(
+                "Do not write the pages of the runs. The same command without this option "
+                "writes them later."
+            ),
         ),
     ] = False,
     force: Force = False,
@@ -95,7 +100,7 @@ def batch(
     from mapmore_cli.study.campaign import expanded
 
     if cluster is not None and cluster_file is not None:
-        raise UsageError("--cluster and --cluster-file exclude each other", "leave one of them out")
+        raise UsageError("--cluster and --cluster-file exclude each other", "leave out one of them")
     campaigns, entries = expanded(configs, overrides)
     options = Options(force, rehash, not no_check)
     until = "validate" if no_pages else "report"

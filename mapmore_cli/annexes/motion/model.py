@@ -231,4 +231,4 @@ class MotionVerbs(Verbs):
         """Say what of a stored model no prediction would notice."""
         motion = _motion(model)
         if len(motion.sections) != (len(motion.boundaries) + 1) * (1 + motion.directed):
-            yield "it has not as many sections as its boundaries make"
+            yield "the number of its sections does not match its boundaries"

@@ -48,7 +48,7 @@ class Bounds(Settings):
             ends = getattr(self, name)
             if ends is not None and ends[0] >= ends[1]:
                 raise Contradiction(
-                    f"`{name}` goes from {ends[0]:g} to {ends[1]:g}",
+                    f"`{name}`: the lower bound {ends[0]:g} is above the upper bound {ends[1]:g}",
                     "put the lower bound first",
                     name,
                 )

@@ -59,10 +59,10 @@ def spread(u: Array, count: int) -> tuple[float, ...]:
     edges = np.array([u.min(), *boundaries, u.max()])
     if np.any(np.diff(edges) <= 0):
         raise DataError(
-            f"{count} sections with equal shares of the samples have no width everywhere: the "
-            "input dwells at "
-            f"{edges[:-1][np.diff(edges) <= 0][0]:.6g}",
-            "give the boundaries as a list, or ask for fewer sections",
+            f"{count} sections with equal shares of the samples are not possible, because "
+            f"the input stays at {edges[:-1][np.diff(edges) <= 0][0]:.6g} for too many "
+            "samples",
+            "give the boundaries as a list, or use fewer sections",
         )
     return tuple(boundaries.tolist())
 
@@ -120,10 +120,9 @@ def simulate(motion: Motion, columns: Columns) -> Array:
     for section in motion.sections:
         if not stable(section.p1, section.p2):
             raise FitError(
-                f"section {section.id} of the model of `{motion.output}` is unstable: a pole "
-                f"lies at {section.radius:.6g}, outside of the "
-                "unit circle",
-                "fit it again: every solver gives stable sections",
+                f"section {section.id} of the model of `{motion.output}` is unstable: it "
+                f"has a pole at {section.radius:.6g}, outside the unit circle",
+                "fit the model again: every solver gives stable sections",
             )
     parts = uninterrupted(columns["time"], motion.step) if "time" in columns else [slice(None)]
     return np.concatenate(

@@ -39,8 +39,8 @@ def behind_tendon(muscle: Model, tendon: TendonSettings | None) -> Model:
     length = next((one for one in muscle.inputs if one.name == "length"), None)
     if length is None:
         raise SpecError(
-            f"{muscle.name} is no function of `length`, which a tendon changes",
-            "call the length of the muscle so where it is fitted",
+            f"{muscle.name} does not depend on `length`, which a tendon changes",
+            "name the length of the muscle `length` in the spec of its model",
         )
     stiffness = convert(tendon.stiffness, "N/m", f"{muscle.output.unit}/({length.unit})")
     body = Tendon(muscle, stiffness, convert(tendon.force, "N", muscle.output.unit))

@@ -165,7 +165,7 @@ class SumVerbs(Verbs):
     def faults(self, model: Model) -> Iterator[str]:
         """Yield why a stored sum is refused."""
         if not _body(model).parts:
-            yield "it is a sum of nothing"
+            yield "the sum has no parts"
 
     def parameters(self, model: Model) -> int:
         """Return the parameters of all parts."""

@@ -45,7 +45,7 @@ class Subject:
     @property
     def dataset(self) -> Dataset:
         """The curves, for rules that need them."""
-        assert self.made is not None, "a rule of curves was given none"
+        assert self.made is not None, "the rule checks curves, but was called without any"
         return self.made
 
     def has(self, *names: str) -> bool:

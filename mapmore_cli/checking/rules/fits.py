@@ -94,8 +94,9 @@ def few_for_formula(subject: Subject) -> Issues:
                 "error",
                 "few-for-formula",
                 subject.where(*loc),
-                f"{name} has {len(formula.fitted)} parameters, and there are {_samples(count)}",
-                "give it more training data, or leave the formula out",
+                f"{name} has {len(formula.fitted)} parameters, but there are only "
+                f"{_samples(count)}",
+                "add training data, or remove this formula",
                 "data",
             )
 

@@ -178,8 +178,8 @@ def _products(family: Products, clock: Clock | None, *, constant: bool) -> list[
     for partner in partners or ():
         if partner not in of:
             raise SpecError(
-                f"products: `{partner}` of `with` is none of the terms `of` them",
-                f"there are {', '.join(of)}",
+                f"products: `{partner}` of `with` is not one of the terms in `of`",
+                f"these are {', '.join(of)}",
             )
     return [
         to_text(term) for term in products(of, family.order, partners, family.constant and constant)

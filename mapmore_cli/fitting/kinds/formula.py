@@ -24,7 +24,7 @@ def fitted(name: str, part: ModelChoices, dataset: Dataset) -> FormulaFit:
         reasons = "; ".join(formula_fit.notes) or "no finite parameters were found"
         raise FitError(
             f"the fit of {formula_fit.name} failed: {reasons}",
-            "take another formula, or build the model without one",
+            "use another formula, or build the model without one",
         )
     return formula_fit
 

@@ -73,10 +73,10 @@ def products(
     if not 0 <= order <= MAX_EXPONENT:
         raise ValueError(f"the order must lie in 0..{MAX_EXPONENT}, not {order}")
     if len(set(of)) < len(of):
-        raise ValueError(f"a name stands twice among {', '.join(of)}")
+        raise ValueError(f"a name is given twice among {', '.join(of)}")
     free = set(of) if partners is None else set(partners)
     if not free <= set(of):
-        raise ValueError(f"the partner {min(free - set(of))} is none of the states")
+        raise ValueError(f"the partner {min(free - set(of))} is not one of the states")
     refuse_beyond_memory(count_products(len(of), order, len(free)))
     degrees = range(0 if constant else 1, order + 1)
     chosen = [
@@ -137,7 +137,8 @@ def refuse_beyond_memory(candidates: int) -> None:
             for size in (needed, room)
         ]
         raise DataError(
-            f"a dictionary of {candidates} candidates needs {sizes[0]} of memory for their "
-            f"products alone; {sizes[1]} may be used",
-            "lower the order of the products, use fewer states, or restrict the products by `with`",
+            f"the products of a dictionary with {candidates} candidates need {sizes[0]} of "
+            f"memory; {sizes[1]} may be used",
+            "lower the order of the products, use fewer states, or restrict the products "
+            "with `with`",
         )

@@ -144,7 +144,7 @@ def state(text: str) -> State:
     tokens = Tokens(text)
     found = read_state(tokens, tokens.take())
     if tokens.next.kind != "end":
-        raise ExpressionError(f"{text!r} goes on after the name of a state", tokens.next.position)
+        raise ExpressionError(f"{text!r} continues after the name of a state", tokens.next.position)
     return found
 
 
@@ -164,7 +164,7 @@ def read_state(tokens: Tokens, name: Token, depth: int = 0) -> State:
             "expected the name of a quantity or of an operator with memory", name.position
         )
     if depth > MAX_NESTING:
-        raise ExpressionError(f"more than {MAX_NESTING} operators inside each other", name.position)
+        raise ExpressionError(f"more than {MAX_NESTING} nested operators", name.position)
     source = _operated(tokens, name, depth) if tokens.skip("(") else Measured(name.text)
     start = tokens.next.position
     if not tokens.skip("["):

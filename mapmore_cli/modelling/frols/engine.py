@@ -261,7 +261,8 @@ def frols(
     P, y = np.asarray(P, dtype=np.float64), np.asarray(y, dtype=np.float64)
     if P.ndim != 2 or y.ndim != 1 or len(P) != len(y) or P.size == 0:
         raise ValueError(
-            f"P must be (n, M) and y (n,), neither empty; they are {P.shape} and {y.shape}"
+            "P must have the shape (n, M) and y the shape (n,), neither empty; they have "
+            f"{P.shape} and {y.shape}"
         )
     n, M = P.shape
     if len(names) not in (0, M):

@@ -45,7 +45,9 @@ class Stopping:
         if self.max_terms is not None and self.max_terms < 1:
             raise ValueError(f"max_terms is {self.max_terms}; it must be at least 1")
         if self.criterion not in CRITERIA:
-            raise ValueError(f"unknown stop rule {self.criterion!r}: {', '.join(CRITERIA)}")
+            raise ValueError(
+                f"unknown stop rule {self.criterion!r}; there are {', '.join(CRITERIA)}"
+            )
 
     def limit(self, n: int, M: int) -> int:
         """Return the most terms that n samples and M candidates allow."""

@@ -223,9 +223,8 @@ def dependence(rank: int, count: int, inputs: Columns, choice: str) -> str:
     """Return the note for data that leave parameters undetermined, and what was chosen then."""
     distinct = ", ".join(f"{len(np.unique(column))} of {name}" for name, column in inputs.items())
     return (
-        f"rank {rank} of {count}: the data do not tell all parameters apart (distinct values: "
-        f"{distinct}); "
-        f"{choice}, and values between the training levels are not to be trusted"
+        f"rank {rank} of {count}: the data do not determine all parameters (distinct "
+        f"values: {distinct}); {choice}; do not trust values between the training levels"
     )
 
 
@@ -242,6 +241,6 @@ def finite(name: str, columns: Columns) -> Array:
     for row in np.flatnonzero(~np.isfinite(values))[:1]:
         raise DataError(
             f"{name} is not finite in row {row}: {values[row]}",
-            "drop the sample (`missing: drop`) or mend the recording",
+            "remove the sample (`missing: drop`) or correct the recording",
         )
     return values

@@ -228,8 +228,8 @@ def fed_back_states(states: StateSet, output: str) -> dict[str, int]:
             continue
         if not looks_back(one):
             raise DataError(
-                f"the state `{name}` depends on the output {output} as it is now",
-                f"let it look back: operators of the output work on {output}[k-1]",
+                f"the state `{name}` uses the present value of the output {output}",
+                f"use the value one sample before: operators of the output need {output}[k-1]",
             )
         lags[name] = one.lag
     return lags
@@ -253,9 +253,10 @@ def parted(term: Expression, fed_back: Container[str]) -> tuple[Expression, Expr
         own = [name for name in factor.names if name in fed_back]
         if own and len(own) < len(factor.names):
             raise DataError(
-                f"the term `{to_text(term)}` has delayed outputs and inputs in one factor, "
-                f"`{to_text(factor)}`",
-                "write it as a product of a part with delayed outputs and a part with inputs",
+                f"in the term `{to_text(term)}`, the factor `{to_text(factor)}` mixes "
+                "delayed outputs and inputs",
+                "write the term as a product of one factor with delayed outputs and one "
+                "factor with inputs",
             )
         (fed if own else inputs).append(factor)
     return multiply(*fed), multiply(*inputs)

@@ -133,7 +133,7 @@ def _refuse_other_steps(time: Array, rows: IntArray, step: float) -> None:
     if (usual := float(np.quantile(distances, 0.5, method="lower"))) > longest:
         raise AtSample(
             int(neighbours[np.argmax(distances > longest)]) + 1,
-            f"{usual:.6g} s after the one before, as most are; the model was trained on steps "
-            f"of {step:.6g} s: its memory counts samples",
-            f"bring the recording onto even steps of {step:.6g} s",
+            f"{usual:.6g} s after the previous sample, as most samples are, but the model "
+            f"was trained with steps of {step:.6g} s, and its memory counts samples",
+            f"resample the recording to even steps of {step:.6g} s",
         )

@@ -80,7 +80,7 @@ def regressors(
     y = np.concatenate([output for _, output in parts])
     if not len(y):
         raise DataError(
-            "no training sample has a history as long as the delays ask for",
+            "no training sample has a history as long as the longest delay",
             "use fewer steps of delay, or longer recordings",
         )
     lengths = tuple(len(output) for _, output in parts if len(output))
@@ -183,8 +183,8 @@ class _Ridged:
         self.data = Regularised(total.covariance, total.samples, ridge)
         self.forward = select(self.data, recipe.forward_terms).chosen
         if not len(self.forward):
-            remedy = "look whether the output and the inputs vary in the training samples"
-            raise DataError("no candidate explains anything of the output", remedy)
+            remedy = "check that the output and the inputs vary in the training samples"
+            raise DataError("no candidate term explains any part of the output", remedy)
         self.sizes = prune(self.data, self.forward)[: recipe.max_terms]
 
     def best(self) -> TermChoice:

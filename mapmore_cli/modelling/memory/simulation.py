@@ -164,9 +164,10 @@ def refuse_unknown_beginning(piece: ReadyPiece) -> None:
         output = piece.feedback.output
         raise AtSample(
             first + int(np.argmin(known)),
-            f"{output} is missing where a free run begins: the model goes on from measured outputs",
-            f"give the column {output} with values in the first {piece.start} samples of "
-            "every recording, and after every gap",
+            f"{output} is missing at the start of a free run, which continues from measured "
+            "outputs",
+            f"give the column {output} values in the first {piece.start} samples of every "
+            "recording, and after every gap",
         )
 
 

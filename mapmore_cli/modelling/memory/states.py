@@ -220,9 +220,10 @@ def find_resonance(
     frequencies = [frequency for frequency in FREQUENCIES if frequency * step <= 0.2]
     if not frequencies:
         raise DataError(
-            f"no resonance can be seen with {step:g} s between samples: the lowest that is "
-            f"looked for has {FREQUENCIES[0]:g} Hz",
-            "give frequency and damping, as resonance(pressure, 0.1, 0.3), or sample faster",
+            f"with {step:g} s between samples, no resonance can be found: the lowest "
+            f"frequency of the search is {FREQUENCIES[0]:g} Hz",
+            "give frequency and damping, for example resonance(pressure, 0.1, 0.3), or "
+            "sample faster",
         )
 
     def pooled(operator: str, *numbers: float) -> Array:

@@ -202,8 +202,8 @@ class TrainingData:
         self.data = regressors(records, self.states, self.terms, recipe.target)
         if len(self.data.y) <= recipe.max_terms:
             raise DataError(
-                f"{len(self.data.y)} training sample(s) with a history, too few for "
-                f"{recipe.max_terms} term(s)",
+                f"{len(self.data.y)} training sample(s) have a complete history, too few "
+                f"for {recipe.max_terms} term(s)",
                 "keep more samples, or lower fit.max_terms",
             )
         self.limits = extremes(self.data.y)

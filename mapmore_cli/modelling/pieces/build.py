@@ -173,11 +173,11 @@ def fit_together(
     most = min(recipe.fit.max_terms, len(terms))
     if n <= most:
         ways = (
-            f"use fewer segments, join them by `min_samples: {most + 1}`, keep more samples "
-            "of this curve"
+            f"use fewer segments, join small ones with `min_samples: {most + 1}`, keep more "
+            "samples of this curve"
         )
         what = f"segment {segment.id}: {n} training sample(s), too few for {most} term(s)"
-        raise DataError(what, f"{ways}, or set fit.max_terms below {max(2, n)}")
+        raise DataError(what, f"{ways}, or set fit.max_terms to less than {max(2, n)}")
     variables = quantities_in(terms)
     outputs = [_samples_of(segment, columns, variables, one, origin) for one in recipes]
     robust = recipe.fit.loss != "squares"
@@ -202,8 +202,8 @@ def fit_together(
                 selections = _selected_terms(candidates, scalings, outputs, recipe)
         except NotFinite as error:
             remedy = (
-                "terms are evaluated in the segment's scaled coordinates; set fit.scaling: "
-                "none, or leave the term out"
+                "terms are evaluated in the scaled coordinates of a segment; set "
+                "fit.scaling: none, or remove the term"
             )
             raise DataError(f"segment {segment.id}: {error}", remedy) from error
         left = sum(getattr(selection, missed) for selection in selections)

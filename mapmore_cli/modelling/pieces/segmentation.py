@@ -295,7 +295,7 @@ def segment_curve(
         segments.append(Segment(segment_id(curve.id, tuple(cuts), place), curve.id, place, rows))
     if empty := [segment.id for segment in segments if not len(segment.rows)]:
         remedy = "use fewer segments, move the breakpoints, or keep more samples of this curve"
-        raise DataError(f"segment {empty[0]}: no training sample lies in it", remedy)
+        raise DataError(f"segment {empty[0]}: contains no training sample", remedy)
     limits = {name: curve.limits(name) for name in curve.columns}
     return SegmentedCurve(
         curve.id, curve.level, limits, tuple(cuts), tuple(boundaries.values()), tuple(segments)

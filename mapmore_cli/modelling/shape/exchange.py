@@ -80,10 +80,10 @@ class Exchange:
         if not solution.met:
             places = dict.fromkeys(one.told for one in self.binding())
             raise FitError(
-                "fit.shape: no coefficients of the chosen terms keep it: "
+                "fit.shape: no coefficients of the chosen terms fulfil it: "
                 f"{'; '.join([*places][:3]) or 'bounds of coefficients'}",
-                "allow more terms or others (fit.max_terms, dictionary), raise fit.slack, or ask "
-                "for less",
+                "allow more or other terms (fit.max_terms, dictionary), raise fit.slack, "
+                "or relax the shape",
             )
 
     def binding(self) -> list[Stencils]:
@@ -153,8 +153,8 @@ class Exchange:
                 return
             self._solve()
         raise FitError(
-            f"fit.shape: no coefficients that keep it were found, {violated[0].told}",
-            "interpolate linearly (`fuse: {levels: linear}`), or ask for less",
+            f"fit.shape: no coefficients that fulfil it were found: {violated[0].told}",
+            "interpolate linearly (`fuse: {levels: linear}`), or relax the shape",
         )
 
     def _at_nodes(self, every: Sequence[Stencils], of: Callable[[Columns], Array]) -> list[Array]:

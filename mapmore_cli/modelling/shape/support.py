@@ -66,7 +66,8 @@ def refuse_unsupported(
     known = [] if region is None else region.asks(asked)
     if fewest and (unknown := [one.quantity for one in asked if one not in known]):
         raise FitError(
-            f"fit.shape: `{unknown[0]}` is no input of the model that varies in training",
+            f"fit.shape: `{unknown[0]}` is not an input of the model that varies in the "
+            "training data",
             f"name one of {', '.join(region.names if region else ())}",
         )
     if region is None or over_time:
@@ -83,10 +84,10 @@ def refuse_unsupported(
         if count < fewest or against is not None:
             told = "" if against is None else against.told
             raise FitError(
-                f"fit.shape: `{one.quantity}: {one.word}` rests on {count} differences of the "
-                f"training data, of which {wrong} contradict it{told}",
-                f"a sign needs {FEWEST}, and data that do not contradict it by more than their "
-                "noise: remove it, or raise `fit.slack`",
+                f"fit.shape: `{one.quantity}: {one.word}` is supported by {count} "
+                f"differences of the training data, of which {wrong} contradict it{told}",
+                f"a sign needs at least {FEWEST} differences, and data that contradict it "
+                "by no more than their noise: remove it, or raise `fit.slack`",
             )
 
 
@@ -127,8 +128,8 @@ class _Against(NamedTuple):
     def told(self) -> str:
         """In words."""
         return (
-            f", by {self.amount:.3g} in the mean over a stretch, which is {self.errors:.3g} times "
-            f"what their noise explains, most for {self.place}"
+            f", by {self.amount:.3g} on average over a stretch, which is {self.errors:.3g} "
+            f"times what their noise explains; the largest is at {self.place}"
         )
 
 

@@ -55,12 +55,12 @@ def split_cycles(over: Array, columns: Columns, samples: int) -> Branches:
     runs = _trimmed_runs(over)
     for direction, name in ((1, "contraction"), (-1, "extension")):
         if not runs[direction]:
-            raise DataError(f"there is no full load cycle: the {name} branch is missing")
+            raise DataError(f"there is no full load cycle, because the {name} branch is missing")
     rising, falling = np.concatenate(runs[1]), np.concatenate(runs[-1])
     low = max(over[rising].min(), over[falling].min())
     high = min(over[rising].max(), over[falling].max())
     if not low < high:
-        raise DataError("contraction and extension have no range in common")
+        raise DataError("contraction and extension have no common range")
     edges = np.linspace(low, high, samples + 1)
     means = [
         bin_means(over[rows], {n: v[rows] for n, v in columns.items()}, edges)
@@ -165,8 +165,8 @@ def last_cycles(x: Array, share: float) -> BoolArray:
     first = math.ceil((1 - share) * len(starts) - 1e-9)
     if not 0 < first < len(starts):
         raise DataError(
-            f"{len(starts)} cycle(s) were found; the last {share:g} of them cannot be held "
-            "out while others train",
-            "hold out a share of the samples instead, as `last: 0.5`",
+            f"{len(starts)} cycle(s) were found, so that the last {share:g} of them cannot "
+            "be held out while others train",
+            "hold out a share of the samples instead, for example `last: 0.5`",
         )
     return np.asarray(np.arange(len(x)) >= starts[first])

@@ -78,7 +78,7 @@ NOISE_SPANS = 20  # a pressure whose span is less than this many times its noise
 # least duration of a plateau as a share of the rise before it: the top of a triangle is none
 SHORTEST = 0.5
 
-REMEDY = "give the plateau, as `plateau: [2 s, 3 s]`, or leave the recording out"
+REMEDY = "give the plateau, for example `plateau: [2 s, 3 s]`, or leave the recording out"
 
 
 def find_plateau(time: Array, pressure: Array, others: Mapping[str, Array]) -> tuple[float, float]:
@@ -101,7 +101,7 @@ def find_plateau(time: Array, pressure: Array, others: Mapping[str, Array]) -> t
     span = float(np.median(pressure[upper])) - base if upper.any() else 0.0
     if span <= NOISE_SPANS * noise or span == 0.0:
         raise DataError(
-            f"the pressure never rises: it stays between {low:g} and {high_end:g}", REMEDY
+            f"the pressure never rises; it stays between {low:g} and {high_end:g}", REMEDY
         )
     high = np.flatnonzero(pressure >= base + RISEN * span)
     later = high[len(high) // 2 :]
@@ -115,7 +115,8 @@ def find_plateau(time: Array, pressure: Array, others: Mapping[str, Array]) -> t
         rest = max(0.0, float(time[end] - time[min(start, end)]))
         names = " and ".join(["pressure", *others])
         raise DataError(
-            f"there is no plateau: {names} rest for {rest:.3g} s after a rise of {rise:.3g} s",
+            f"no plateau was found: {names} must stay constant for {rest:.3g} s after a "
+            f"rise that takes {rise:.3g} s",
             REMEDY,
         )
     return float(time[start]), float(time[end])

@@ -89,7 +89,7 @@ class TendonVerbs(Verbs):
     def write(self, m: Writer, model: Model, inputs: Inputs) -> Expression:  # noqa: ARG002
         """Refuse: the force is the root of an equation at every sample, which no program solves."""
         raise DataError(
-            f"{model.name}: a force behind a tendon is the root of an equation at every sample, "
-            "which no exported program solves",
-            f"export the muscle alone, {model.body_of(Tendon).muscle.name}",
+            f"{model.name}: the force behind a tendon is found by solving an equation at "
+            "every sample, which an exported program cannot do",
+            f"export the muscle without its tendon, {model.body_of(Tendon).muscle.name}",
         )

@@ -175,7 +175,8 @@ def compare(before: Model, after: Model, margin: float = MARGIN) -> Comparison:
     """
     if before.output != after.output or set(before.inputs) != set(after.inputs):
         raise ValueError(
-            f"{before.name} and {after.name} are models of other quantities, or in other units"
+            f"{before.name} and {after.name} have different quantities or units, so that "
+            "they cannot be compared"
         )
     curves = tuple(_change(before, after, place) for place in common_curves(before, after))
     ratios, weights = (
@@ -235,7 +236,7 @@ def common_curves(before: Model, after: Model) -> list[CurvePlace]:
     first, second = _ranges(before), _ranges(after)
     if before.level != after.level:
         raise ValueError(
-            f"the curves of {before.name} and {after.name} are at levels of different quantities"
+            f"the curves of {before.name} and of {after.name} have levels of different quantities"
         )
     if before.level is None:
         names = {one.curve for one in second}
@@ -276,7 +277,7 @@ def _ranges(model: Model) -> tuple[CurveRange, ...]:
     ranges: tuple[CurveRange, ...] = getattr(model.body, "ranges", ())
     if not ranges or model.memories:
         raise ValueError(
-            f"{model.name} has no curves to compare: it runs along recordings, or is a sum"
+            f"{model.name} has no curves to compare, because it runs along recordings or is a sum"
         )
     return ranges
 

@@ -74,8 +74,9 @@ CLEAR = 1.25  # errors of left-out levels over what noise and curves explain, bo
 BLOCKS = 4  # stretches of a recording whose means are compared with those of its repeats
 
 SAME_RECORDINGS = (
-    "blocks of the same recordings were left out: the intervals hold for these recordings, and not "
-    "what differs from one recording to the next. Record three or more"
+    "parts of the same recordings were left out, so that the intervals hold for these "
+    "recordings only; they do not contain the variation from one recording to the next. "
+    "Record three or more"
 )
 
 ASTRAY = 0.25
@@ -97,7 +98,7 @@ def left_out_summary(
     for part, values in joined.items():
         if not len(values) or not np.isfinite(values).all():
             raise FitError(
-                f"without {part}, the model of the rest has no prediction for it",
+                f"without {part}, the model of the other data has no prediction for it",
                 "leave out `validate.intervals`",
             )
     parts = list(joined.values())
@@ -165,8 +166,9 @@ def interval_limits(left_out: LeftOut) -> str | None:
     """
     if left_out.astray > ASTRAY:
         return (
-            "without one of its levels, the model lies beyond the measured values by "
-            f"{100 * left_out.astray:.0f} % of their range: there are no intervals"
+            "with one of its levels left out, the prediction is beyond the measured values "
+            f"by {100 * left_out.astray:.0f} % of their range, so that there are no "
+            "intervals"
         )
     if not left_out.places:
         return SAME_RECORDINGS if left_out.kind == "blocks" else None
@@ -174,13 +176,13 @@ def interval_limits(left_out: LeftOut) -> str | None:
     levels = f"{count} level{'s' if count > 1 else ''}"
     if offsets_of(left_out) is None:
         return (
-            f"the recordings of {levels} do not tell how far curves of one level lie apart: there "
-            "are no intervals. Record every level at least twice, or four levels or more"
+            f"the recordings of {levels} do not show how much curves of one level differ, so that "
+            "there are no intervals. Record every level at least twice, or four or more levels"
         )
     if count == 2:
         return (
-            "no level lies between the two, and could be left out: there are intervals at the "
-            "levels alone. Record a third level between them"
+            "no level between the two could be left out, so that intervals exist at the "
+            "two levels only. Record a third level between them"
         )
     return None
 
@@ -336,12 +338,13 @@ def intervals_of(model: Model, level: float) -> LeftOut:
     """
     if not 0 < level < 1:
         raise UsageError(
-            f"there is no interval of level {level:g}", "give a number between 0 and 1, as 0.95"
+            f"an interval with a probability of {level:g} is not possible",
+            "give a number between 0 and 1, for example 0.95",
         )
     if model.left_out is None:
         remedy = "add `validate: {intervals: true}` to its spec, and run `mapmore run` again"
         raise DataError(
-            f"the model {model.name} holds no left-out residuals, from which intervals are made",
+            f"the model {model.name} has no left-out residuals, which intervals are computed from",
             remedy,
         )
     return model.left_out

@@ -219,8 +219,8 @@ class SmoothSteps(AlongRange):
         return [
             (
                 ("change" in self.partners) == (self.window is None),
-                "`window` and `change` need each other",
-                "write `with: [change], window: 16`, or neither",
+                "`window` and `change` must be used together",
+                "write `with: [change], window: 16`, or remove both",
                 "window",
                 "with",
             )
@@ -310,15 +310,20 @@ class Families(Section):
         return [
             (
                 self.sign is not None and self.bounds is not None,
-                "a sign is a bound",
-                "give either `sign` or `bounds`",
+                "`sign` and `bounds` are both given, and a sign is a bound too",
+                "remove one of them",
                 "sign",
             ),
-            (not low <= high, "the bounds do not ascend", "put the lower one first", "bounds"),
+            (
+                not low <= high,
+                "the lower bound is above the upper bound",
+                "put the lower bound first",
+                "bounds",
+            ),
             (
                 len(self._given()) != 1,
                 f"this entry has {count} of terms",
-                f"give one of {names}; further families are entries of their own",
+                f"write one of {names}; write further families as further entries",
             ),
         ]
 

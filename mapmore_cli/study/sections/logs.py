@@ -52,19 +52,23 @@ class Keep(Section):
     def _contradictions(self) -> Sequence[Row]:
         conditions = [name for name in type(self).model_fields if name != "quantity"]
         used = [name for name in conditions if getattr(self, name) is not None]
-        count = f"two conditions at once: {quoted(used)}" if used else "no condition"
+        count = (
+            f"only one condition is possible in an entry, and there are two: {quoted(used)}"
+            if used
+            else "no condition"
+        )
         ends = {name: getattr(self, name) or (0.0, 1.0) for name in ("between", "outside")}
         return [
             (
                 len(used) != 1,
                 f"`keep` has {count}",
-                f"give one of {quoted(conditions)}",
+                f"use one of {quoted(conditions)}",
                 *[*used[1:], "quantity"],
             ),
             *(
                 (
                     low >= high,
-                    f"`{name}` runs from {low:g} to {high:g}",
+                    f"`{name}`: the lower end {low:g} lies above the upper end {high:g}",
                     "put the lower end first",
                     name,
                 )
@@ -122,7 +126,7 @@ def possible_format(text: str) -> str:
             datetime.strptime(datetime(2026, 3, 1).strftime(text), text)
     except (ValueError, re.error) as fault:
         raise Contradiction(
-            f"{text!r} is no format of stamps: {fault}", f"write it as {FORMAT}"
+            f"{text!r} is not a format of time stamps: {fault}", f"write it as {FORMAT}"
         ) from None
     if (
         "%" not in text
@@ -130,7 +134,8 @@ def possible_format(text: str) -> str:
         or ("%d" in text and "%y" not in text.lower())
     ):
         raise Contradiction(
-            "a format has codes; hours to 12 need AM or PM, and a day its year",
+            "a format needs codes such as %H; a 12-hour clock also needs AM or PM (%p), "
+            "and a day its year",
             f"write it as {FORMAT}",
         )
     return text
@@ -216,8 +221,8 @@ class Logs(Section):
             *(
                 (
                     key not in reader.keys,
-                    f"reader `{self.reader}` has no use for `{key}`",
-                    f"remove it: it belongs to {quoted(READERS_OF[key], ' and ')}",
+                    f"reader `{self.reader}` cannot use `{key}`",
+                    f"remove it: only {quoted(READERS_OF[key], ' and ')} can use it",
                     place,
                 )
                 for key, place in unused
@@ -225,14 +230,14 @@ class Logs(Section):
             (
                 not reader.by_index
                 and any(isinstance(column.column, int) for column in self.columns.values()),
-                f"reader `{reader.name}` finds columns by name",
+                f"reader `{reader.name}` finds columns by name, not by number",
                 f"write `column: {reader.column}`",
                 "columns",
             ),
             (
                 self.sample_time is not None and has_time,
-                "`time` is a column, and `sample_time` makes it as well",
-                "keep one of both",
+                "`time` is a column, and `sample_time` also creates it",
+                "keep one of the two",
                 "sample_time",
             ),
             (
@@ -246,26 +251,29 @@ class Logs(Section):
             (
                 not re.fullmatch(r"tab|whitespace|[^\w\s\"'.+-]|[\t ]", self.delimiter),
                 f"{self.delimiter!r} cannot separate fields",
-                'write one character, as `";"`, or `tab`, or `whitespace`',
+                'write one character, for example `";"`, or `tab`, or `whitespace`',
                 "delimiter",
             ),
             (
                 self.delimiter == self.decimal,
-                "the decimal point also separates the fields",
-                'say what separates the fields, as `delimiter: ";"`',
+                "the decimal point and the delimiter are the same character",
+                'name the character between fields, for example `delimiter: ";"`',
                 "decimal",
             ),
             (
                 any(column.format is not None or column.unwrap is True for column in others),
-                "`format` and `unwrap: true` belong to `time`",
+                "`format` and `unwrap: true` can be used for `time` only",
                 "remove them elsewhere",
                 "columns",
             ),
             (
                 self.thousands in (self.decimal, self.delimiter)
                 or (self.delimiter == "whitespace" and (self.thousands or "0").isspace()),
-                "what stands between thousands means something else as well",
-                'say what each is, as `decimal: "."`, `thousands: ","` and `delimiter: ";"`',
+                "the separator of thousands has another meaning too",
+                (
+                    'use three different characters, for example `decimal: "."`, `thousands: '
+                    '","` and `delimiter: ";"`'
+                ),
                 "thousands",
             ),
             (
@@ -320,33 +328,39 @@ class Join(Logs):
             (
                 self.on == "time" and not has_time,
                 "a join on time needs the time of the second log",
-                "add `time` to its `columns`, or say `on: row`",
+                "add `time` to its `columns`, or write `on: row`",
                 "on",
                 "columns",
             ),
             (
                 by_row and (self.shift != 0 or self.max_gap is not None),
-                "a join on rows has no use for `shift` and `max_gap`",
+                "`shift` and `max_gap` need the time, but this join pairs rows",
                 "remove them",
                 "shift",
                 "max_gap",
             ),
             (
                 by_row and has_time,
-                "a join on rows takes the time of the first log",
+                (
+                    "a join on rows takes the time from the first log, so that the second must "
+                    "not have one"
+                ),
                 "remove the second",
                 "columns",
             ),
             (
                 is_found and self.match is None,
-                "`shift: auto` needs two quantities that tell the shift",
-                "add `match: {first: QUANTITY, second: QUANTITY}`, which change together",
+                "`shift: auto` needs two quantities from which the shift can be computed",
+                (
+                    "add two quantities that change together: `match: "
+                    "{first: QUANTITY, second: QUANTITY}`"
+                ),
                 "shift",
             ),
             (
                 not is_found and self.match is not None,
-                "`match` is about `shift: auto`",
-                "add that, or remove `match`",
+                "`match` has no effect without `shift: auto`",
+                "add `shift: auto`, or remove `match`",
                 "match",
             ),
             (
@@ -358,7 +372,7 @@ class Join(Logs):
             (
                 not self.quantities,
                 "the join adds no quantity",
-                "name one besides `time`",
+                "name a column other than `time`",
                 "columns",
             ),
             (
@@ -366,7 +380,7 @@ class Join(Logs):
                     isinstance(entry, FileEntry) and (entry.set or entry.id or entry.keep)
                     for entry in self.files
                 ),
-                "`set`, `id` and `keep` belong to `data.files`",
+                "`set`, `id` and `keep` can be used in `data.files` only",
                 "move them there",
                 "files",
             ),

@@ -182,7 +182,7 @@ ALONE, RENAMED = {}, {"pressure": "p1", "strain": "s"}
 @pytest.mark.parametrize(
     ("inputs", "output", "quantities", "told"),
     [
-        (ALONE, Quantity("force", "kN"), [], "in N, the force of this study in kN"),
+        (ALONE, Quantity("force", "kN"), [], "in N, but the force of this study is in kN"),
         (ALONE, FORCE, [], "function of pressure"),
         (RENAMED, FORCE, ["p1 bar", "s 1"], "pressure of flexor is in kPa, p1 in bar"),
     ],

@@ -193,7 +193,7 @@ def test_an_unstable_section_is_refused_by_name(switching):
     sections = list(motion.sections)
     sections[2] = replace(sections[2], p1=0.9, p2=0.3)
     broken = replace(motion, sections=tuple(sections))
-    with pytest.raises(FitError, match=r"section 3 .* unstable: a pole lies at 1\.\d+") as raised:
+    with pytest.raises(FitError, match=r"section 3 .* unstable: it has a pole at 1\.\d+") as raised:
         run(broken, sine())
     assert raised.value.remedy
 

@@ -181,7 +181,7 @@ def test_what_made_the_data_is_chosen(name):
     choice = choose_backbone(of_formula(name), recipe(**SETTINGS), QUANTITIES)
     assert choice.name == name
     assert f"backbone {name} is chosen" in choice.note
-    assert "with each of 2 inner training levels left out" in choice.note
+    assert "With each of 2 inner training levels left out" in choice.note
 
 
 def test_three_levels_choose_nothing():
@@ -288,4 +288,4 @@ def test_all_of_the_residual_counts_with_the_share_that_left_out_blocks_support(
 def test_a_backbone_is_chosen_for_a_surface_by_its_blocks():
     choice = choose_backbone(scattered(n=48, seed=2), recipe(**OF_SURFACE), QUANTITIES)
     assert choice.name in possible_backbones(scattered(), "force")
-    assert "with each of 6 inner training blocks left out in turn" in choice.note
+    assert "With each of 6 inner training blocks left out in turn" in choice.note

@@ -65,7 +65,7 @@ def test_rows_of_the_model_itself_are_judged_over_all_curves():
 
     assert told(y + 0.1) == told([9.0] * 3, model="mean") == told([9.0] * 3, curve="a") == ()
     assert [one.partition("the model is ")[2] for one in told([2.0] * 3)] == [
-        "no better than the mean of what was measured"
+        "no better than the mean of the measured values"
     ]
     worse, far = told([4.0, 2.0, 6.01])
     assert "R² on the held-out data is -8.03: the model is worse than the mean" in worse

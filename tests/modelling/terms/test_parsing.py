@@ -105,7 +105,7 @@ MALFORMED = {
     r"expected `,` or `\)`": {"play(x + y, 1)": 7, "slow(x, 1": 9},
     "name of a quantity": {"play(2, 1)": 5, "slow(exp(x), 1)": 5},
     "no operator with memory": {"slow(slwo(x, 1), 1)": 5},
-    "inside each other": {"slow(" * 20 + "x": 45},
+    "nested": {"slow(" * 20 + "x": 45},
 }
 """Texts and the places at which they are refused, by what is said."""
 
