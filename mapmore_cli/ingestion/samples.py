@@ -242,8 +242,8 @@ def _against_the_file(raw: RawTable, table: Logs, units: Mapping[str, str]) -> I
             )
         elif not is_same(unit, declared):
             remedy = (
-                f"write `unit: {unit}`, or set `scale` to the factor from the numbers to {declared} "
-                "(`scale: 1` if the unit in the file is wrong)"
+                f"write `unit: {unit}`, or set `scale` to the factor from the numbers to "
+                f"{declared} (`scale: 1` if the unit in the file is wrong)"
             )
             raise DataError(
                 f"{what} is in {unit} according to the file, but is read as {name} in {declared}",

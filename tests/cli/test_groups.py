@@ -147,7 +147,8 @@ def test_effects_are_taken_off_and_told():
     assert curve.columns["y"].tolist() == [5.0, 7.0, 9.0]
     assert list(of.describe("y", "N")) == [
         "gains of g, by which y is divided: 1: 2; 5 is held out completely and gets a gain of 1",
-        "offsets of g [N], which are subtracted from y: 1: +3, 2: -3; for 5, which is held out completely, the offset is not known",
+        "offsets of g [N], which are subtracted from y: 1: +3, 2: -3; "
+        "for 5, which is held out completely, the offset is not known",
     ]
 
 

@@ -125,8 +125,8 @@ def test_another_spec_of_the_same_name_is_refused(tmp_path, mapmore):
     mapmore("ingest", tmp_path / "spring" / "bench.yaml", "-q", code=0)
     result = mapmore("ingest", tmp_path / "autumn" / "bench.yaml", "-q", code=7)
     assert (
-        "contains the run 'bench' of ../../spring/bench.yaml, but this is a run of ../../autumn/bench.yaml"
-        in result.stderr
+        "contains the run 'bench' of ../../spring/bench.yaml, "
+        "but this is a run of ../../autumn/bench.yaml" in result.stderr
     )
     (tmp_path / "spring" / "bench.yaml").unlink()
     mapmore("ingest", tmp_path / "autumn" / "bench.yaml", "-q", code=0)

@@ -63,7 +63,8 @@ def test_units_that_mean_the_same_or_that_a_scale_explains(ingest, units, spec):
         (
             {"P": "bar"},
             {"pressure": {"unit": "kPa"}},
-            "a.h5: 'P' is in bar according to the file, but is read as pressure in kPa\n  write `unit: bar`",
+            "a.h5: 'P' is in bar according to the file, but is read as pressure in kPa\n"
+            "  write `unit: bar`",
         ),
         ({"P": "bar"}, {}, "'P' is in bar"),
         ({"P": "Bar"}, {"pressure": {"scale": -1}}, "write `unit: bar`"),
