@@ -90,7 +90,7 @@ def _absent(name: str, fault: UsageError) -> Command:
 
 class Commands(TyperGroup):
     """The group of subcommands: imports a command when it is asked for, turns errors into exit
-    codes, and takes `--debug`, `--no-plugins` and `--env` anywhere on the line.
+    codes, and takes `--debug`, `--no-plugins`, `--no-color` and `--env` anywhere on the line.
     """
 
     def list_commands(self, ctx: Context) -> list[str]:  # noqa: ARG002 - as click calls it
@@ -117,13 +117,15 @@ class Commands(TyperGroup):
         return super().get_command(ctx, cmd_name)
 
     def parse_args(self, ctx: Context, args: list[str]) -> list[str]:
-        """Move `--debug`, `--no-plugins` and `--env NAME` to the front, so that they can be added
-        at the end of a line that failed.
+        """Move `--debug`, `--no-plugins`, `--no-color` and `--env NAME` to the front, so that they
+        can be added at the end of a line that failed.
         """
         ctx.meta[AS_JSON] = "--json" in args
         if "--no-plugins" in args:
             plugins.leave_out_others()
-        for anywhere in {"--debug", "--no-plugins"} & {*args}:
+        if "--no-color" in args:
+            os.environ["NO_COLOR"] = "1"  # as Rich and other programs read it
+        for anywhere in {"--debug", "--no-plugins", "--no-color"} & {*args}:
             args = [anywhere, *(arg for arg in args if arg != anywhere)]
         for _ in range(args.count("--env")):
             at = len(args) - 1 - args[::-1].index("--env")
@@ -198,6 +200,10 @@ def _common(
     no_plugins: Annotated[
         bool,
         Option("--no-plugins", help="Leave out the plug-ins of other packages."),
+    ] = False,
+    no_color: Annotated[
+        bool,
+        Option("--no-color", help="Print without colours (as with NO_COLOR=1 in the environment)."),
     ] = False,
 ) -> None:
     """Models of soft fluidic muscles from measured curves: one spec, one command, a validated model

@@ -165,6 +165,5 @@ def of_campaign(results: Mapping[str, Inspection | MapmoreError]) -> View:
 def _issue_lines(issues: Sequence[Issue]) -> list[str]:
     lines = []
     for issue in issues:
-        lines.append(f"{issue.severity}: {issue.place}: {issue.message} [{issue.id}]")
-        lines.append(f"  {issue.remedy}")
+        lines += f"{issue.severity}: {issue.text}".splitlines()
     return lines

@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Annotated, Any, TextIO
 
 from typer import Argument, Option
 
+from mapmore_cli.cli.annotations import annotate
 from mapmore_cli.domain import plugins
 from mapmore_cli.domain.errors import (
     LimitMissed,
@@ -41,6 +42,9 @@ if TYPE_CHECKING:
 # --------------------------------------------------------------------------------------------------
 
 Config = Annotated[Path, Argument(metavar="CONFIG", help="The experiment spec (YAML).")]
+SpecOrRun = Annotated[
+    Path, Argument(metavar="CONFIG", help="The experiment spec (YAML), or the name of a run.")
+]
 ModelFile = Annotated[Path, Argument(metavar="MODEL", help="A model.h5.")]
 RunOrName = Annotated[Path, Argument(metavar="RUN", help="A run folder, or the name of a run.")]
 Runs = Annotated[Path, Option("--runs", metavar="DIR", help="Folder of the runs.")]
@@ -184,6 +188,20 @@ def folder_of(run: Path, runs: Path) -> Path:
     return run if run.is_dir() and not named.is_dir() else named
 
 
+def spec_of(config: Path, overrides: list[str], runs: Path) -> tuple[Path, list[str]]:
+    """Return the spec that is given by its path, or that of a run which is given by its name or
+    folder, with the settings of that run before the given `overrides`.
+    """
+    from mapmore_cli.storage.run_record import load_origin
+
+    folder = folder_of(config, runs)
+    origin = None if config.is_file() else load_origin(folder)
+    if origin is None or not origin.spec:
+        return config, overrides
+    spec = Path(os.path.relpath(folder / origin.spec))
+    return spec, [*origin.settings, *overrides]
+
+
 def refuse_endings(
     paths: Sequence[Path],
     endings: Sequence[str] = (*FIGURE_FILES, *TABLE_FILES),
@@ -267,6 +285,7 @@ def settle(error: BaseException, debug: bool, as_json: bool) -> int:
         traceback.print_exception(error, file=sys.stderr)
     else:
         print(printable(message(error)), file=sys.stderr)
+    annotate("error", error_text(error))
     if as_json and not isinstance(explained(error), LimitMissed | KeyboardInterrupt):
         print_document({"error": error_document(error)})
     return exit_code(error)

@@ -111,7 +111,7 @@ def _of_reasons(name: str, reasons: dict[str, str | None]) -> View:
     """Return which stages would run, and why; null in the document is one that is up to date."""
     from mapmore_cli.reporting.table import Table
 
-    rows = tuple((stage, reason or "up-to-date") for stage, reason in reasons.items())
+    rows = tuple((stage, reason or "up to date") for stage, reason in reasons.items())
     table = Table.of("stages", name, ("stage", "would run because"), rows)
     return View({"name": name, "stages": reasons}, (table,))
 

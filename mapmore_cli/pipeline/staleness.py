@@ -236,7 +236,7 @@ def _model_mark(run: Needed, stages: Sequence[Stage] | None, runs: Path, rehash:
 def _reasons(stage: Stage, known: StageRecord | None, now: StageRecord, previous: str) -> list[str]:
     """Return everything that differs from the committed entry."""
     if known is None:
-        return ["never ran"]
+        return ["first time"]
     reasons = slice_differences(stage.name, known.slice, now.slice)
     if known.revision != now.revision:
         reasons.insert(0, f"stage revision {known.revision} -> {now.revision}")

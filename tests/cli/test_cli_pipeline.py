@@ -34,7 +34,7 @@ def test_tables_are_neither_coloured_nor_cut_off_in_a_pipe(finished, mapmore, mo
 def test_second_run_does_nothing_and_says_so(finished, mapmore):
     spec, runs = finished
     result = mapmore("run", spec, "--runs", runs)
-    assert result.stderr.splitlines() == [f"{stage}: up-to-date" for stage in STAGES]
+    assert result.stderr.splitlines() == [f"{stage}: up to date" for stage in STAGES]
 
 
 def test_json_has_the_promised_shape(finished, document):
@@ -102,9 +102,9 @@ def test_a_stage_brings_those_before_it_up_to_date_and_says_why(study, mapmore):
     mapmore("fit", study, code=0)
     again = mapmore("fit", study, "--set", "fit.max_terms=2")
     assert again.stderr.splitlines() == [
-        "ingest: up-to-date",
-        "segment: up-to-date",
-        "fit: fit.max_terms: 1 -> 2",
+        "ingest: up to date",
+        "segment: up to date",
+        "fit: runs (fit.max_terms: 1 -> 2)",
     ]
     assert not (runs / "bench" / "model.h5").exists()
 
@@ -113,14 +113,14 @@ def test_verbose_says_how_long_each_stage_took_and_force_redoes_it(study, mapmor
     arguments = ("segment", study)
     lines = mapmore(*arguments, "-v").stderr.splitlines()
     assert [line.split(" in ")[0] for line in lines] == [
-        "ingest: never ran",
+        "ingest: runs (first time)",
         "ingest: done",
-        "segment: never ran",
+        "segment: runs (first time)",
         "segment: done",
     ]
     assert mapmore(*arguments, "--force").stderr.splitlines() == [
-        "ingest: forced",
-        "segment: forced",
+        "ingest: runs (forced)",
+        "segment: runs (forced)",
     ]
 
 

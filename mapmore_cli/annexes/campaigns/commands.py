@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from typer import Argument, Exit, Option
 
+from mapmore_cli.cli.annotations import annotate
 from mapmore_cli.cli.console import (
     NONE,
     RUNS,
@@ -30,7 +31,7 @@ from mapmore_cli.cli.console import (
     write_ci_files,
 )
 from mapmore_cli.cli.progress import Reporter
-from mapmore_cli.domain.errors import LimitMissed, RunWarning, UsageError
+from mapmore_cli.domain.errors import LimitMissed, RunWarning, UsageError, error_text
 
 if TYPE_CHECKING:
     from mapmore_cli.pipeline.jobs import Finished
@@ -172,10 +173,12 @@ def batch(
 def _tell(reporter: Reporter, name: str, result: Result, count: str) -> None:
     if isinstance(result, BaseException):
         reporter.complain(f"{name}: {message(result)}")
+        annotate("error", error_text(result))
         return
     for warning in result.warnings:
         reporter.warn(RunWarning.of(name, warning))
-    reporter.say(f"{name}: done ({count})")
+    is_new = "done" in result.stages.values()
+    reporter.say(f"{name}: {'done' if is_new else 'up to date'} ({count})")
     for limit in result.missed:
         reporter.complain(f"{name}: {message(LimitMissed(limit))}")
 

@@ -15,12 +15,13 @@ from mapmore_cli.cli.console import (
     RUNS,
     TABLE_FILES,
     AsJson,
-    Config,
     Overrides,
     Quiet,
     Runs,
+    SpecOrRun,
     print_view,
     refuse_endings,
+    spec_of,
     write_figure,
 )
 from mapmore_cli.cli.progress import Reporter
@@ -43,7 +44,7 @@ Outputs = Annotated[
 
 
 def tune(
-    config: Config,
+    config: SpecOrRun,
     over: Annotated[
         list[str],
         Option(
@@ -84,7 +85,7 @@ def tune(
         refuse_endings(output, TABLE_FILES, "a search has no figure")
     wanted, tuning = _values_of(over), None
     with Reporter(quiet) as reporter:
-        loaded = load(config, overrides)
+        loaded = load(*spec_of(config, overrides, runs))
         if over:
             tuning = planning.tune(loaded, wanted, runs, **reporter.listeners)
             view = views.of_tuning(tuning)
@@ -96,7 +97,7 @@ def tune(
 
 
 def plan(
-    config: Config,
+    config: SpecOrRun,
     points: Annotated[
         int | None,
         Option(
@@ -145,7 +146,7 @@ def plan(
     prices = _prices_of(cost)
     with Reporter(quiet) as reporter:
         result = planning.plan(
-            load(config, overrides),
+            load(*spec_of(config, overrides, runs)),
             runs,
             points=points,
             until=until,
