@@ -12,7 +12,7 @@ from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import SpecError
 from mapmore_cli.pipeline.example import example_recordings
 from mapmore_cli.pipeline.frames import labels_of
-from mapmore_cli.pipeline.notebooks import canonical_columns, plain_values
+from mapmore_cli.pipeline.notebooks import canonical_columns, plain_values, with_canonical_columns
 from mapmore_cli.storage.readers import reader_of
 from mapmore_cli.study.diagnostics import did_you_mean
 from mapmore_cli.study.sections.data import Data
@@ -43,7 +43,7 @@ def fit(
     name: str = "model",
     schema_version: int = 1,
     check: bool = True,
-    progress: bool = False,
+    progress: bool | None = None,
     **of_data: object,
 ) -> Fitted:
     """Fit a model to a table, with the sections of a spec as keyword arguments.
@@ -58,8 +58,9 @@ def fit(
         `time` may be dates or durations. Text, true and false, and complex numbers are refused. So
         does a model read what it is called with.
     columns
-        Which column holds which quantity. Without it, the columns of a frame have canonical names;
-        where `target` is the label of one, all are called by their labels.
+        Which column holds which quantity. Columns of a frame with a canonical name need no entry.
+        If `columns` is left out and `target` is the label of a column, all columns keep their
+        labels.
     target
         what is modelled: `static`, `hysteresis`, `damping` or `dynamic` force, or a quantity, or
         several that share segments and terms, as `'static'`
@@ -98,7 +99,8 @@ def fit(
         With `check=False`, what `mapmore check` calls an error is a warning, and does not end the
         fit.
     progress
-        With `progress=True`, long work says on stderr how far it is.
+        Whether a bar shows how far the work has come: True for one at once, False for none. By
+        default, a terminal or a notebook shows one after two seconds.
     of_data
         Other keys of the section `data`, as `cycles`, `resample` or `derive`.
 
@@ -183,6 +185,9 @@ def _data_of(
         )
     if frames and "columns" not in section:
         section["columns"] = canonical_columns(frames[0], target)
+    elif frames and isinstance(section["columns"], Mapping):
+        made = {*(section.get("derive") or ()), *(("time",) * ("sample_time" in section))}
+        section["columns"] = with_canonical_columns(frames, section["columns"], made)
     if not frames:
         section["files"] = [str(path) for path in tables]
         section.setdefault("reader", _reader_of(tables[0]))

@@ -5,7 +5,7 @@ frames) as the files that are read.
 from __future__ import annotations
 
 import warnings
-from collections.abc import Hashable, Iterable, Mapping, Sequence
+from collections.abc import Collection, Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from math import prod
 from numbers import Integral
@@ -299,6 +299,25 @@ def canonical_columns(frame: object, target: object) -> dict[str, dict[str, str]
             f'assign the columns: columns={{"force": {{"column": "F"}}}}. {known}',
         )
     return columns
+
+
+def with_canonical_columns(
+    frames: Sequence[object], columns: Mapping[str, Any], made: Collection[str]
+) -> dict[str, Any]:
+    """Return a section `columns` with the unused columns of all frames whose labels are canonical
+    names, except of quantities that the section has or that are `made` of others.
+    """
+    frame, *others = frames
+    used = {label for entry in columns.values() for label in columns_in(frame, source_of(entry))}
+    added = {
+        str(label): {"column": str(label)}
+        for label in labels_of(frame) or ()
+        if label not in used
+        and str(label) not in made
+        and is_canonical(str(label))
+        and all(label in (labels_of(other) or ()) for other in others)
+    }
+    return {**added, **columns}
 
 
 def column_of(
