@@ -245,7 +245,7 @@ class FROLS:
 
 
 def _names_of_frame(X: object) -> list[str] | None:
-    """Return the names of a frame's columns; None where there are none, or they are not all
+    """Return the names of a frame's columns; None if there are none, or they are not all
     text.
     """
     labels = labels_of(X) or ()

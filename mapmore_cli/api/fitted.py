@@ -85,7 +85,7 @@ class Scores(tuple[Mapping[str, Any], ...]):
         self, model: str = "mapmore", split: str = "validate", target: str | None = None
     ) -> Mapping[str, Any]:
         """Return the pooled row of a model, of the first target where none is named; raises
-        `KeyError` where there is none.
+        `KeyError` if there is none.
         """
         for row in self:
             row_key = (row["model"], row["split"], row["curve"])

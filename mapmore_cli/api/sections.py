@@ -170,7 +170,7 @@ def fit(
 def _data_of(
     frame: object, section: dict[str, Any], target: object
 ) -> tuple[dict[str, Any], tuple[Any, ...]]:
-    """Return the section `data`, and the frames in memory: none where files are read.
+    """Return the section `data`, and the frames in memory: none if files are read.
 
     Raises `SpecError` for no table, and for frames beside files.
     """

@@ -58,7 +58,7 @@ class Issue:
 
 
 def is_for_the_spec(errors: Iterable[Issue]) -> bool:
-    """Tell whether the spec has to be mended first: the data are looked at again after that."""
+    """Return whether the spec has to be mended first: the data are looked at again after that."""
     return any(issue.cause == "spec" for issue in errors)
 
 
@@ -105,7 +105,7 @@ def mark_of(loaded: LoadedSpec, ingested: str) -> str:
 
 
 def kept(run_dir: Path, mark: str | None = None) -> tuple[Issue, ...] | None:
-    """Return the findings of a run; None where there are none that have this `mark`."""
+    """Return the findings of a run; None if there are none that have this `mark`."""
     with suppress(OSError, ValueError):
         stored = _KEPT.validate_json((run_dir / FINDINGS).read_bytes())
         if mark in (None, stored.mark):

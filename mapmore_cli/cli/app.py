@@ -237,5 +237,5 @@ def main() -> None:
     cast(io.TextIOWrapper, sys.stdout).reconfigure(errors="replace")
     try:
         app(prog_name="mapmore")
-    except (OSError, MemoryError) as error:  # outside of a command, as where --help is printed
+    except (OSError, MemoryError) as error:  # outside a command, as where --help is printed
         sys.exit(console.settle(error, debug=False, as_json=False))

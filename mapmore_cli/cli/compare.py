@@ -152,7 +152,7 @@ def _draw(names: Sequence[str], models: Sequence[Path], figure: Path) -> None:
 
 
 def _limit(fail_on: str | None) -> float | None:
-    """Return the relative change that is too large; None where none is given, or the word `changed`
+    """Return the relative change that is too large; None if none is given, or the word `changed`
     decides.
     """
     if fail_on in (None, "changed"):

@@ -119,7 +119,7 @@ def _of_reasons(name: str, reasons: dict[str, str | None]) -> View:
 def _of_outcome(
     outcome: RunOutcome, command: str, finished: Finished | None, questions: tuple[str, ...]
 ) -> View:
-    """Return the scores of a run that came to its end, else what its last stage found."""
+    """Return the scores of a run that came to its end, otherwise what its last stage found."""
     from mapmore_cli.cli.compared import search_document
     from mapmore_cli.cli.views import of_scores, of_stage, page_lines, verdict_lines
     from mapmore_cli.storage.run_folder import RunFiles

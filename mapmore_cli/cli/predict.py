@@ -103,7 +103,7 @@ def predict(
     that does, and outside_range is true.
 
     A model with memory needs the column time (in s), and the measured output where it goes on from
-    that: it runs free from the first rows of every recording, and starts anew where the column
+    that: it runs free from the first rows of every recording, and starts again where the column
     recording changes, where time is set back, and after gaps.
     """
     from mapmore_cli.modelling.kinds import runs_over_time

@@ -54,7 +54,7 @@ if TYPE_CHECKING:
 
 
 def of_file(path: Path, warn: Callable[[str], None], unverified: bool) -> View:
-    """Return what a result file or a run folder holds; DataError where it is neither.
+    """Return what a result file or a run folder holds; DataError if it is neither.
 
     `warn` is told where nothing shows that a file is as it was written; one that is not is only
     read where it may be `unverified`.
@@ -126,7 +126,7 @@ def verdict_lines(run_dir: Path) -> tuple[str, ...]:
 
 
 def page_lines(run_dir: Path) -> tuple[str, ...]:
-    """Say where the page is, for people; nothing where the spec asks for none."""
+    """Say where the page is, for people; nothing if the spec asks for none."""
     page = run_dir / RUN_PAGE
     return (f"page: {page}",) if page.is_file() else ()
 

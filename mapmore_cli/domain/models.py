@@ -87,7 +87,7 @@ B = TypeVar("B", bound=Body)
 class Pieces(Body):
     """MAPMORE: `output = backbone + sum_i f_i prod_j w_ij` (M2 eq 9).
 
-    `level` is None where all curves are pooled. Curves have no segments where the residual on the
+    `level` is None if all curves are pooled. Curves have no segments where the residual on the
     backbone was dropped.
     """
 
@@ -326,7 +326,7 @@ class Equation:
     - `id`: of a segment, or the name of a formula.
     - `text`: a line that can be copied and computed; `latex`, `mathml`: the same, typeset, the
       second by parts between which a line may end.
-    - `weight`: where the piece counts, and where it is held; empty where it counts everywhere.
+    - `weight`: where the piece counts, and where it is held; empty if it counts everywhere.
     """
 
     id: str

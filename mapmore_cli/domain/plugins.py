@@ -154,8 +154,8 @@ def _name_of(package: Distribution) -> str:
 
 @cache
 def entry_points(group: str) -> dict[str, EntryPoint]:
-    """Return the entry points of a group by name; of two with one name, ours, else the first by
-    module. The other one is named in a warning.
+    """Return the entry points of a group by name; of two with one name, ours, otherwise the first
+    by module. The other one is named in a warning.
     """
     found = dict[str, EntryPoint]()
     of_group = (point for point in _installed() if point.group == f"mapmore.{group}")
@@ -186,7 +186,7 @@ def _printing_to_stderr() -> Iterator[None]:
 
 @cache
 def load(group: str, name: str) -> Any:
-    """Return what an entry point names; raises NotInstalled where it cannot be imported."""
+    """Return what an entry point names; raises NotInstalled if it cannot be imported."""
     point = entry_points(group)[name]
     try:
         with nullcontext() if _owner(point) == OURS else _printing_to_stderr():

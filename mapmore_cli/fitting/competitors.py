@@ -50,7 +50,7 @@ class Rival:
 
     @property
     def failed(self) -> bool:
-        """True where a fit gave no usable parameters."""
+        """True if a fit gave no usable parameters."""
         return any(fit.failed for fit in self.formulas.values())
 
 
@@ -61,7 +61,7 @@ class Contest:
 
     `lengths` are the muscle's `length` and `diameter` (m); `spec_dir` is the folder that paths of
     frozen models start at. Where the dataset is a fold of a cross-validation, `refit` makes the
-    model of another run anew on its training samples.
+    model of another run again on its training samples.
     """
 
     dataset: Dataset
@@ -75,7 +75,7 @@ class Contest:
     def rival(self, competitor: str | Competitor) -> Rival:
         """Fit a competitor to the same training data and predict every sample.
 
-        Raises SpecError, DataError where another run is of other quantities, or a formula lacks
+        Raises SpecError, DataError if another run is of other quantities, or a formula lacks
         what it is fitted to.
         """
         if isinstance(competitor, str):

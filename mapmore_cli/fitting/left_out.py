@@ -73,12 +73,12 @@ def choices_by_fold(
 
 
 def was_searched(run_dir: Path) -> bool:
-    """Tell whether the structure of a run was found by a search."""
+    """Return whether the structure of a run was found by a search."""
     return SEARCH_STAGE in load_records(run_dir, lambda _message: None)
 
 
 def _searching_again(run_dir: Path) -> Callable[[Dataset], ModelChoices] | None:
-    """Return what searches a structure as a run did; None where it did not."""
+    """Return what searches a structure as a run did; None if it did not."""
     if not was_searched(run_dir):
         return None
     again: Callable[[Dataset], ModelChoices]
@@ -180,7 +180,7 @@ def refuse_over_time(choices: ModelChoices) -> None:
 
 
 def refit_run(run_dir: Path, dataset: Dataset) -> Model:
-    """Return the model of another run, made anew by its own spec on the training samples of a
+    """Return the model of another run, made again by its own spec on the training samples of a
     dataset.
     """
     again = _searching_again(run_dir)
@@ -195,7 +195,7 @@ MUCH = 0.1
 
 
 def trained_on(run_dir: Path, dataset: Dataset) -> bool:
-    """Tell whether the model of another run was trained on samples that a dataset holds out: on
+    """Return whether the model of another run was trained on samples that a dataset holds out: on
     rows of the same numbers, beyond those that its training samples have as well by chance.
     """
     other = RunFiles(run_dir).dataset()
@@ -229,8 +229,8 @@ def residuals(
     `run_dir` the search of the structure is known, where there was one: it is made again too.
     Held-out data are never used.
 
-    Raises SpecError where runs are added up that were trained on fewer than three levels or
-    recordings; DataError, FitError where a model cannot be fitted without a part, or has no
+    Raises SpecError if runs are added up that were trained on fewer than three levels or
+    recordings; DataError, FitError if a model cannot be fitted without a part, or has no
     prediction for it; the part is named.
     """
     kind, count, parts = parts_of(dataset, choices)
@@ -351,7 +351,7 @@ def _refitted_sum(choices: ModelChoices, needed: Mapping[str, Path], dataset: Da
 
 
 def _summand_without(run_dir: Path, dataset: Dataset) -> Model:
-    """Return the model of a run, fitted anew to its data without the curves that a dataset holds
+    """Return the model of a run, fitted again to its data without the curves that a dataset holds
     out as a whole: by level, else by name.
     """
     choices = model_choices(load(run_dir / "experiment.yaml").spec)

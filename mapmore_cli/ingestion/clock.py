@@ -263,7 +263,7 @@ def _found_shift(
     Two records of one unit are taken to rise together; of different units, one may fall while the
     other rises.
 
-    Raises DataError where nothing changes, where noise would do as well, and where another shift is
+    Raises DataError if nothing changes, where noise would do as well, and where another shift is
     nearly as good.
     """
     match = join.match

@@ -54,7 +54,7 @@ Plateau = Literal["auto"] | tuple[float, float]
 def with_plateau(recording: Recording, plateau: Plateau, units: Mapping[str, str]) -> Recording:
     """Return the recording with `plateau` and `step_pressure`, the mean pressure there.
 
-    Raises DataError where there is no plateau, or no sample in the one that is given.
+    Raises DataError if there is no plateau, or no sample in the one that is given.
     """
     columns = recording.columns
     seconds = convert(columns["time"], units["time"], "s")
@@ -81,7 +81,7 @@ def with_plateau(recording: Recording, plateau: Plateau, units: Mapping[str, str
 def static_model(run_dir: Path, force: Quantity, units: Mapping[str, str]) -> Model:
     """Return the static model that a spec needs.
 
-    Raises SpecError where it is of another quantity or unit, or has an input that the recordings
+    Raises SpecError if it is of another quantity or unit, or has an input that the recordings
     lack or hold in another unit.
     """
     model = alone(RunFiles(run_dir).model())
@@ -131,7 +131,7 @@ class LevelSet:
     """The values `(m,)`, ascending, at which the quantity `of` was held, and how far a sample may
     be from one.
 
-    `nominal` is True where its level is the value of a sample.
+    `nominal` is True if its level is the value of a sample.
     """
 
     of: str

@@ -263,7 +263,7 @@ def held_out(
     """Return for each part which of its samples are held out, (n,); where several conditions are
     given, all must hold.
 
-    Raises DataError where a condition matches nothing, or where nothing is left to train on.
+    Raises DataError if a condition matches nothing, or where nothing is left to train on.
     """
     if choice is None:
         return [np.zeros(part.size, dtype=np.bool_) for part in parts]

@@ -123,8 +123,8 @@ def find_sources(
     """Return the files of `data.files` in the order of the entries, those of one glob sorted by
     path, each with its joined logs; entries that name one of the `tables` are in memory.
 
-    Raises DataError where a glob finds nothing, a file is named twice, or joined logs cannot be
-    paired; SpecError where recordings share an id.
+    Raises DataError if a glob finds nothing, a file is named twice, or joined logs cannot be
+    paired; SpecError if recordings share an id.
     """
     found = _found(entries, folder, tables)
     ids = [
@@ -251,7 +251,7 @@ def _matches(pattern: str, folder: Path) -> Iterator[Path]:
     """Everything that a glob names. `**` enters each folder once, by whatever links it is reached:
     links may lead back up.
 
-    Raises DataError where it leads through more folders than a study has.
+    Raises DataError if it leads through more folders than a study has.
     """
     entered = count(1)
     yield from _below(PurePath(pattern).parts, folder, pattern, entered)

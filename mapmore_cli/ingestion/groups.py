@@ -28,7 +28,7 @@ or sessions are within a factor of 1.6 of the mean.
 
 @dataclass(frozen=True)
 class GroupEffects:
-    """Gains and offsets by the value of the quantity `of` that tells groups apart; empty where they
+    """Gains and offsets by the value of the quantity `of` that tells groups apart; empty if they
     were not asked for. The offsets have the mean zero, and so have the logarithms of the gains.
     """
 

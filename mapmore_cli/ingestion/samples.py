@@ -25,8 +25,8 @@ from mapmore_cli.study.sections.logs import Keep, Logs, SourceColumn
 from mapmore_cli.study.units import convert, is_canonical, is_same, unit_of_file
 
 TURNS = (3600.0, 86400.0)
-"""Where clocks begin anew, in s: those that show minutes after an hour, those that tell the time of
-day at midnight.
+"""Where clocks begin again, in s: those that show minutes after an hour, those that tell the time
+of day at midnight.
 """
 
 NEAR_TURN = 0.9
@@ -59,7 +59,7 @@ class Samples(RawTable):
         )
 
     def some(self) -> Samples:
-        """Return the samples; DataError where none is left."""
+        """Return the samples; DataError if none is left."""
         if self.size:
             return self
         losses = "; ".join(f"{len(rows)}: {reason}" for reason, rows in self.left_out.items())
@@ -213,7 +213,7 @@ def _in_model_units(raw: RawTable, table: Logs, data: Data, units: Mapping[str, 
 
 def _against_the_file(raw: RawTable, table: Logs, units: Mapping[str, str]) -> Iterator[str]:
     """Yield doubts about what the spec says of columns that the file says something of; DataError
-    where both cannot be true.
+    if both cannot be true.
 
     A `scale` in the spec is believed, but for a sign.
     """
@@ -277,7 +277,7 @@ def _converted(
 
 
 def unwrapped(values: Array, period: float) -> Array:
-    """Return the numbers of an encoder that begins anew at a `period` as if it went on; what is
+    """Return the numbers of an encoder that begins again at a `period` as if it went on; what is
     missing stays so.
     """
     found, known = values.copy(), np.isfinite(values)
@@ -286,7 +286,7 @@ def unwrapped(values: Array, period: float) -> Array:
 
 
 def going_on(time: Array, turns: Sequence[float]) -> Array:
-    """Return what has to be added to the stamps of a clock, (n,), where it begins anew at one of
+    """Return what has to be added to the stamps of a clock, (n,), where it begins again at one of
     some `turns`.
     """
     before, steps = time[:-1], np.diff(time)
@@ -297,7 +297,7 @@ def going_on(time: Array, turns: Sequence[float]) -> Array:
 
 
 def without_missing(samples: Samples, table: Logs, missing: str | MissingRule) -> Samples:
-    """Treat NaN and infinity as the spec says: an error, or samples to leave out. DataError where
+    """Treat NaN and infinity as the spec says: an error, or samples to leave out. DataError if
     none is left.
     """
     complete = by_blocks(

@@ -18,7 +18,7 @@ def program_of(model: Model) -> Program:
     """Return the model as a program of one sample's numbers, from which other languages and
     derivatives follow.
 
-    Raises DataError where parts have different times between samples or go on from different
+    Raises DataError if parts have different times between samples or go on from different
     outputs, or one is no closed expression, and where a coefficient is too large to be a number.
     """
     m = Writer()

@@ -22,7 +22,7 @@ ROWS = 16  # of the trial
 
 
 def unsound(model: Model) -> str | None:
-    """Return why a model cannot be evaluated; None where it can."""
+    """Return why a model cannot be evaluated; None if it can."""
     try:
         for one in model.every:
             fault = next(iter(kinds.verbs_of(one).faults(one)), None)

@@ -55,8 +55,8 @@ def freeze(run_dir: Path, tag: str, archive: Path) -> Path:
     """Copy the model of a finished run, its scores, spec and hashes to `ARCHIVE/NAME@TAG`; the
     folder.
 
-    Raises DataError where the run is not finished, its files are not the ones that it wrote, or its
-    record has no name of a run; UsageError where the tag is no name; WriteError where that name is
+    Raises DataError if the run is not finished, its files are not the ones that it wrote, or its
+    record has no name of a run; UsageError if the tag is no name; WriteError if that name is
     taken, or the archive cannot be written.
     """
     if not TAG.fullmatch(tag):
@@ -108,7 +108,7 @@ def freeze(run_dir: Path, tag: str, archive: Path) -> Path:
 
 
 def _entry(path: Path, *keys: str) -> object:
-    """Return what stands under some keys of a JSON file; None where there is nothing, or no such
+    """Return what stands under some keys of a JSON file; None if there is nothing, or no such
     file.
     """
     try:
@@ -136,7 +136,7 @@ def find_model(text: str, runs: Path, archive: Path) -> Path:
     """Return the model file that a word on the command line means: a file, a run folder, a run,
     `NAME@TAG`, or a tag that one run has.
 
-    Raises DataError where there is none, or a frozen model is not what was frozen; UsageError where
+    Raises DataError if there is none, or a frozen model is not what was frozen; UsageError if
     several runs have the tag.
     """
     path = Path(text)
@@ -168,7 +168,7 @@ def runs_of(campaign: Path) -> list[str] | None:
     """Return the names of the runs of a campaign, by the folder of its page; None for another
     folder.
 
-    Raises DataError where its record does not name them.
+    Raises DataError if its record does not name them.
     """
     record = campaign / CAMPAIGN_RECORD
     if not record.is_file():
@@ -184,7 +184,7 @@ def runs_of(campaign: Path) -> list[str] | None:
 
 def find_campaign(text: str, runs: Path, archive: Path) -> dict[str, Path] | None:
     """Return the models of a campaign by the names of its runs, as they are now, or where
-    `NAME@TAG` asks for it, as they were frozen; None where the text names no campaign.
+    `NAME@TAG` asks for it, as they were frozen; None if the text names no campaign.
     """
     name, at, tag = text.partition("@")
     names = runs_of(runs / name)
@@ -208,8 +208,8 @@ def compared(
 ) -> Comparison:
     """Compare two models, with what their runs were made from; of several outputs, one.
 
-    Raises UsageError where their settings differ, unless `other_settings` are allowed; DataError
-    where they are of other quantities, or have too few curves in common.
+    Raises UsageError if their settings differ, unless `other_settings` are allowed; DataError
+    if they are of other quantities, or have too few curves in common.
     """
     records = [known_records(model.parent) for model in (before, after)]
     settings = tuple(_other_settings(*records))
@@ -237,7 +237,7 @@ MADE_BY = ("segment", "dictionary", "model", "fit", "fuse")
 
 
 def _other_settings(*runs: Mapping[str, StageRecord]) -> Iterator[str]:
-    """Yield the keys that differ between two runs, with both values; none where a model was sent
+    """Yield the keys that differ between two runs, with both values; none if a model was sent
     alone, without the record of its run, or where both were searched alike.
 
     Keys that came with a later version have their defaults.

@@ -102,7 +102,7 @@ class LoadedModel:
 
         With `time`, the inputs are samples of one recording, from which the model's rates and
         directions follow, and along which a model with memory runs (NaN before there is history).
-        Warns (UserWarning) where points lie outside of the training range. Raises `TypeError` for
+        Warns (UserWarning) where points lie outside the training range. Raises `TypeError` for
         an input that is missing or that the model does not have.
         """
         flat, shape = self._flattened(columns)
@@ -188,7 +188,7 @@ class LoadedModel:
         return self.model
 
     def outside_range(self, **columns: ArrayLike) -> BoolArray:
-        """Return True where an input lies beyond the training range, in the shape of the output."""
+        """Return True if an input lies beyond the training range, in the shape of the output."""
         flat, shape = self._flattened(columns)
         return outside_range(self.model, flat).reshape(shape)
 
@@ -196,7 +196,7 @@ class LoadedModel:
         """Return the low and the high end that hold a sample of a new curve with the probability
         `level`, in the shape of the output.
 
-        They are NaN outside of the training range. Raises `DataError` for a model whose spec has no
+        They are NaN outside the training range. Raises `DataError` for a model whose spec has no
         `validate: {intervals: true}`.
         """
         flat, shape = self._flattened(columns)
@@ -267,7 +267,7 @@ Entry = Column | Mapping[str, Any]
 
 
 def columns_in(frame: object, column: Column) -> list[Hashable]:
-    """Return the labels that a column of the spec means; none where there is no such column,
+    """Return the labels that a column of the spec means; none if there is no such column,
     several where it is not clear.
 
     The label itself comes first. Text means the label that is written so, too. A number is a place,

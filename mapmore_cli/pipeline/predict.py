@@ -96,7 +96,7 @@ class Predictor:
                 inputs = with_signals(reading.signals, inputs)
             except DataError:  # too few samples for the window of a rate
                 continue
-            # far outside of the range a term may overflow; the flag says so
+            # far outside the range a term may overflow; the flag says so
             with np.errstate(all="ignore"), numbered(rows[part]):
                 outcomes = [run(inputs) for run in runs]
                 beyond = outside[part] = outside_range(model, inputs)
@@ -157,27 +157,27 @@ def predicted_lines(
     `outside_range`, added to each.
 
     The header holds canonical names; the numbers are in the model's units. The prediction has 12
-    significant digits; `outside_range` is `true` or `false`. Both are empty where an input is empty
+    significant digits; `outside_range` is `true` or `false`. Both are empty if an input is empty
     or not finite. Blank lines stay as they are. `label` names the table in messages; `chunk` has no
     influence on the result.
 
     - `turned_for`: an input that the model is inverted for, as the force of a model of the strain:
       the table has the output in its place,
       the column is `<input>_predicted`, and rows without a solution in the training range are
-      outside of it.
-    - `interval`: as 0.95, adds `<output>_low` and `<output>_high`, empty outside of the training
+      outside it.
+    - `interval`: as 0.95, adds `<output>_low` and `<output>_high`, empty outside the training
       range.
     - `derivatives`: adds one column for every input, `<output>_by_<input>`.
     - `constants`: adds inputs that are the same in every row.
 
     Rates and directions that the table lacks follow from its `time`, recording by recording: one
-    ends where the column `recording` changes or time is set back, and after a gap all starts anew.
+    ends where the column `recording` changes or time is set back, and after a gap all starts again.
     A model with memory runs along each recording in the same way, from the first measured outputs
     where it feeds its output back; there is no prediction before there is history, and from where
     the run diverges, which `warn` is told. A recording is in memory as a whole where rates follow
     from its columns, else by `chunk` rows.
 
-    Raises DataError where the table is empty, lacks an input, already has one of the added columns,
+    Raises DataError if the table is empty, lacks an input, already has one of the added columns,
     or has a field that is not a number; where a model with memory has nothing to go on from, or
     rows are not at its time steps; where the model holds nothing to make intervals from. Raises
     UsageError for an interval that there is none of, or a model that cannot be inverted for that
@@ -229,7 +229,7 @@ def inverted_lines(
     none of them. The whole table is in memory, since the rule `nearest` goes from row to row.
 
     Raises UsageError for an input that the model has not, a rule that there is none of, or a model
-    with memory; DataError where the table is empty, lacks a column, has one of the added ones
+    with memory; DataError if the table is empty, lacks a column, has one of the added ones
     already, or a field that is no number.
     """
     if runs_over_time(model):
@@ -260,7 +260,7 @@ def inverted_lines(
 
 
 def _reading_turned(model: Model, name: str) -> Reading:
-    """Return what is read where a model is inverted; UsageError where it cannot be."""
+    """Return what is read where a model is inverted; UsageError if it cannot be."""
     inputs = [quantity.name for quantity in alone(model).inputs]
     if name not in inputs:
         raise UsageError(f"--as: the model has no input '{name}'", f"it has {', '.join(inputs)}")
@@ -292,7 +292,7 @@ def adapt(
     `constants` give what specimens differ in. Rows with an empty field are left out. The intervals
     stay those of the family, and a note says so.
 
-    Raises UsageError for a model that is no family, or without its dimension; DataError where the
+    Raises UsageError for a model that is no family, or without its dimension; DataError if the
     table is empty or lacks a column.
     """
     of = dimension_of(model)

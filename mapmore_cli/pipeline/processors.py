@@ -2,7 +2,7 @@
 
 Everything that is done side by side goes through a `concurrent.futures.Executor`: combinations of
 `tune` and structures of a search in forks of this process, runs of a campaign in processes that are
-started anew, or on a Dask cluster.
+started again, or on a Dask cluster.
 """
 
 from __future__ import annotations

@@ -134,7 +134,7 @@ class Sheet:
 
     `constants` become columns that have one value in every row.
 
-    Raises DataError where there is no header, `expected` says what it has to name, or where the
+    Raises DataError if there is no header, `expected` says what it has to name, or where the
     table has a column of the constants.
     """
 
@@ -169,7 +169,7 @@ class Sheet:
         )
 
     def places(self, wanted: Iterable[str], added: Sequence[str] = ()) -> dict[str, int]:
-        """Return where the `wanted` columns are; raises DataError where one is missing, or the
+        """Return where the `wanted` columns are; raises DataError if one is missing, or the
         table has one of those that are `added`.
         """
         if there := next((name for name in added if name in self.names), None):
@@ -232,7 +232,7 @@ def grid_lines(text: str, inputs: Sequence[str]) -> Iterator[str]:
     """Return the header and the points of a grid, the last input of `text` varying fastest; both
     ends are included.
 
-    Raises UsageError where `text` is malformed, names an input twice or one that the model has not,
+    Raises UsageError if `text` is malformed, names an input twice or one that the model has not,
     leaves one out, or has a step that does not lead from the first value to the last.
     """
     axes = grid_axes(text, inputs)

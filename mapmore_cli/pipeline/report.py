@@ -139,7 +139,7 @@ def _collected(
 
 
 def faults_of(style: FigureStyle) -> list[str]:
-    """Return warnings about a font that this machine does not have; SpecError where the formula in
+    """Return warnings about a font that this machine does not have; SpecError if the formula in
     a label is wrong.
     """
     if style.font is None and not style.labels:
@@ -163,7 +163,7 @@ def faults_of(style: FigureStyle) -> list[str]:
 
 
 LOOKS = "report.style."
-"""What of a run's spec may be replaced to draw its results anew."""
+"""What of a run's spec may be replaced to draw its results again."""
 
 
 def drawn_figure(
@@ -183,7 +183,7 @@ def drawn_figure(
     - `models`: competitors that are drawn, where that is not all of them.
     - `looks`: values that replace those of the run's spec, as `report.style.width=120 mm`.
 
-    Raises DataError where the folder holds no finished run; UsageError where there is no such panel
+    Raises DataError if the folder holds no finished run; UsageError if there is no such panel
     (the message names those that there are), or `looks` are about anything else.
     """
     from mapmore_cli.reporting.figures.drawing import compose, drawings, panel_of, to_bytes

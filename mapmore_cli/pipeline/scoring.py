@@ -169,7 +169,7 @@ def _diverged(name: str, curve: Curve, row: int, dataset: Dataset) -> str:
 
 
 def scored_as(name: str, dataset: Dataset, model: Model) -> Dataset:
-    """Return the dataset with an input of the model as what is measured and scored; SpecError where
+    """Return the dataset with an input of the model as what is measured and scored; SpecError if
     the model has no such input.
     """
     inputs = [quantity.name for quantity in model.inputs]

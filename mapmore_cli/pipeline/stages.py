@@ -126,7 +126,7 @@ SEGMENT = Stage(
 
 def fit(part: ModelChoices, workspace: Workspace) -> None:
     """Fit what the kind of model asks for: every segment, one model with memory, a formula, or
-    nothing where models are added up.
+    nothing if models are added up.
     """
     from mapmore_cli.modelling.frols.offsets import constant_alone, far_from_zero
     from mapmore_cli.modelling.literature.backbone import pooled_training

@@ -71,7 +71,7 @@ def known_records(run_dir: Path) -> dict[str, StageRecord]:
 def needed_runs(stage: Stage, loaded: LoadedSpec) -> tuple[Needed, ...]:
     """Return the runs that a stage needs, in the order of the spec.
 
-    Raises SpecError where a needed spec is missing or wrong.
+    Raises SpecError if a needed spec is missing or wrong.
     """
     return tuple(
         Needed(need, _varied(loaded, need) if need.overrides else load(loaded.folder / need.key))
@@ -83,7 +83,7 @@ def named_runs(specs: Sequence[LoadedSpec]) -> set[str]:
     """Return the names of the runs of specs, and of all runs that they are built on or compared
     with.
 
-    Raises SpecError where a needed spec is missing or wrong.
+    Raises SpecError if a needed spec is missing or wrong.
     """
     names, waiting = set[str](), [*specs]
     while waiting:
@@ -96,7 +96,7 @@ def named_runs(specs: Sequence[LoadedSpec]) -> set[str]:
 
 
 def refuse_circle(loaded: LoadedSpec, heirs: tuple[Path, ...] = ()) -> None:
-    """Raise SpecError where runs are built on each other in a circle; `heirs` are the specs that
+    """Raise SpecError if runs are built on each other in a circle; `heirs` are the specs that
     led to this one. A run that is compared needs what its model is built on.
     """
     spec, chain = loaded.spec, (*heirs, loaded.path.resolve())
@@ -145,7 +145,7 @@ class StagePlan:
     """What a stage would be made from now.
 
     `part` is the slice of the spec. `now` is the entry that it would have: its outputs are the
-    committed files that still exist. `reason` says why the stage has to run, None where it is up to
+    committed files that still exist. `reason` says why the stage has to run, None if it is up to
     date; `now` is then its entry with today's file times: the next run need not read them again.
     """
 
@@ -171,7 +171,7 @@ def plan_stages(
     After a search the structure that it found is taken for the stages behind it. Where there is
     none yet, these are not known, and it is the last.
 
-    Raises DataError where a source is missing or cannot be read.
+    Raises DataError if a source is missing or cannot be read.
     """
     before, previous = "", ""
     for stage in stages or pipeline(searched=loaded.spec.model.type == AUTO):

@@ -79,7 +79,7 @@ class Entry:
 
 
 def is_campaign(path: Path) -> bool:
-    """Return True where a YAML file has the key `campaign` at its top level."""
+    """Return True if a YAML file has the key `campaign` at its top level."""
     try:
         lines = read_source(path).text.splitlines()
     except SpecError:

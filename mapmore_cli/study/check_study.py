@@ -373,7 +373,7 @@ class Checked(Protocol):
     """A kind that adds itself, and knows what a spec of it may not say."""
 
     def findings(self, spec: ExperimentSpec) -> Iterable[Finding]:
-        """Return what is wrong with a spec; nothing where it has no model of the kind."""
+        """Return what is wrong with a spec; nothing if it has no model of the kind."""
 
 
 def of_kinds(spec: ExperimentSpec) -> Iterator[Finding]:

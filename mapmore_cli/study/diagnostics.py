@@ -95,7 +95,7 @@ def refused(
 
 
 def did_you_mean(word: str, known: Iterable[str], otherwise: str = "known are") -> str | None:
-    """Return `did you mean ...?` for a near miss, else the list of what is known; None where
+    """Return `did you mean ...?` for a near miss, otherwise the list of what is known; None if
     nothing is.
     """
     words = list(dict.fromkeys(known))
@@ -211,7 +211,7 @@ def lost(error: ValidationError, root: Node, keys_at: KeysAt) -> Iterator[tuple[
     """Yield the ways to what pydantic refused, values and incomplete sections, each with the way to
     what the spec lacks without it.
 
-    For an unknown key that is the key meant; None where it is near to no key that the spec lacks.
+    For an unknown key that is the key meant; None if it is near to no key that the spec lacks.
     """
     for details in error.errors(include_url=False):
         loc, _ = _split(details["loc"], root)

@@ -77,7 +77,7 @@ class Muscle(Settings):
 
     @property
     def lengths(self) -> dict[str, float | None]:
-        """The dimensions by name, m; None where nothing is said."""
+        """The dimensions by name, m; None if nothing is said."""
         return {"length": self.length, "diameter": self.diameter}
 
 
@@ -252,7 +252,7 @@ class Validate(Section):
       in the model's inputs, the `backbone` alone, and `arx` in free run, as `false`
     - `normaliser`: what errors are divided by: the largest absolute value of the measured target
       (`max`, M2 eq 13) or its `range`, as `range`
-    - `intervals`: whether the model is fitted anew without each part of the training data, for
+    - `intervals`: whether the model is fitted again without each part of the training data, for
       `predict --interval`, as `true`
     - `require`: limits of metrics, which a run must keep (exit 6), as `{nrmse: 0.05, r2: 0.9}`; of
       several targets also one for each, as `rmse: {tip_x: 1 mm, tip_y: 2 mm}`
@@ -338,7 +338,7 @@ class Report(Section):
 
 
 def _given_memory(dictionary: object, info: ValidationInfo) -> bool:
-    """Tell whether a dictionary that is not validated yet has terms with memory; False where its
+    """Return whether a dictionary that is not validated yet has terms with memory; False if its
     form is wrong, which is reported elsewhere.
     """
     try:
@@ -350,7 +350,7 @@ def _given_memory(dictionary: object, info: ValidationInfo) -> bool:
 
 
 def _pooled(given: Mapping[str, Any]) -> bool:
-    """Tell whether a spec that is not validated yet has one segment of all its curves."""
+    """Return whether a spec that is not validated yet has one segment of all its curves."""
     data, segment = given.get("data"), given.get("segment") or {}
     levels = data.get("levels") if isinstance(data, dict) else None
     whole = isinstance(segment, dict) and all(cut == "none" for cut in segment.values())
@@ -498,7 +498,7 @@ class ExperimentSpec(Section):
 
     @model_validator(mode="after")
     def _structured(self, info: ValidationInfo) -> ExperimentSpec:
-        """Require a structure where none is searched, and none where one is."""
+        """Require a structure where none is searched, and none if one is."""
         parts = [
             name
             for name, empty in (("segment", {}), ("fit", Fit()), ("dictionary", []))

@@ -193,7 +193,7 @@ class Place:
         return self.context.target
 
     def unit_of(self, quantity: object) -> str | None:
-        """Return the model's unit of a quantity; None where the spec does not name one."""
+        """Return the model's unit of a quantity; None if the spec does not name one."""
         return default_unit(quantity, self.context.units) if isinstance(quantity, str) else None
 
 

@@ -230,7 +230,7 @@ def _further_mistakes(
 
 
 def _echoes(loc: Loc) -> bool:
-    """Return True where a loss would be missed elsewhere: a whole section, or a part of `data` that
+    """Return True if a loss would be missed elsewhere: a whole section, or a part of `data` that
     defines quantities or levels.
     """
     return len(loc) < 2 or (

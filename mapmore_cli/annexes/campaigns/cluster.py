@@ -46,7 +46,7 @@ class Shared:
     environment: Mapping[str, str]
 
     def check(self) -> None:
-        """Raise WriteError where this process does not see what the client wrote, UsageError where
+        """Raise WriteError if this process does not see what the client wrote, UsageError if
         it has another version.
         """
         if tool_versions()["mapmore"] != self.version:
@@ -122,8 +122,8 @@ def run_on_cluster(
 
 
 def _checked_workers(client: Client, shared: Shared) -> int:
-    """Return how many workers there are; raises UsageError where they cannot run the jobs,
-    WriteError where they do not see the folder of runs.
+    """Return how many workers there are; raises UsageError if they cannot run the jobs,
+    WriteError if they do not see the folder of runs.
     """
     try:
         return len(client.run(shared.check))
@@ -139,7 +139,7 @@ def _checked_workers(client: Client, shared: Shared) -> int:
 
 
 def _connected(scheduler: str | Path) -> Client:
-    """Return a client; UsageError where there is no library for it, or no scheduler."""
+    """Return a client; UsageError if there is no library for it, or no scheduler."""
     try:
         from distributed import Client
     except ImportError:

@@ -35,7 +35,7 @@ def in_processes(
     *,
     again: bool = False,
 ) -> Generator[tuple[int, R | BaseException], None, None]:
-    """Do numbered jobs in `count` processes that are started anew; yield as `ended`.
+    """Do numbered jobs in `count` processes that are started again; yield as `ended`.
 
     Where a worker dies, the jobs that are at work end with it. They begin once more, one at a time,
     which `tell` is told with their numbers: another program may have filled the memory. Then the

@@ -60,8 +60,8 @@ def fit_motion(
     A section's samples are those at which it holds; with hard switching it runs on the whole input
     all the same.
 
-    Raises DataError where the input never changes, boundaries leave a section without samples or
-    with too few of them; SpecError, FitError where the solver refuses the sections, or finds no
+    Raises DataError if the input never changes, boundaries leave a section without samples or
+    with too few of them; SpecError, FitError if the solver refuses the sections, or finds no
     stable one.
     """
     outline = _outline(records, recipe)
@@ -141,7 +141,7 @@ def _outline(records: Sequence[Record], recipe: MotionRecipe) -> Motion:
 def joined(motion: Motion, pieces: Sequence[Piece], reach: float) -> Motion:
     """Return the model with sections that meet, and poles refined for that.
 
-    Raises DataError where a boundary lies at an end of the training range: the section beyond it
+    Raises DataError if a boundary lies at an end of the training range: the section beyond it
     would have no width.
     """
     if np.any(np.diff(_knots(motion)[0]) <= 0):

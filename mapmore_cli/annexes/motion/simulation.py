@@ -43,7 +43,7 @@ def of_angles(angles: Array, reach: float) -> tuple[float, float]:
 
 def angles(p1: float, p2: float, reach: float, inmost: float = EDGE) -> list[float]:
     """Return the inverse of `of_angles`, of a section whose reflection coefficients are brought to
-    `inmost` at most; one with a pole outside of the circle comes to the nearest edge.
+    `inmost` at most; one with a pole outside the circle comes to the nearest edge.
     """
     k2 = min(max(-p1 / reach**2, -EDGE), EDGE)
     k1 = -p2 / reach / (1.0 + k2)
@@ -53,7 +53,7 @@ def angles(p1: float, p2: float, reach: float, inmost: float = EDGE) -> list[flo
 def spread(u: Array, count: int) -> tuple[float, ...]:
     """Return boundaries between `count` sections with equal shares of the samples u (n,).
 
-    Raises DataError where the input dwells so long at one value that a section would have no width.
+    Raises DataError if the input dwells so long at one value that a section would have no width.
     """
     boundaries = np.quantile(u, np.arange(1, count) / count)
     edges = np.array([u.min(), *boundaries, u.max()])
@@ -114,7 +114,7 @@ def simulate(motion: Motion, columns: Columns) -> Array:
     Every piece begins as `motion.start` says: in the steady state of its first input, or at zero.
     The measured output is not needed.
 
-    Raises FitError where a section is unstable; AtSample where the stamps are neither the model's
+    Raises FitError if a section is unstable; AtSample where the stamps are neither the model's
     step apart nor a gap.
     """
     for section in motion.sections:

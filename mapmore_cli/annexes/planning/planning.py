@@ -69,8 +69,8 @@ def tune(
     The data are ingested in the folder of the run; nothing else is written. Held-out samples are
     dropped before anything is computed.
 
-    Raises UsageError where a setting changes the data, so that errors could not be compared;
-    SpecError, DataError, FitError where the spec is wrong with some setting, or no combination can
+    Raises UsageError if a setting changes the data, so that errors could not be compared;
+    SpecError, DataError, FitError if the spec is wrong with some setting, or no combination can
     be fitted.
     """
     _of_one_target(loaded)
@@ -132,7 +132,7 @@ def _ranked(name: str, folds: Folds, trials: Sequence[Trial]) -> Tuning:
     """Return the trials with what they err beyond the best, and the simplest within one standard
     error.
 
-    Raises FitError where none of them could be fitted.
+    Raises FitError if none of them could be fitted.
     """
     usable = [number for number, trial in enumerate(trials) if trial.errors]
     if not usable:
@@ -165,7 +165,7 @@ def searched(
     """Search the structure of a study, whatever its spec says of it; return what was tried, and the
     spec that was found.
 
-    Raises SpecError, DataError or FitError where the data cannot be read, or no structure can be
+    Raises SpecError, DataError or FitError if the data cannot be read, or no structure can be
     fitted.
     """
     asked: dict[str, Any] = {"model.type": AUTO}
@@ -225,8 +225,8 @@ def plan(
     used. `until` is the wanted half width, in per cent of the largest |target| (`2%`) or in the
     target's unit; `prices` say what a change of each quantity costs.
 
-    Raises SpecError for a model that runs over time, and a sum of other runs; DataError where there
-    is nothing to plan by: a single level, or a single place; UsageError where `until` is no size or
+    Raises SpecError for a model that runs over time, and a sum of other runs; DataError if there
+    is nothing to plan by: a single level, or a single place; UsageError if `until` is no size or
     levels are planned, or a price is of a quantity that the study does not set.
     """
     searched = loaded.spec.model.type == "auto"

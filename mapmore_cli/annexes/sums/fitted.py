@@ -32,7 +32,7 @@ from mapmore_cli.study.units import convert
 def behind_tendon(muscle: Model, tendon: TendonSettings | None) -> Model:
     """Return the model of a muscle behind a tendon, where there is one.
 
-    Raises SpecError where the muscle is no function of its length, or not in units of m and N.
+    Raises SpecError if the muscle is no function of its length, or not in units of m and N.
     """
     if tendon is None:
         return muscle
@@ -80,7 +80,7 @@ class SumMaker(Maker):
     def fit(self, part: ModelChoices, given: Given) -> FitResult:
         """Fit formulas together; nothing is fitted where the summands come from runs of their own.
 
-        Raises FitError where the formulas did not converge to anything usable.
+        Raises FitError if the formulas did not converge to anything usable.
         """
         formulas = part.model.sum or []
         if not formulas or formulas[0].formula is None:

@@ -37,7 +37,7 @@ def sum_of(
     """Return the model `output = sum_m sign_m m(inputs_m)`, a function of every quantity that its
     parts' inputs are made of.
 
-    Raises SpecError where an output is not in the unit of the sum, or an input is not among the
+    Raises SpecError if an output is not in the unit of the sum, or an input is not among the
     `quantities` in its unit.
     """
     used: set[str] = set()
@@ -75,7 +75,7 @@ def actuator(force: Model, pressure: Model) -> Model:
     """Return a model whose input `pressure` is the output of another: from what a valve is told to
     the force.
 
-    Raises DataError where the force does not depend on the pressure, on its rate, or in another
+    Raises DataError if the force does not depend on the pressure, on its rate, or in another
     unit, where the pressure goes on from its measured past, and where both have an input of one
     name in two units.
     """
@@ -118,7 +118,7 @@ def actuator(force: Model, pressure: Model) -> Model:
 
 
 def refuse_shared_names(inputs_of: Sequence[tuple[str, Sequence[str], Mapping[str, str]]]) -> None:
-    """Raise `SpecError` where two parts of a sum have an input of one name of which nothing is
+    """Raise `SpecError` if two parts of a sum have an input of one name of which nothing is
     said: two pressures are two quantities.
 
     `inputs_of` has for every part what it is called, its own inputs, and what is said of them.

@@ -49,7 +49,7 @@ class Subject:
         return self.made
 
     def has(self, *names: str) -> bool:
-        """Return True where every recording has all these quantities."""
+        """Return True if every recording has all these quantities."""
         return all(name in recording.columns for recording in self.recordings for name in names)
 
     def pooled(self, name: str, unit: str | None = None) -> Array:

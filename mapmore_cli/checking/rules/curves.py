@@ -38,7 +38,7 @@ def few_samples(subject: Subject) -> Issues:
 
 
 def beyond_training(subject: Subject) -> Issues:
-    """Find held-out samples outside of the training range: they test extrapolation, which is rarely
+    """Find held-out samples outside the training range: they test extrapolation, which is rarely
     meant.
     """
     hold_out, dataset = subject.spec.data.split.hold_out, subject.dataset

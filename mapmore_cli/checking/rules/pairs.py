@@ -41,7 +41,7 @@ def computed_from(subject: Subject) -> Issues:
 
 
 def _slope_of_line(x: Array, y: Array) -> float | None:
-    """Return the slope of a straight line that tells `y`; None where none does."""
+    """Return the slope of a straight line that tells `y`; None if none does."""
     if len(x) < FEWEST or not np.ptp(extremes(x)) or not np.ptp(extremes(y)):
         return None
     x, y = even_share(x), even_share(y)

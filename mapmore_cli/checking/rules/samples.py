@@ -207,7 +207,7 @@ def still_cycles(subject: Subject) -> Issues:
 
 
 def _is_noise(values: Array) -> bool:
-    """Tell whether neighbouring samples differ as much as any two: von Neumann's ratio is 2 of
+    """Return whether neighbouring samples differ as much as any two: von Neumann's ratio is 2 of
     noise, next to 0 of a movement.
     """
     x = values[:PART]

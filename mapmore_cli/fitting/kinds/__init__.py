@@ -87,7 +87,7 @@ class Fitted(Protocol):
 def maker_of(name: str) -> Maker:
     """Return what makes models of a kind; only what that takes is imported.
 
-    Raises NotInstalled where the kind is a part that is missing.
+    Raises NotInstalled if the kind is a part that is missing.
     """
     if name == "pieces":
         from mapmore_cli.fitting.kinds.pieces import PiecesMaker
@@ -108,7 +108,7 @@ def maker_of(name: str) -> Maker:
 
 def fit(part: ModelChoices, given: Given) -> FitResult:
     """Fit what the kind of model asks for: every segment, one model with memory, a formula, or
-    nothing where models are added up.
+    nothing if models are added up.
     """
     maker = maker_of(part.kind)
     if not given.dataset.also:

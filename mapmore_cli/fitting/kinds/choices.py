@@ -120,7 +120,7 @@ def level_of(levels: Levels | None, segment: SegmentSection) -> str | None:
 
 
 def by_trial(segment: SegmentSection) -> bool:
-    """Tell whether some boundary is placed by trying out fits."""
+    """Return whether some boundary is placed by trying out fits."""
     return any(isinstance(cut, Cuts) and cut.method == "optimal" for cut in segment.values())
 
 

@@ -92,7 +92,7 @@ def terms_of(dictionary: Sequence[DictionaryEntry], clock: Clock | None = None) 
     """Return the names of all candidate terms in the order of the dictionary, each once; terms with
     memory need a `clock`.
 
-    Raises SpecError where products are wanted with a term that is none of theirs; DataError where
+    Raises SpecError if products are wanted with a term that is none of theirs; DataError if
     there would be more of them than memory allows.
     """
     return tuple(

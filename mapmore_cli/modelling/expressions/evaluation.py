@@ -53,7 +53,7 @@ def evaluate(expression: Expression, columns: Columns, n: int | None = None) -> 
     - `n`: number of rows; the length of the first column where it is left out.
 
     Values that are not finite (a logarithm of a negative number, a division by zero) are left in,
-    without a warning. Raises `DataError` where a column is absent or of another length.
+    without a warning. Raises `DataError` if a column is absent or of another length.
     """
     if n is None:
         n = next((len(column) for column in columns.values() if np.ndim(column)), None)

@@ -66,8 +66,8 @@ def products(
     ['p', 'play(p, 0.1)', 'p[k-1]', 'p^2', 'p*play(p, 0.1)', 'p*p[k-1]', 'play(p, 0.1)^2',
      'p[k-1]^2']
 
-    Raises ValueError for an order outside of 0..20, a state named twice, or a partner that is none
-    of the states; DataError where there would be more of them than memory allows, before any is
+    Raises ValueError for an order outside 0..20, a state named twice, or a partner that is none
+    of the states; DataError if there would be more of them than memory allows, before any is
     built.
     """
     if not 0 <= order <= MAX_EXPONENT:
@@ -127,7 +127,7 @@ def fits_whole(samples: int, candidates: int) -> bool:
 
 
 def refuse_beyond_memory(candidates: int) -> None:
-    """Raise DataError where so many candidates are too many even block by block, saying what they
+    """Raise DataError if so many candidates are too many even block by block, saying what they
     would need and what there is.
     """
     needed, room = products_bytes(candidates), usable_memory()

@@ -53,7 +53,7 @@ def parse(text: str, ranged: Callable[[Expression], Expression] | None = None) -
 
     Parts of it may wait for a training range where it is said what is `ranged` in their place.
 
-    Raises ExpressionError where `text` is no expression; its `position` says where.
+    Raises ExpressionError if `text` is no expression; its `position` says where.
 
     Examples
     --------

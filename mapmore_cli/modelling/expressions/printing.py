@@ -225,7 +225,7 @@ def _factors(expression: Expression) -> tuple[tuple[Expression, ...], bool]:
 
 
 def _inverse(factor: Expression) -> Expression | None:
-    """Return what `factor` divides by; None where it multiplies."""
+    """Return what `factor` divides by; None if it multiplies."""
     return (
         power(factor.base, -factor.exponent)
         if isinstance(factor, Power) and factor.exponent < 0

@@ -111,7 +111,7 @@ class Token(NamedTuple):
 
 class Tokens:
     """The tokens of a text, read one after the other; `next` is the one to be read. Raises
-    ExpressionError where none begins.
+    ExpressionError if none begins.
     """
 
     def __init__(self, text: str) -> None:
@@ -140,7 +140,7 @@ def _token(match: re.Match[str]) -> Token:
 
 @lru_cache(maxsize=4096)
 def state(text: str) -> State:
-    """Return the state that `text` names. Raises ExpressionError where it names none."""
+    """Return the state that `text` names. Raises ExpressionError if it names none."""
     tokens = Tokens(text)
     found = read_state(tokens, tokens.take())
     if tokens.next.kind != "end":

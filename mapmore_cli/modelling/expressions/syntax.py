@@ -275,7 +275,7 @@ def with_parts(expression: Expression, change: Callable[[Expression], Expression
 
 
 def _folded(numbers: list[float]) -> list[float]:
-    """Return the product of the numbers, as none where it is one; as their magnitudes where it
+    """Return the product of the numbers, as none if it is one; as their magnitudes where it
     would overflow or lose digits.
     """
     product = math.prod(numbers)

@@ -58,7 +58,7 @@ def safe_scale(squares: Array, blocks: Blocks) -> Array:
     (M+1,), left the safe range; else one.
 
     Sums are infinite or NaN where a value is not finite or its square overflows, zero where squares
-    vanish. There values are looked at one by one. Raises DataError where one is not finite, with
+    vanish. There values are looked at one by one. Raises DataError if one is not finite, with
     its column and row.
     """
     scale = np.ones(len(squares))
@@ -99,8 +99,8 @@ def gram(blocks: Blocks) -> tuple[Array, Array, int]:
     1/4 and 1, these, (M+1,), and n.
 
     One pass over the blocks; three where squares overflow or vanish: the values are then scaled
-    instead of the sums. Raises DataError where a value is not finite, with its column and row;
-    ValueError where there is no row, or no column.
+    instead of the sums. Raises DataError if a value is not finite, with its column and row;
+    ValueError if there is no row, or no column.
     """
     matrix, samples = _sum_of_products(blocks)
     scale = safe_scale(np.diag(matrix), blocks)
@@ -173,7 +173,7 @@ def standard(blocks: Blocks) -> Standard:
     """Return mean and standard deviation over all rows, in one pass; in three where squares
     overflow or vanish.
 
-    Raises DataError where a value is not finite, with its column and row; ValueError where there is
+    Raises DataError if a value is not finite, with its column and row; ValueError if there is
     no row.
     """
     first, shift, variance = _mean_and_variance(blocks)

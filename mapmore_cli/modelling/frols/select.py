@@ -163,7 +163,7 @@ def greedy(
 
 
 def _highest(err: Array) -> IntArray:
-    """Return the candidates of the highest ERR that tie; none where every ERR is NaN."""
+    """Return the candidates of the highest ERR that tie; none if every ERR is NaN."""
     return np.flatnonzero(
         err >= np.max(err, initial=-np.inf, where=~np.isnan(err)) * (1 - TIE_TOLERANCE)
     )

@@ -57,7 +57,7 @@ class Weighing:
 
     @cached_property
     def sigma(self) -> Array | None:
-        """What rows are divided by, (n,); None where all samples count alike. Weights have the mean
+        """What rows are divided by, (n,); None if all samples count alike. Weights have the mean
         one, so that weighted squares keep the unit of the target.
         """
         sigma = self.uncertainty
@@ -177,7 +177,7 @@ def loss_weights(loss: str, residual: Array) -> Array:
 
 
 def numbered_curves(labels: IntArray | None, terms: int) -> IntArray | None:
-    """Return the curve of each sample from 0, (n,), by its label, (n,); None where curves are too
+    """Return the curve of each sample from 0, (n,), by its label, (n,); None if curves are too
     few for sums over them: below `FEW`, or no more than the terms.
     """
     if labels is None:
@@ -198,7 +198,7 @@ def sandwich_errors(
     `sum psi^2 / (n-k) / m^2 (P'P)^-1` (Huber 1981, eq 7.6.2).
 
     - `blocks`: the k chosen columns and the target, in units of the uncertainty.
-    - `curves`: the curve of each row, from 0, (n,); None where residuals are independent.
+    - `curves`: the curve of each row, from 0, (n,); None if residuals are independent.
     - `weights`: those of the `loss`, (n,); None for squares.
     """
     count, k, n, square = 1 if curves is None else int(curves.max()) + 1, len(theta), 0, 0.0

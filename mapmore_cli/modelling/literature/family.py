@@ -56,7 +56,7 @@ WITHIN = (0.3, 3.0)
 
 @lru_cache(maxsize=64)
 def family_of(text: str) -> Family:
-    """Return the family of a definition; ValueError where it defines none."""
+    """Return the family of a definition; ValueError if it defines none."""
     try:
         document = dict(json.loads(text)["family"])
         metres = float(document.pop("metres"))
@@ -103,7 +103,7 @@ class Family(Formula):
         """Fit the scales of all specimens and their common function; standard errors are those of
         the function.
 
-        Raises DataError where all samples are of one specimen.
+        Raises DataError if all samples are of one specimen.
         """
         of = self.settings.of
         which, number = np.unique(columns[of], return_inverse=True)

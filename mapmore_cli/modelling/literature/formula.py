@@ -100,7 +100,7 @@ class Formula:
         """Return the formula with the dimensions of a muscle, in m, those that it needs among
         `lengths`.
 
-        Raises `SpecError` where one of them is not known.
+        Raises `SpecError` if one of them is not known.
         """
         for name in self.dimensions:
             if not lengths.get(name):
@@ -112,7 +112,7 @@ class Formula:
         return replace(self, given=given)
 
     def checked(self) -> Self:
-        """Return the formula; raises ValueError where its text is not what it declares."""
+        """Return the formula; raises ValueError if its text is not what it declares."""
         if self.expression.names != {*self.inputs, *self.parameters}:
             raise ValueError(
                 f"{self.name}: the names in the text are not the inputs and parameters"

@@ -121,7 +121,7 @@ def fit_hinge(columns: Columns, y: Array) -> FormulaFit:
     matter. Above some thousand samples the search goes over means of neighbouring ones
     (`problem.condensed`).
 
-    Raises FitError where the formula has no finite value at any start.
+    Raises FitError if the formula has no finite value at any start.
     """
     inputs = columns["pressure"], columns["strain"], y
     scales = [float(np.abs(column).max()) or 1.0 for column in inputs]

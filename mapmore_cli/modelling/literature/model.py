@@ -89,7 +89,7 @@ def formula_value(
 ) -> Expression:
     """Write a fitted formula; zero where there is none.
 
-    Raises DataError where the fit failed, or the formula is no closed expression.
+    Raises DataError if the fit failed, or the formula is no closed expression.
     """
     if fit is None:
         return Number(0.0)

@@ -61,7 +61,7 @@ class LeastSquares:
     - `gradient`: derivative of the formula for every parameter, linear and nonlinear; those for
       `linear` are the regressors.
     - `columns`, `y`: the inputs and the target, each `(n,)`.
-    - `counts`: number of samples that each row stands for, `(n,)`; None where each is one.
+    - `counts`: number of samples that each row stands for, `(n,)`; None if each is one.
     - `start`: a published value to start from for every parameter, where one is asked for.
 
     Every residual and regressor is times the roots of the counts.
@@ -229,7 +229,7 @@ def dependence(rank: int, count: int, inputs: Columns, choice: str) -> str:
 
 
 def finite(name: str, columns: Columns) -> Array:
-    """Return the column `name`; raises `DataError` where it is absent, and with the first row in
+    """Return the column `name`; raises `DataError` if it is absent, and with the first row in
     which it is not finite.
     """
     if name not in columns:

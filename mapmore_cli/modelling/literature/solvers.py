@@ -229,7 +229,7 @@ def variable_projection(problem: LeastSquares) -> Solution:
 
 def _valleys(problem: LeastSquares) -> list[tuple[tuple[Array, Array], list[Array]]]:
     """Scan the only nonlinear parameter; return every interval with the places of least sums of
-    squares in it, nothing where all places are equally good.
+    squares in it, nothing if all places are equally good.
     """
     grids = _grids(problem)
     sse = np.array([[_projected_sse(problem, c) for c in grid] for grid in grids])

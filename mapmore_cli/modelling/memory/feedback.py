@@ -38,7 +38,7 @@ class StateWriter:
     """Writes the states of one sample, each once.
 
     - `seen`: the number of samples before this one, by which operators know that they begin; None
-      where all past values are known.
+      if all past values are known.
     - `queues`: by what they hold, the names of the queues of past values.
     - `rules`: where all past values are known, operators are functions of the program; their
       rules by the names of these.
@@ -245,7 +245,7 @@ def looks_back(one: State) -> bool:
 def parted(term: Expression, fed_back: Container[str]) -> tuple[Expression, Expression]:
     """Return a term as (part of fed-back states) times (part of inputs).
 
-    Raises DataError where one factor has both: its value at every sample could not be prepared.
+    Raises DataError if one factor has both: its value at every sample could not be prepared.
     """
     fed: list[Expression] = []
     inputs: list[Expression] = []

@@ -42,7 +42,7 @@ def fit_with_memory(
     minimise the error in free run. `progress` is told how many numbers of terms were tried in free
     run, and how many will be.
 
-    Raises DataError where a quantity is missing, no sample has enough history, a state cannot be
+    Raises DataError if a quantity is missing, no sample has enough history, a state cannot be
     fed back, the dictionary needs more memory than there is, or no model's free run stays finite.
     """
     numbers = left_open(records, recipe.dictionary, recipe.step)

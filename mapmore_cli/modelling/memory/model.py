@@ -162,7 +162,7 @@ class MemoryVerbs(Verbs):
         """Return the output where the inputs stand still, (n,): a fed-back one by Steffensen's
         method.
 
-        Coefficients are (k,), or (k, n): others at each place. Raises FitError where the output
+        Coefficients are (k,), or (k, n): others at each place. Raises FitError if the output
         comes to no rest.
         """
         from scipy.optimize import fixed_point

@@ -81,7 +81,7 @@ def uninterrupted(time: Array, step: float) -> list[slice]:
 def time_step(curves: Sequence[Curve]) -> float:
     """Return the time between samples that all curves have in common, s: the median.
 
-    Raises DataError where a curve has another one: lags count samples, so all recordings must be
+    Raises DataError if a curve has another one: lags count samples, so all recordings must be
     sampled alike.
     """
     steps = {curve.id: typical_step(curve.columns["time"]) for curve in curves if curve.size > 1}
@@ -105,7 +105,7 @@ def records_of(curves: Sequence[Curve], step: float) -> tuple[Record, ...]:
     """Return the recordings of all curves cut into uninterrupted pieces; samples that are held out,
     or at rest, do not train.
 
-    Raises DataError where samples are not at even time steps.
+    Raises DataError if samples are not at even time steps.
     """
     records: list[Record] = []
     for curve in curves:

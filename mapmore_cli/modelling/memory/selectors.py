@@ -58,7 +58,7 @@ def regressors(
 ) -> Regressors:
     """Return the training samples of all pieces on which every state has a value.
 
-    Raises DataError where there are none, or the output is missing.
+    Raises DataError if there are none, or the output is missing.
     """
     parts: list[tuple[Columns, Array]] = []
     unsure, sigma = uncertainty_of(target), list[Array]()
@@ -165,7 +165,7 @@ class _Ridged:
     block.
 
     Its methods are those of `_Plain`. The ridge is chosen here where the recipe leaves that open.
-    Raises DataError where no candidate explains anything.
+    Raises DataError if no candidate explains anything.
     """
 
     def __init__(self, data: Regressors, recipe: MemoryRecipe) -> None:

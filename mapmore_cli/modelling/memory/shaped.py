@@ -43,7 +43,7 @@ def with_signed_gain(
 ) -> Model:
     """Return the model with static gains of the signs that the recipe asks for.
 
-    `records` are those that the fit was made of. Raises FitError where no coefficients of the
+    `records` are those that the fit was made of. Raises FitError if no coefficients of the
     chosen terms have the signs, or where they are not found under them and have others.
     """
     memory, body = fit.model, model.body_of(Memory)

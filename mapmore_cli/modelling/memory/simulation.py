@@ -24,7 +24,7 @@ DIVERGED = 100.0
 
 @dataclass(frozen=True)
 class Trajectory:
-    """A run, and where in it the run began anew.
+    """A run, and where in it the run began again.
 
     - `values`: (q, n) the output, and what else the model recalls; fewer samples than the piece
       has where the run left all bounds.
@@ -77,7 +77,7 @@ class ReadyPiece:
 
     @cached_property
     def restarts(self) -> BoolArray:
-        """(n,) whether a run may begin anew at a sample: everything before it is known."""
+        """(n,) whether a run may begin again at a sample: everything before it is known."""
         known = np.isfinite(self.measured) & np.isfinite(self.history).all(axis=0)
         back = np.concatenate([[0], np.cumsum(~known)])
         rows = np.arange(self.start, self.start + self.size)
@@ -100,7 +100,7 @@ class ReadyPiece:
         horizon: int | None = None,
         before: Array | None = None,
     ) -> Trajectory:
-        """Simulate with the coefficients `theta` (k,), beginning anew from measured outputs after
+        """Simulate with the coefficients `theta` (k,), beginning again from measured outputs after
         every `horizon` samples; from what came `before`, (q, depth), where the piece goes on.
 
         It ends at the first sample that leaves the `bounds`, which is left out.

@@ -183,7 +183,7 @@ class TrainingData:
     """One set of training samples, and the `numbers` of operators that the recipe's dictionary
     leaves open.
 
-    Raises DataError where a quantity is missing, too few samples have a history, or a state cannot
+    Raises DataError if a quantity is missing, too few samples have a history, or a state cannot
     be fed back.
     """
 
@@ -272,7 +272,7 @@ class TrainingData:
 
         `search` says whether the numbers that they leave open are to be searched as well.
 
-        Raises DataError where no sample has a history, or a first output is missing.
+        Raises DataError if no sample has a history, or a first output is missing.
         """
         wanted = [record.training for record in self.records] if counted is None else counted
         parts = []  # a run goes on to the last wanted sample

@@ -86,7 +86,7 @@ def segment(
     segments would leave; of several outputs, `also` others, by the sum of what they leave, each in
     its range.
 
-    Raises DataError where a segment holds no sample, or a curve has too few for the cut.
+    Raises DataError if a segment holds no sample, or a curve has too few for the cut.
     """
     terms = [candidate(text) for text in recipe.dictionary]
     # losses that leave samples out do not compare
@@ -122,7 +122,7 @@ def fit(
     """Fit every segment of every training curve, to what the backbone leaves where there is one;
     the fits of the target, then those of `also` others. `tick` is called after each segment.
 
-    Raises DataError where a segment has too few samples, or a term is not finite on its samples.
+    Raises DataError if a segment has too few samples, or a term is not finite on its samples.
     """
     fitted = {
         curve.id: residual_of(curve, recipe.target, backbone)
@@ -145,7 +145,7 @@ def _labels_of_curves(
     rows: Rows, curves: Sequence[Curve], curve: Curve, pooled: bool
 ) -> IntArray | None:
     """Return which residuals go together, (n,): those of a curve where several are pooled, else
-    those of a recording; None where all are of one.
+    those of a recording; None if all are of one.
     """
     if pooled:
         ends = np.cumsum([one.size for one in curves])

@@ -8,7 +8,7 @@ share g that left-out blocks support.
 
 A backbone is chosen among every static formula of the study's inputs, and none. Each inner level
 (of one surface: each inner block along every input) is left out in turn, and everything is done
-anew without it: formula, cuts, terms, and then the share of the residual that serves best. The
+again without it: formula, cuts, terms, and then the share of the residual that serves best. The
 outermost ones are no part of the choice, for there a model extrapolates. With three training levels
 or fewer the choice would be chance (on measured muscles it took Sárosi's formula where the hinged
 one has a tenth of its error). There `FEW` is taken, which keeps to the plain formula where data
@@ -85,7 +85,7 @@ def leave_out(
 ) -> LeftOutErrors:
     """Predictions of left-out training data by models of the rest, backbone included.
 
-    Raises FitError where the backbone cannot be fitted without some of the data.
+    Raises FitError if the backbone cannot be fitted without some of the data.
     """
     parts = []
     for left_out in folds:
@@ -181,8 +181,8 @@ def _folds_along(curves: Sequence[Curve], recipe: Recipe) -> list[Folds]:
 def in_curve(
     curves: Sequence[Curve], segmented: Sequence[str], target: str, level: str | None
 ) -> str:
-    """Return the quantity along which curves are cut into blocks: the first segmented one, else the
-    first by name that varies in them.
+    """Return the quantity along which curves are cut into blocks: the first segmented one,
+    otherwise the first by name that varies in them.
     """
     known = curves[0].columns
     return next(

@@ -43,7 +43,7 @@ def placements(
     - `max_abs`: division by the largest magnitude, no offset.
     - `none`: data as they are.
 
-    `weights` of the samples, (n,), decide about the anchor (`end_of_trend`); None where all are
+    `weights` of the samples, (n,), decide about the anchor (`end_of_trend`); None if all are
     alike.
     """
     names, count = tuple(variables), len(variables)

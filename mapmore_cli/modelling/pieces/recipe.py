@@ -145,7 +145,7 @@ class Fuse(Joining):
     ) = None
 
     def beyond(self, name: str) -> tuple[Beyond | float | None, Beyond | float | None]:
-        """Return the extrapolation of a variable below and above its limits; None where nothing is
+        """Return the extrapolation of a variable below and above its limits; None if nothing is
         said.
         """
         said = (

@@ -40,7 +40,7 @@ def shaped(
     """Return the fused model with coefficients that keep what the recipe says of them and of the
     shape; the model itself where it says nothing.
 
-    Raises FitError where no coefficients of the chosen terms do.
+    Raises FitError if no coefficients of the chosen terms do.
     """
     body, asked = model.body_of(Pieces), asked_of(recipe.fit)
     if not body.segments:  # the backbone stands alone

@@ -73,7 +73,7 @@ def _with_slopes(block: Block, names: Sequence[str]) -> Block:
 
 def _block_with_slopes(block: Block, slopes: dict[str, Slopes], count: int) -> Block:
     """Return the block with the derivatives of its results behind them; `slopes` are those of the
-    names known outside of it.
+    names known outside it.
     """
     known, statements = dict(slopes), list[Statement]()
     for statement in block.statements:

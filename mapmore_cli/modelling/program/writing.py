@@ -249,7 +249,7 @@ def names_used_in(block: Block) -> Set[str]:
 
 
 def _used(statement: Statement, used: Set[str]) -> Statement | None:
-    """Return the part of a statement that is used; None where nothing is."""
+    """Return the part of a statement that is used; None if nothing is."""
     match statement:
         case Let(name) | Recall(name):
             return statement if name in used else None

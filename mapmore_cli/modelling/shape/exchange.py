@@ -73,7 +73,7 @@ class Exchange:
         self._solve()
 
     def _solve(self) -> None:
-        """Solve, with the inequalities as they are; raise FitError where they contradict."""
+        """Solve, with the inequalities as they are; raise FitError if they contradict."""
         solution = least_squares_under(self.R, self.f, self.D, self.d)
         kept = (self.D @ self.start >= self.d).all()
         self.theta, self.force = self.start if kept else solution.theta, solution.force

@@ -56,7 +56,7 @@ def refuse_unsupported(
 
     - `curves`: those of the dataset, with their training samples.
     - `target`, `inputs`: names of the output, and of what the model is a function of.
-    - `level`: the quantity whose curves are interpolated; None where they are pooled.
+    - `level`: the quantity whose curves are interpolated; None if they are pooled.
     - `over_time`: whether the model has memory: differences then say nothing of the output at rest,
       and are not asked.
     """
@@ -136,7 +136,7 @@ class _Against(NamedTuple):
 def _contradiction(
     region: Region, axes: Mapping[str, Array], asked: ShapeWord, inside: BoolArray
 ) -> _Against | None:
-    """Return the largest contradiction of a sign; None where noise alone makes one as large in more
+    """Return the largest contradiction of a sign; None if noise alone makes one as large in more
     than `LEVEL` of all cases.
     """
     from scipy.sparse import csr_array

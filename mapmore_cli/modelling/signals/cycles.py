@@ -50,7 +50,7 @@ def split_cycles(over: Array, columns: Columns, samples: int) -> Branches:
     between the mean positions of its bins: the result does not depend on how fast the cycle was
     run.
 
-    Raises DataError where there is no full cycle, or too few samples on a branch.
+    Raises DataError if there is no full cycle, or too few samples on a branch.
     """
     runs = _trimmed_runs(over)
     for direction, name in ((1, "contraction"), (-1, "extension")):
@@ -83,7 +83,7 @@ def turning_points(values: Array, swing: float) -> IntArray:
     """Return the rows at which `values` `(n,)` reverse, alternately minima and maxima, both ends of
     the movement included.
 
-    A reversal counts once the values have come back from the extreme by `swing`; empty where they
+    A reversal counts once the values have come back from the extreme by `swing`; empty if they
     never move so far.
     """
     series = values.tolist()
@@ -139,7 +139,7 @@ def _trimmed_runs(over: Array) -> Mapping[int, list[IntArray]]:
 
 
 def cycle_starts(x: Array) -> IntArray:
-    """Row at which each cycle of `x` (n,) begins: the last at rest before it rises; empty where x
+    """Row at which each cycle of `x` (n,) begins: the last at rest before it rises; empty if x
     never moves.
 
     A cycle is a rise by at least 0.4 of the range of x; rest is within 0.05 of it from the lowest
@@ -159,7 +159,7 @@ def last_cycles(x: Array, share: float) -> BoolArray:
     """Return the samples of the last `share` of the cycles of `x` (n,), rounded down to whole
     cycles, without the rest before them.
 
-    Raises DataError where there are fewer than two cycles, or a share of none or all of them.
+    Raises DataError if there are fewer than two cycles, or a share of none or all of them.
     """
     starts = cycle_starts(x)
     first = math.ceil((1 - share) * len(starts) - 1e-9)

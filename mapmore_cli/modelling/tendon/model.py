@@ -69,7 +69,7 @@ class TendonVerbs(Verbs):
         return SimulatedRun(_force(model, columns), ())
 
     def outside_range(self, model: Model, columns: Columns) -> BoolArray:
-        """Return True where the muscle itself is beyond its training range, (n,)."""
+        """Return True if the muscle itself is beyond its training range, (n,)."""
         body = model.body_of(Tendon)
         own = muscle_columns(columns, _force(model, columns), body.stiffness, body.force)
         return kinds.outside_range(body.muscle, own)

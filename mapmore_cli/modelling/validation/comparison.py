@@ -79,7 +79,7 @@ class CurveChange:
 
 @dataclass(frozen=True)
 class TermChange:
-    """A term of one segment in both models; None where it was not chosen. Coefficients are in the
+    """A term of one segment in both models; None if it was not chosen. Coefficients are in the
     unit of the output.
 
     `error` is the root of the sum of squares of the standard errors, NaN where one of the two is
@@ -111,7 +111,7 @@ class Comparison:
     `ratio` is the factor that turns the earlier output into the later one over all curves, by least
     squares: the mean of the curves' own, weighted by the squares of the output. `interval` is its
     t-interval with K - 1 degrees of freedom for K curves, `p` is of the test that it is one, and
-    `p_permutation` of the signs of the curves' changes in every combination, None where K is too
+    `p_permutation` of the signs of the curves' changes in every combination, None if K is too
     small for a small p. `narrow` is the interval of the level `EQUIVALENCE`. `resolution` is the
     smallest relative change that these curves tell from none: half of the interval, and no less
     than the uncertainty of the models where they are interpolated to a level of the other.
@@ -170,7 +170,7 @@ class Comparison:
 def compare(before: Model, after: Model, margin: float = MARGIN) -> Comparison:
     """Compare two models on the curves that both were trained on.
 
-    Raises ValueError where they are of other quantities, or have fewer than two curves in common;
+    Raises ValueError if they are of other quantities, or have fewer than two curves in common;
     the message says which.
     """
     if before.output != after.output or set(before.inputs) != set(after.inputs):
@@ -286,7 +286,7 @@ def grid(before: Model, after: Model, place: CurvePlace) -> dict[str, Array]:
     """Points inside of the ranges of both models by input: evenly spread along every one that
     varies, in every combination, (m,) each.
 
-    Raises ValueError where the ranges do not overlap.
+    Raises ValueError if the ranges do not overlap.
     """
     first, second = (_limits_at(model, place) for model in (before, after))
     ends = {
@@ -374,7 +374,7 @@ def reference_points(models: Sequence[Model]) -> list[ReferencePoint]:
 
 def term_changes(before: Model, after: Model) -> tuple[TermChange, ...]:
     """Every term of every segment that both models have, with its coefficients `y_slope theta`;
-    none where one has no segments.
+    none if one has no segments.
 
     Scalings differ from fit to fit by their ranges, so that a coefficient also moves with the ends
     of its segment.

@@ -91,7 +91,7 @@ def left_out_summary(
     """Return what intervals need of the residuals (measured minus predicted) of each left-out part,
     where so many `curves` train.
 
-    Raises FitError where a model of the rest has no prediction for a part, as where its free run
+    Raises FitError if a model of the rest has no prediction for a part, as where its free run
     diverges.
     """
     joined = {part: np.concatenate(list(arrays)) for part, arrays in residuals.items()}
@@ -161,7 +161,7 @@ def scatter_of_recordings(levels: Sequence[Sequence[Array]]) -> float:
 
 
 def interval_limits(left_out: LeftOut) -> str | None:
-    """Say where there is no interval or what it does not hold, and what to measure; None where
+    """Say where there is no interval or what it does not hold, and what to measure; None if
     there is nothing to say.
     """
     if left_out.astray > ASTRAY:
@@ -213,7 +213,7 @@ class Offsets:
 
 
 def offsets_of(left_out: LeftOut) -> Offsets | None:
-    """Return what differs from curve to curve; None where the data do not tell."""
+    """Return what differs from curve to curve; None if the data do not tell."""
     n, count = np.array(left_out.repeats), len(left_out.places)
     known = math.isfinite(left_out.apart)
     own, repeats = (left_out.apart**2, float(np.sum(n - 1))) if known else (0.0, 0.0)
@@ -359,7 +359,7 @@ def interval(model: Model, columns: Columns, level: float) -> tuple[Array, Array
 
 
 def ends(predicted: Array, outside: BoolArray, half: Array) -> tuple[Array, Array]:
-    """Return the low and high end around every prediction, (n,) each; NaN outside of the training
+    """Return the low and high end around every prediction, (n,) each; NaN outside the training
     range.
     """
     middle = np.where(outside, np.nan, predicted)

@@ -45,7 +45,7 @@ def residual_tests(
     model: Model, dataset: Dataset, predicted: Sequence[Array], order_by: str | None
 ) -> tuple[ResidualTest, ...]:
     """Return the autocorrelation of the residuals and a test with each input, on the `judged`
-    samples; nothing where these are few, or errors are all alike.
+    samples; nothing if these are few, or errors are all alike.
 
     `predicted` is by curve. Samples are in the order of the quantity `order_by`, and inputs are
     held against the residuals by parts of their range; where it is None, samples are in order of
@@ -190,7 +190,7 @@ def explained_by_inputs(model: Model, dataset: Dataset) -> Iterator[str]:
 TINY = float(np.finfo(np.float64).tiny)
 
 SAME = 1e-9  # relative difference of two predictions, below which they say the same
-# share of the held-out samples outside of the training range, above which scores are of
+# share of the held-out samples outside the training range, above which scores are of
 # extrapolation
 MOSTLY = 0.5
 

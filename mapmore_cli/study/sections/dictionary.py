@@ -85,7 +85,7 @@ FORMS: Mapping[str, type[OperatorFamily]] = dict(_forms())
 def numbers_of(
     name: str, family: OperatorFamily, step: float, longest: float
 ) -> Sequence[tuple[float, ...]]:
-    """Return the numbers of each state; none where training finds them.
+    """Return the numbers of each state; none if training finds them.
 
     `step` is the time between samples, `longest` the duration of the longest piece, s.
     """
@@ -382,7 +382,7 @@ def texts_in(loc: Loc, family: Family) -> Iterator[tuple[Loc, str, bool]]:
 
 
 def remembers(dictionary: Sequence[DictionaryEntry]) -> bool:
-    """Tell whether any term needs more of a recording than the sample itself."""
+    """Return whether any term needs more of a recording than the sample itself."""
     return any(
         name not in ("polynomial", "terms", "products", "spline", "ends", "steps")
         or getattr(family, "window", None)
@@ -392,7 +392,7 @@ def remembers(dictionary: Sequence[DictionaryEntry]) -> bool:
 
 
 def feeds_back(dictionary: Sequence[DictionaryEntry], target: str) -> bool:
-    """Tell whether any term is made of the target."""
+    """Return whether any term is made of the target."""
     return any(
         state(used).quantity == target
         for loc, _, family in entries_of(dictionary)

@@ -78,7 +78,7 @@ class Keep(Section):
 
 
 def _is_encoding(name: str) -> bool:
-    """Tell whether Python knows an encoding."""
+    """Return whether Python knows an encoding."""
     try:
         return bool("a".encode(name))
     except (LookupError, ValueError):  # ValueError: a zero byte in the name
@@ -151,9 +151,9 @@ class SourceColumn(Section):
     - `offset`: what is added to them, as `-101.3 kPa`
     - `rest`: how long every recording rests at its beginning: the mean over that time is taken off,
       as `2 s`
-    - `unwrap`: the number at which an encoder begins anew: jumps by more than half of it are such a
-      turn; of `time`, `true` goes on where the clock begins anew, at midnight, after an hour, or at
-      2^32 of its unit, as `4096`
+    - `unwrap`: the number at which an encoder begins again: jumps by more than half of it are such
+      a turn; of `time`, `true` goes on where the clock begins again, at midnight, after an hour,
+      or at 2^32 of its unit, as `4096`
     - `format`: of `time`, how its stamps are written, in the codes of Python's `strptime`, as
       `"%m/%d/%Y %I:%M:%S.%f %p"`
     """
@@ -299,7 +299,7 @@ class Match(Section):
 class Join(Logs):
     """A second log of the same tests: its quantities are brought onto the samples of the first.
 
-    Samples outside of the second log are `missing`. One file serves all recordings; several are
+    Samples outside the second log are `missing`. One file serves all recordings; several are
     paired with those of `data.files` in order.
 
     - `on`: `time` interpolates linearly after `shift` is added; `row` puts row beside row, as `row`
