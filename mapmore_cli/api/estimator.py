@@ -116,8 +116,8 @@ class FROLS:
         return self
 
     def _centre_of(self, values: Array) -> Array:
-        """Return what is taken from each column, (m,): the mean of one so far from zero that its
-        powers have lost the digits that tell them apart, else zero.
+        """Return the offset that is subtracted from each column, (m,): its mean if it is so far
+        from zero that powers of the column would be equal but for rounding, otherwise 0.
         """
         mean, spread = values.mean(axis=0), values.std(axis=0)
         far = spread * (LOST / np.finfo(float).eps) ** (1 / max(self.order, 1)) < np.abs(mean)

@@ -166,8 +166,8 @@ def row_by_row(function: Callable[[dict[str, Any]], Any], columns: Mapping[str, 
 
 
 def picked(values: Any, rows: Rows | BoolArray) -> Any:
-    """Return the values, or the row numbers, at some rows, by their numbers or by a mask, (n,), in
-    parts that touch little of a long column each.
+    """Return the values at some rows (or the row numbers), given by numbers or by a mask, (n,), in
+    parts that each read little of a long column.
     """
     if isinstance(rows, range):
         return values[rows.start : rows.stop]

@@ -134,8 +134,8 @@ def _shape_of(type_: Any) -> str:
 
 @dataclass(frozen=True)
 class Either:
-    """Marks a union whose member is told by the shape of the value, so that a mistake gives one
-    message and not one for each member.
+    """Marks a union in which the form of the value decides about the member, so that a mistake
+    gives one message instead of one for each member.
 
     Of two mappings, the member with the key `key` is the one whose value has it.
     """

@@ -295,7 +295,7 @@ class Model:
 
     @property
     def pieces(self) -> Pieces | None:
-        """The body where it consists of pieces."""
+        """The body of the model if it consists of pieces."""
         return self.body if isinstance(self.body, Pieces) else None
 
     @property

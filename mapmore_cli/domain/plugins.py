@@ -124,8 +124,8 @@ def leave_out_others() -> None:
 
 @cache  # reading what is installed takes longer than all else at the start
 def _installed() -> tuple[EntryPoint, ...]:
-    """Return our entry points and those of others for us; a package whose list of them cannot be
-    read is left out.
+    """Return the entry points of mapmore and those of other packages for it; a package whose list
+    of entry points cannot be read is left out.
     """
     found, packages = list[EntryPoint](), set[str]()
     for package in [distribution(OURS)] if os.environ.get(NONE_OF_OTHERS) else distributions():

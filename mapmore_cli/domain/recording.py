@@ -148,7 +148,7 @@ class Curve:
         return ~self.held_out if self.at_rest is None else ~(self.held_out | self.at_rest)
 
     def at(self, rows: IntArray | BoolArray) -> Curve:
-        """Return some rows of the curve; of its recordings, those that still have any."""
+        """Return some rows of the curve, and of its recordings those that still have rows."""
         origin, recordings = None, self.recordings
         if self.origin is not None:
             left, origin = np.unique(self.origin[rows], return_inverse=True)

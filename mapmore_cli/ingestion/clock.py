@@ -160,7 +160,9 @@ def _at_gaps(samples: Samples, data: Data, unit: str) -> list[Samples]:
 
 
 def _resampled(samples: Samples, step: float) -> Samples:
-    """Return the samples on even steps; the row of each is that of the sample which it follows."""
+    """Return the samples at even time steps; each has the row number of the measured sample before
+    it.
+    """
     time = samples.columns["time"]
     wanted = np.ptp(time) / step
     if wanted > max(MOST_SAMPLES, MOST_TIMES * samples.size):

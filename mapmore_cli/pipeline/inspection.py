@@ -33,8 +33,8 @@ class Inspection:
 
     @property
     def verdict(self) -> MapmoreError | None:
-        """The error to end with, None without errors: the spec is to be mended before the data are
-        looked at again.
+        """The error to end with; None without errors. Mistakes of the spec come first, because the
+        data are checked again after them.
         """
         errors = [issue for issue in self.issues if issue.severity == "error"]
         if not errors:

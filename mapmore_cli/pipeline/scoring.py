@@ -200,8 +200,8 @@ def _fit_rivals(contest: Contest, part: ScoresSlice, progress: Progress, warn: W
 def _left_out(
     choices: ModelChoices, contest: Contest, part: ScoresSlice, workspace: Workspace, fitted_to: str
 ) -> tuple[Dataset, Said]:
-    """Return the dataset with all samples held out, and what models of the other levels say of
-    them.
+    """Return the dataset with all samples held out, and the predictions by models that were fitted
+    to the other levels.
     """
 
     def compare(fold: Contest) -> tuple[Said, list[str]]:
@@ -219,8 +219,8 @@ def _left_out(
 def _repeatability_scores(
     part: ScoresSlice, model: Model, dataset: Dataset, scale: Normaliser
 ) -> Iterator[Score]:
-    """Yield rows of the repeatability: of held-out cycles, or where measurements at one level,
-    coordinate and direction were repeated.
+    """Yield rows of the repeatability: of held-out cycles, or of measurements that were repeated at
+    one level, coordinate and direction.
     """
     data = (dataset.curves, dataset.target)
     if part.cycles_of is not None:

@@ -61,7 +61,7 @@ def recordings(spec: ExperimentSpec, folder: Path) -> list[Path]:
 
 
 def static_run(spec: ExperimentSpec) -> list[Need]:
-    """Return the static run, where the damping force is what its model leaves."""
+    """Return the static run, whose model is subtracted to obtain the damping force."""
     static = spec.needs.static
     return [Need(static)] if spec.target == "damping" and static is not None else []
 

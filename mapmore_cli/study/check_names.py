@@ -1,5 +1,5 @@
-"""Checks of names and terms: they are of quantities of the study, and memory has the time it goes
-by and settings that act on it.
+"""Check names and terms: their quantities exist, and models with memory have a time and no settings
+without effect.
 """
 
 from __future__ import annotations
@@ -136,8 +136,8 @@ def expression_findings(text: str, loc: Loc, have: Sequence[str]) -> Iterator[Fi
 def _states_in(
     text: str, loc: Loc, have: Sequence[str], is_expression: bool = True
 ) -> Generator[Finding, None, list[State]]:
-    """Return the states in an expression, or the one that a text names, which must be of known
-    quantities.
+    """Return the states in an expression, or the state that a text names, and check that their
+    quantities are known.
     """
     what, remedy = "an expression", None
     if not is_expression:

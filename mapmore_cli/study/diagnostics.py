@@ -127,7 +127,7 @@ def raise_if_any(problems: Sequence[Mistake]) -> None:
 
 
 def fail(at: Position, message: str, remedy: str | None = None) -> NoReturn:
-    """Raise a SpecError about one mistake that makes further reading pointless."""
+    """Raise a SpecError about one mistake after which the rest of the spec cannot be read."""
     raise SpecError(_mistake_text(Mistake(at, message, remedy)))
 
 

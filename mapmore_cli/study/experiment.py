@@ -358,8 +358,9 @@ def _pooled(given: Mapping[str, Any]) -> bool:
 
 
 def _sized_by_data(fit: dict[str, Any]) -> None:
-    """Let the data choose the number of terms of one model, where nothing is said of it: a single
-    term, which is enough for a segment, would often be the constant.
+    """Let the data choose the number of terms of a model without segments if the spec does not set
+    it. A single term is enough for a segment, but for the whole data it would often be the
+    constant.
     """
     if "max_terms" not in fit:
         fit["max_terms"] = TERMS_OF_ONE_MODEL
@@ -480,7 +481,7 @@ class ExperimentSpec(Section):
 
     @property
     def quantities(self) -> tuple[str, ...]:
-        """Every quantity of the study: of its data, and the `direction` where segments are cut by
+        """All quantities of the study: those of its data, and `direction` if segments are cut by
         it.
         """
         cut = [name for name, how in self.segment.items() if isinstance(how, CutByDirection)]

@@ -65,7 +65,7 @@ class Section(BaseModel):
     @model_validator(mode="before")
     @classmethod
     def _noted(cls, given: object, info: ValidationInfo) -> object:
-        """Tell the loader which keys a mapping may have."""
+        """Declare to the loader which keys a mapping may have."""
         if isinstance(info.context, Context) and isinstance(given, dict):
             keys = [one.alias or name for name, one in cls.model_fields.items()]
             info.context.note(given, keys)
@@ -158,7 +158,7 @@ class Context:
 
 @dataclass(frozen=True)
 class Place:
-    """Where a number stands: what its unit can depend on."""
+    """The place of a number in the spec, on which its unit can depend."""
 
     context: Context
     text: Written

@@ -196,7 +196,7 @@ def _validated(
     problems += [Mistake(node.at, what, VARIABLES) for node, what in strays]
     known = {problem.at for problem in problems}
     raise_if_any([*problems, *(problem for problem in later if problem.at not in known)])
-    # else no file holds it, and no comments either
+    # otherwise no file contains it, and there are no comments
     if isinstance(spec, ExperimentSpec) and path.is_file():
         spec._unconfirmed = questions_in(path.read_text(encoding="utf-8-sig"))
     return Loaded(spec, path, path.parent, tuple(overrides), root, source)

@@ -136,7 +136,7 @@ def _sections_within(
         name = str(schema.get("$ref", "")).removeprefix("#/$defs/")
         if name in sections:
             yield name
-            # families lie within products
+            # Families within products are described there.
             others = {key: value for key, value in sections.items() if key != name}
             yield from _sections_within(sections[name], others, skipped)
         for key, value in schema.items():

@@ -197,7 +197,9 @@ def convert(values: N, source_unit: str, target_unit: str, *, difference: bool =
 
 
 def _spelt(unit: str) -> str:
-    """Return a unit as we spell it: `psig` is `psi`, `psi abs` is `psia`, `°C/s` is `degC/s`."""
+    """Return a unit in the spelling of mapmore: `psig` is `psi`, `psi abs` is `psia`, `°C/s` is
+    `degC/s`.
+    """
     text = _TORQUE.sub(r"\1*\2", spell_pressures(unit.strip())).replace("·", "*")
     factors = [text] if _ours(text) else re.split(r"([*/])", text)
     return "".join(_ours(factor) or factor for factor in factors)

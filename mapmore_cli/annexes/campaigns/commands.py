@@ -184,7 +184,7 @@ def _tell(reporter: Reporter, name: str, result: Result, count: str) -> None:
 
 
 def _ends(name: str, result: Result) -> list[str]:
-    """Say in a line of each output how a run ended."""
+    """Return a line for each output on how a run ended."""
     from mapmore_cli.domain.scores import OWN
     from mapmore_cli.reporting.score_tables import short_verdict
 

@@ -211,7 +211,7 @@ class MotionVerbs(Verbs):
             section = m.let("section", 2 * section + _falls(m, motion, u, first))
 
         def of_section(stem: str, values: Sequence[Side]) -> Expression:
-            """Write the value of the section that holds, as `simulation.active` numbers them."""
+            """Write the output of the active section, with the numbers of `simulation.active`."""
             return m.choose(
                 stem,
                 [

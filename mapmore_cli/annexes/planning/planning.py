@@ -334,7 +334,7 @@ def _of_points(
     wanted: float | None,
     prices: Mapping[str, float],
 ) -> Planned:
-    """Return the next points; none lies where a sample was measured, held out or not."""
+    """Return the next points; none is a place that was measured already, held out or not."""
     name, dataset = choices.name, training_only(whole)
     columns = pooled_training(dataset.curves)
     inputs = [quantity.name for quantity in refit(choices, dataset).inputs]

@@ -48,8 +48,8 @@ def behind_tendon(muscle: Model, tendon: TendonSettings | None) -> Model:
 
 
 def formula_parts(summands: Sequence[Summand], joint: FormulaFit, dataset: Dataset) -> list[Part]:
-    """Return each formula of a joint fit as a model of its own inputs, with the range that they
-    trained on.
+    """Return each formula of a joint fit as a model of its own inputs, with the training ranges of
+    these.
     """
     training, parts = pooled_training(dataset.curves), []
     for number, (one, fit) in enumerate(zip(summands, split(joint, summands), strict=True), 1):

@@ -1,5 +1,5 @@
-"""Rules about what will be fitted: enough samples for the terms of a segment and for formulas, and
-a shape that the data show.
+"""Rules about the fit: enough samples for the terms of a segment and for formulas, and a shape that
+the data support.
 """
 
 from __future__ import annotations

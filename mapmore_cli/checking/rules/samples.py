@@ -83,8 +83,8 @@ def same_signal(subject: Subject) -> Issues:
 
 
 def clipped(subject: Subject) -> Issues:
-    """Find sensors at their end: they read one number for long, where they otherwise hardly read
-    any twice.
+    """Find clipped sensors: a signal that has the value of its minimum or maximum far more often
+    than any other value.
     """
     levels = subject.spec.data.levels
     held = ("time", None if levels is None else levels.of)

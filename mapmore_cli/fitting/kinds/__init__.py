@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 
 def added_up(_path: str) -> Model:
-    """Refuse to fit a sum where the models of its runs are not known."""
+    """Refuse to fit a sum if the models of its runs are not known."""
     raise SpecError(
         "a sum of models of other runs is not fitted itself",
         "do this with the specs of the added models",

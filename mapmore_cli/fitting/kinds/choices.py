@@ -125,7 +125,7 @@ def by_trial(segment: SegmentSection) -> bool:
 
 
 def model_choices(spec: ExperimentSpec) -> ModelChoices:
-    """Return the sections of a spec that a model is made by, as the fuse stage reads them."""
+    """Return the sections of a spec that determine the model, as the fuse stage reads them."""
     spec = with_definitions(spec)
     return ModelChoices(
         spec.data.levels,

@@ -55,8 +55,8 @@ def derivations_of(spec: ExperimentSpec) -> dict[str, str | Rate | Direction]:
 
 
 def units_of(spec: ExperimentSpec) -> dict[str, str]:
-    """Return the model's unit of every quantity; a rate by any name has the unit of its quantity
-    per unit of time.
+    """Return the model's unit of every quantity; a rate has the unit of its quantity per unit of
+    time, whatever its name is.
     """
     rates = {
         name: rule.rate_of for name, rule in spec.data.derive.items() if isinstance(rule, Rate)

@@ -156,8 +156,8 @@ def opens_state(name: Token, mark: Token) -> bool:
 
 
 def read_state(tokens: Tokens, name: Token, depth: int = 0) -> State:
-    """Return the state that begins with the token `name` and goes on with `tokens`; raises
-    ExpressionError at what does not fit.
+    """Return the state that begins with the token `name` and continues with `tokens`; raises
+    ExpressionError for an unexpected token.
     """
     if name.kind != "name" or name.text in FUNCTIONS:
         raise ExpressionError(

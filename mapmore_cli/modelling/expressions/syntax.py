@@ -27,8 +27,8 @@ Operation = Callable[[Any, Operand], "Expression"]
 
 @dataclass_transform(frozen_default=True)
 def _node(cls: Class) -> Class:
-    """Return a frozen dataclass that keeps its hash: trees are looked up often, and to hash one
-    walks all of it.
+    """Return a frozen dataclass that stores its hash, because trees are looked up often and
+    computing a hash visits the whole tree.
     """
     made: Any = dataclass(frozen=True)(cls)
     walked = made.__hash__

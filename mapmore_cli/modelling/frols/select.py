@@ -319,8 +319,8 @@ def in_units(found: Selection, scale: Array) -> Selection:
 
 
 def widened(found: Selection, among: IntArray, M: int) -> Selection:
-    """Return a selection of the candidates `among`, (m,), as one of all M; the tables are NaN for
-    the others.
+    """Return the selection from the candidates `among`, (m,), as a selection from all M candidates;
+    tables are NaN for the others.
     """
     tables = np.full((2, len(found.chosen), M), np.nan)
     tables[:, :, among] = found.g_all, found.err_all

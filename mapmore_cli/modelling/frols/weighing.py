@@ -73,7 +73,7 @@ class Weighing:
         return (1.0 if self.sigma is None else self.sigma) / np.sqrt(weights)
 
     def in_unit(self, unit: float) -> Weighing:
-        """Return the same for a target that is divided by a unit."""
+        """Return the same weights for a target that is divided by a unit."""
         return self if self.scale is None else replace(self, scale=self.scale / unit)
 
     def rows(self, blocks: Blocks) -> Blocks:
@@ -120,8 +120,8 @@ class Weighing:
         return replace(found, theta_error=errors, curves=count)
 
     def _along(self, blocks: Blocks, theta: Array, recorded: IntArray) -> tuple[Array, float]:
-        """Return standard errors by what goes together along recordings, (k,), and what the
-        samples are worth.
+        """Return standard errors that allow for correlated residuals along recordings, (k,), and
+        the number of independent samples.
         """
         P, y = map(np.concatenate, zip(*blocks(), strict=True))
         labels = np.zeros(len(y), dtype=np.int64) if self.curves is None else self.curves

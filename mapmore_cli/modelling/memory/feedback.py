@@ -54,7 +54,9 @@ class StateWriter:
         self.rules: dict[str, Callable[..., Any]] = {}
 
     def scaled(self, name: str) -> Expression:
-        """Write a state as terms have it, scaled as `states.evaluate_states` does."""
+        """Write a state in the scaled form in which terms use it, as `states.evaluate_states`
+        computes it.
+        """
         states, value = self.states, self.value(state(name))
         if not states.scaled:
             return value

@@ -135,8 +135,8 @@ class _Plain:
         return [largest.forward[: size + 1] for size in range(len(largest.forward))]
 
     def among(self, chosen: IntArray, stop: str) -> TermChoice:
-        """Return the model of these candidates, in the order of their error reduction; `stop` says
-        why it has so many.
+        """Return the model with these candidates, in the order of their error reduction; `stop` is
+        the reason for their number.
         """
         choice = self._selected(chosen, len(chosen))
         return replace(choice, selection=replace(choice.selection, stop=stop))

@@ -136,7 +136,9 @@ class ReadyPiece:
         return Trajectory(np.concatenate(parts, axis=1), begins[:done])
 
     def recalled_at(self, sample: int) -> Array:
-        """Return what the model recalls at a sample along the measured output, (q, depth)."""
+        """Return the past values of the measured output that the model uses at a sample, (q,
+        depth).
+        """
         back = np.arange(-self.feedback.depth, 0) + self.start + sample
         return self.history[:, np.maximum(back, 0)]
 

@@ -107,7 +107,9 @@ class PiecesVerbs(Verbs):
         return *formula_equations(body.backbone, units), *pieces
 
     def rules(self, model: Model) -> Iterator[str]:
-        """Yield how the pieces are put together, and what holds beyond the limits (M2 eq 9-12)."""
+        """Yield sentences on how the pieces are joined, and what holds beyond the limits (M2 eq
+        9-12).
+        """
         body = model.body_of(Pieces)
         level = body.level
         if not body.segments:

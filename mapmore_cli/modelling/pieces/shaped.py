@@ -30,7 +30,7 @@ from mapmore_cli.modelling.shape.stencils import asked_of
 from mapmore_cli.modelling.shape.support import refuse_unsupported
 from mapmore_cli.modelling.shape.violations import verified, with_shape
 
-# step of a coefficient for a derivative (`Exchange`)
+# step of a coefficient for numerical derivatives (`Exchange`)
 STEPS = {"linear": 1.0, "pchip": 1e-4}
 
 

@@ -142,8 +142,8 @@ class Writer:
         self.statements.append(Keep(name.name, expression(value)))
 
     def program(self, inputs: Sequence[str], *values: Expression) -> Program:
-        """Return the program of the named inputs whose outputs are the values, without what nothing
-        follows from.
+        """Return the program with the named inputs and the given outputs, without statements that
+        no output needs.
         """
         knots = {name: tuple(sorted(places)) for name, places in self.knots.items()}
         body = Block(tuple(self.statements), values)

@@ -29,7 +29,7 @@ ROUNDS, ADDED = 60, 200
 # a fall by this share of the range of the training output, from node to node, is none
 ROUNDING = 1e-11
 # root of a ridge, as a part of each column, for terms that the data do not tell apart; it pulls to
-# the unconstrained start, and is so small that ill-conditioned terms do not feel it
+# the unconstrained start; it is so small that it does not change ill-conditioned terms
 RIDGE = 1e-11
 # coefficients whose derivatives are computed together
 TOGETHER = 16

@@ -47,9 +47,8 @@ def refuse_unsupported(
     *,
     over_time: bool = False,
 ) -> None:
-    """Raise FitError for a quantity of `fit.shape` that does not vary, and for a sign that training
-    data contradict beyond their noise, or of which they have fewer than the `fewest` differences;
-    with 0, as for a part of the data, only for the contradiction.
+    """Raise FitError for a quantity of `fit.shape` that does not vary, and for a sign that the
+    training data contradict or do not support.
 
     It needs no model, so that `check` and a run say the same. Differences are of the interpolated
     training output, between neighbouring values of the quantity, at the values of the other inputs.
@@ -116,8 +115,8 @@ def _axes(region: Region, level: str | None) -> dict[str, Array]:
 
 
 class _Against(NamedTuple):
-    """A contradiction that noise alone does not make: by how much means over a stretch contradict
-    the word, how many standard errors that is, and the place in words.
+    """A contradiction larger than noise: the mean amount by which a stretch of data contradicts the
+    word, this amount in standard errors, and the place in words.
     """
 
     amount: float

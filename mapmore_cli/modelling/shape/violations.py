@@ -138,8 +138,8 @@ def verified(
     what: str = "formula",
     remedy: str = "give its parameters bounds that imply the shape, or use another formula",
 ) -> Model:
-    """Return a model with the shape that it keeps by itself, as a formula by the bounds of its
-    parameters; raises FitError, with what to do, where it does not.
+    """Return the model with a note of its shape, which it must keep without constraints, for
+    example by bounds of the parameters of a formula; raises FitError if it does not.
     """
     asked = asked_of(fit)
     region = region_of(model, curves, fit) if asked else None

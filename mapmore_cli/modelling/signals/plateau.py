@@ -66,16 +66,16 @@ def match_levels(values: Array, levels: Array, within: float) -> IntArray:
     order = np.argsort(levels, kind="stable")
     middles = (levels[order][1:] + levels[order][:-1]) / 2
     nearest = order[np.searchsorted(middles, values, side="left")]
-    # the tolerance lets a value that is exactly `within` away match, however it was rounded
+    # with this tolerance, a value at exactly the distance `within` matches, however it was rounded
     reach = within * (1 + 1e-9) + 1e-12 * np.abs(values)
     return np.where(np.abs(values - levels[nearest]) <= reach, nearest, -1)
 
 
-# a signal has settled where it stays within this share of its span around its final value
+# a signal has settled when it stays within this share of its span around its final value
 BAND = 0.05
 RISEN = 0.9  # share of its span at which the pressure has risen
 NOISE_SPANS = 20  # a pressure whose span is less than this many times its noise never rises
-# least duration of a plateau as a share of the rise before it: the top of a triangle is none
+# shortest plateau as a share of the rise before it, so that the top of a triangle is not a plateau
 SHORTEST = 0.5
 
 REMEDY = "give the plateau, for example `plateau: [2 s, 3 s]`, or leave the recording out"

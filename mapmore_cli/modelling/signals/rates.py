@@ -1,5 +1,5 @@
-"""Rates, directions of motion, and other quantities that follow from measured ones over time;
-curves freed from noise and spikes.
+"""Compute rates, directions of motion and other quantities that follow from measured ones over
+time, and remove noise and spikes.
 """
 
 from __future__ import annotations

@@ -161,8 +161,8 @@ def scatter_of_recordings(levels: Sequence[Sequence[Array]]) -> float:
 
 
 def interval_limits(left_out: LeftOut) -> str | None:
-    """Say where there is no interval or what it does not hold, and what to measure; None if
-    there is nothing to say.
+    """Say why there is no interval or what it does not contain, and what to measure; None if it is
+    complete.
     """
     if left_out.astray > ASTRAY:
         return (

@@ -216,8 +216,8 @@ def _again(x: Array, y: Array, held_out: BoolArray) -> Array:
 
 
 def _on_strokes(x: Array, x_last: Array, y_last: Array) -> Array:
-    """Return the target of the last cycle at `x`, (n,), on the rise for samples before the highest
-    of `x`, else on the fall.
+    """Return the target of the last cycle at `x`, (n,): the rising branch for samples before the
+    maximum of `x`, the falling branch after it.
     """
     values = np.empty(len(x))
     peak, peak_last = int(np.argmax(x)), int(np.argmax(x_last))
