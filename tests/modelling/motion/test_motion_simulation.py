@@ -167,7 +167,7 @@ def test_sections_begin_at_their_lower_boundary():
 
 def test_sections_are_spread_by_equal_shares():
     assert spread(np.linspace(0, 6, 601), 3) == pytest.approx((2.0, 4.0))
-    with pytest.raises(Exception, match="dwells at 1"):
+    with pytest.raises(Exception, match="stays at 1"):
         spread(np.array([0.0, 1.0, 1.0, 1.0, 1.0, 1.0]), 4)
 
 

@@ -91,8 +91,7 @@ def test_a_residual_that_runs_through_the_levels_is_carried_whole():
     assert by_choice[SHRUNKEN] <= min(by_choice.values()) * (1 + 1e-9)
     assert {error.folds for error in model.body.cross_validation} == {3}
     assert (
-        f"{model.body.fusion.shrink:.0%} of the residual on polynomial_2 is carried"
-        in model.notes[-1]
+        f"{model.body.fusion.shrink:.0%} of the residual on polynomial_2 is used" in model.notes[-1]
     )
 
 

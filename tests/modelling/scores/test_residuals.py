@@ -86,7 +86,7 @@ def test_the_share_of_an_input_is_its_uncertainty_times_the_slope():
     (sentence,) = explained_by_inputs(model, dataset_of(made, quantities=names))
     slope, start = np.polyfit(x, y, 1)
     share = (0.5 * slope) ** 2 / np.mean((y - start - slope * x) ** 2)
-    found = re.search(r"is ([\d.e+]+) %", sentence).group(1)
+    found = re.search(r"makes up ([\d.e+]+) %", sentence).group(1)
     assert float(found) == pytest.approx(100 * share, rel=5e-3)
     assert list(explained_by_inputs(model, dataset_of(made))) == []
 
