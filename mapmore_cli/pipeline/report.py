@@ -194,7 +194,7 @@ def drawn_figure(
     if not (run_dir / VALIDATION).is_file():
         raise DataError(
             f"{run_dir}: does not contain a finished run",
-            "give a folder that `mapmore run` wrote, as runs/NAME",
+            "give a folder that `mapmore run` wrote, for example runs/NAME",
         )
     if other := next((one for one in looks if not one.startswith(LOOKS)), None):
         raise UsageError(

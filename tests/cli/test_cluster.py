@@ -141,7 +141,7 @@ def test_a_cluster_that_is_not_there(tmp_path, monkeypatch):
     monkeypatch.setattr("mapmore_cli.annexes.campaigns.cluster.CONNECT", "50ms")
     for scheduler, words in (
         ("tcp://127.0.0.1:9", "no Dask scheduler"),
-        (tmp_path / "none.json", "no such file"),
+        (tmp_path / "none.json", "does not exist"),
     ):
         with pytest.raises(UsageError, match=words):
             next(run_on_cluster({}, scheduler, tmp_path / "runs", silent, silent))

@@ -177,8 +177,8 @@ def test_units_and_limits_are_of_each_output(slow, mapmore, document):
         found = [file[f"body/fits/{name}/body/held_out"].attrs["unit"] for name in "xy"]
     assert found == ["mm", "N"]
     pairs = [
-        ("{rmse: 1}", 3, "one for each"),
-        ("{rmse: {z: 1 mm}}", 3, "one for each"),
+        ("{rmse: 1}", 3, "one number for each"),
+        ("{rmse: {z: 1 mm}}", 3, "one number for each"),
         ("{rmse: {y: 1 mm}}", 3, "unit 'mm' (a length) cannot be converted to 'N'"),
         ("{n: {y: 1e9}}", 6, "n of mapmore (y) on the validate rows"),
     ]
@@ -186,7 +186,7 @@ def test_units_and_limits_are_of_each_output(slow, mapmore, document):
         settings = options(f"validate.require={limits}")
         mapmore("validate", slow, "-q", "--runs", "runs", *settings, code=code, says=words)
     alone = options("target=x", "validate.require={rmse: {x: 1}}")
-    mapmore("validate", slow, "-q", *alone, code=3, says="one for each")
+    mapmore("validate", slow, "-q", *alone, code=3, says="one number for each")
 
 
 @pytest.mark.parametrize(

@@ -241,7 +241,8 @@ def refused(samples, shape, **settings):
 def test_a_sign_that_the_training_data_contradict_or_hardly_tell_is_refused():
     samples = curves(held_out=())
     assert re.search(
-        "`strain: increasing` is supported by [0-9]+ differences of the training data, of which [0-9]+",
+        "`strain: increasing` is supported by [0-9]+ differences of the training data, "
+        "of which [0-9]+",
         refused(samples, {"strain": "increasing"}),
     )
     few = [one.at(np.arange(0, one.size, 60)) for one in samples[:2]]
