@@ -147,14 +147,14 @@ def test_runs_that_are_built_on_each_other_are_refused(pair, tmp_path, mapmore):
         """
 {set: {fit.max_terms: 2}}                                   needs a name | as: one_term
 {set: {fit.max_terms: 2}, as: two, method: levenberg_marquardt}  method
-{set: {fit.max_terms: 2}, as: two, model: sarosi}           keys `set`
+{set: {fit.max_terms: 2}, as: two, model: sarosi}           `set` (this spec with other settings)
 {set: {fit.max_terms: 2}, as: repeatability}                the name `repeatability`
 {set: {fit.max_term: 2}, as: two}  \
     competitor `two` | max_term | did you mean `max_terms`?
 {set: {segment.strain.count: 500}, as: two}                 bench.two: ingest
 {run: nowhere.yaml}                                         nowhere.yaml
-{run: rival_base.yaml, model: sarosi}                       a `model`, a `run`
-{as: nothing}                                               a `model`, a `run`
+{run: rival_base.yaml, model: sarosi}                       `model`, `run`
+{as: nothing}                                               `model`, `run`
 {run: rival_base.yaml, method: levenberg_marquardt}         method
 """,
         parts,

@@ -96,7 +96,7 @@ def test_a_table_has_the_points_of_its_grid():
 
 
 def test_a_grid_beyond_the_training_range_is_refused():
-    with pytest.raises(UsageError, match="outside the training range"):
+    with pytest.raises(UsageError, match="outside of the training range"):
         exported(pieces(), "csv", grid="pressure=0:500:100,strain=0.03:0.19:0.04")
 
 
