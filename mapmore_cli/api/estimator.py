@@ -116,8 +116,8 @@ class FROLS:
         return self
 
     def _centre_of(self, values: Array) -> Array:
-        """Return what is taken from each column, (m,): the mean of one so far from zero that its
-        powers have lost the digits that tell them apart, else zero.
+        """Return the offset that is subtracted from each column, (m,): its mean if it is so far
+        from zero that powers of the column would be equal but for rounding, otherwise 0.
         """
         mean, spread = values.mean(axis=0), values.std(axis=0)
         far = spread * (LOST / np.finfo(float).eps) ** (1 / max(self.order, 1)) < np.abs(mean)
@@ -253,7 +253,7 @@ class FROLS:
 
 
 def _names_of_frame(X: object) -> list[str] | None:
-    """Return the names of a frame's columns; None where there are none, or they are not all
+    """Return the names of a frame's columns; None if there are none, or they are not all
     text.
     """
     labels = labels_of(X) or ()
@@ -311,7 +311,7 @@ class NotNumbers(ValueError, TypeError):
 def _no_unit(numbers: Array, unit: str) -> Array:
     if unit == "dimensionless":
         return numbers
-    raise ValueError(f"it has the unit {unit}, and no unit is known here: give plain numbers")
+    raise ValueError(f"it has the unit {unit}, but no unit is known here: give plain numbers")
 
 
 def _finite_numbers(values: object, name: str) -> Array:
@@ -322,7 +322,6 @@ def _finite_numbers(values: object, name: str) -> Array:
         raise NotNumbers(fault.message) from fault
     if not np.isfinite(found).all():
         raise ValueError(
-            "Input contains NaN or infinity: missing and masked values are such. Leave their "
-            "rows out."
+            "Input contains NaN or infinity (or missing or masked values). Remove those rows."
         )
     return found

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+import math
 import os
-import sys
+import time
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from html import escape
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from mapmore_cli.checking.findings import sentences
 from mapmore_cli.domain.models import Model
@@ -38,8 +39,17 @@ from mapmore_cli.study.schema import write_schema_beside
 from mapmore_cli.study.sections.logs import SourceColumn
 from mapmore_cli.study.yaml_loader import as_overrides, dump, escaped
 
+if TYPE_CHECKING:
+    from rich.progress import Progress
+
 HERE = "fit(...)"
 """How messages call the spec that the keyword arguments make."""
+
+PATIENCE = 2.0
+"""Seconds that a fit may take before progress shows."""
+
+LINE_EVERY = 5.0
+"""Seconds between two lines of progress in a file, which cannot show a bar."""
 
 _SHOWN = 8
 """Equations that a notebook shows."""
@@ -81,7 +91,7 @@ class Scores(tuple[Mapping[str, Any], ...]):
             row_key = (row["model"], row["split"], row["curve"])
             if row_key == (model, split, "all") and target in (None, row["target"]):
                 return row
-        raise KeyError(f"no row of {model} on the {split} data")
+        raise KeyError(f"there is no row of {model} on the {split} data")
 
 
 @dataclass(frozen=True)
@@ -90,14 +100,14 @@ class Study:
     at which paths start.
 
     There are no frames where files are read. With `check`, an error of `mapmore check` ends the
-    fit. With `progress`, it says on stderr how far it is.
+    fit. `progress` says whether a bar shows how far it is (`_Bar`).
     """
 
     document: Mapping[str, Any]
     frames: tuple[Frame, ...]
     folder: Path
     check: bool = True
-    progress: bool = False
+    progress: bool | None = None
 
     @property
     def columns(self) -> Mapping[str, Any]:
@@ -127,13 +137,13 @@ class Study:
         is removed.
         """
         warnings, loaded = list[str](), self.loaded(changes)
-        with scratch_folder() as runs:
+        with scratch_folder() as runs, _Bar(self.progress) as bar:
             outcome = bring_up_to_date(
                 loaded,
                 runs,
                 "validate",
                 options=Options(check=self.check),
-                progress=_show_progress if self.progress else lambda *_: None,
+                progress=bar,
                 warn=warnings.append,
             )
             run = RunFiles(outcome.run_dir)
@@ -154,10 +164,50 @@ class Study:
             )
 
 
-def _show_progress(what: str, done: int, total: int) -> None:
-    """Say on one line of stderr how far long work is."""
-    line = f"\r{f'{what}: {done} of {total}':<40}"
-    print(line, end="\n" * (done == total), file=sys.stderr, flush=True)
+class _Bar:
+    """Progress of a fit on stderr or in a notebook, from `PATIENCE` seconds on; use it as a context
+    manager.
+
+    `is_wanted` is True to show it at once, also if stderr is a file; None to show it only to a
+    person, in a terminal or in a notebook; False for none.
+    """
+
+    def __init__(self, is_wanted: bool | None) -> None:
+        from rich.console import Console  # many fits show no bar
+
+        self._console = Console(stderr=True)
+        self._bar: Progress | None = None
+        self._is_begun = False
+        self._due = time.monotonic() + (0.0 if is_wanted else PATIENCE)
+        self._is_drawn = self._console.is_terminal or self._console.is_jupyter
+        if is_wanted is False or not (is_wanted or self._is_drawn):
+            self._due = math.inf
+
+    def __enter__(self) -> _Bar:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self._bar is not None:
+            self._bar.stop()
+
+    def __call__(self, what: str, done: int, total: int) -> None:
+        """Show how far long work has come."""
+        if time.monotonic() < self._due and not (self._is_begun and done == total):
+            return
+        self._is_begun = True
+        if not self._is_drawn:
+            self._console.print(f"{what}: {done} of {total}")
+            self._due = time.monotonic() + LINE_EVERY
+            return
+        if self._bar is None:
+            from rich.progress import Progress
+
+            self._bar = Progress(console=self._console, auto_refresh=False)
+            self._bar.start()
+            self._bar.add_task(what)
+        self._bar.update(self._bar.task_ids[0], description=what, completed=done, total=total)
+        self._bar.refresh()
+        self._due = time.monotonic() + 0.1
 
 
 @dataclass(frozen=True, repr=False)

@@ -12,7 +12,7 @@ from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import SpecError
 from mapmore_cli.pipeline.example import example_recordings
 from mapmore_cli.pipeline.frames import labels_of
-from mapmore_cli.pipeline.notebooks import canonical_columns, plain_values
+from mapmore_cli.pipeline.notebooks import canonical_columns, plain_values, with_canonical_columns
 from mapmore_cli.storage.readers import reader_of
 from mapmore_cli.study.diagnostics import did_you_mean
 from mapmore_cli.study.sections.data import Data
@@ -43,7 +43,7 @@ def fit(
     name: str = "model",
     schema_version: int = 1,
     check: bool = True,
-    progress: bool = False,
+    progress: bool | None = None,
     **of_data: object,
 ) -> Fitted:
     """Fit a model to a table, with the sections of a spec as keyword arguments.
@@ -58,9 +58,9 @@ def fit(
         astropy, xarray) are converted. `time` may contain dates or durations. Texts, truth values
         and complex numbers are refused. The same rules hold for the inputs of a fitted model.
     columns
-        Which column contains which quantity. Without it, the columns must have the names of the
-        quantities. If `target` is the label of a column, all quantities have the labels of their
-        columns.
+        Which column contains which quantity. Columns that have the canonical name of a quantity
+        need no entry. If `columns` is left out and `target` is the label of a column, all
+        quantities have the labels of their columns.
     target
         what is modelled: `static`, `hysteresis`, `damping` or `dynamic` force, or a quantity, or
         several that share segments and terms, as `'static'`
@@ -98,7 +98,8 @@ def fit(
     check
         With `check=False`, an error of `mapmore check` becomes a warning, and the fit goes on.
     progress
-        With `progress=True`, long work prints its progress on stderr.
+        Whether a bar shows how far the work has come: True for one at once, False for none. By
+        default, a terminal or a notebook shows one after two seconds.
     of_data
         Other keys of the section `data`, for example `cycles`, `resample` or `derive`.
 
@@ -168,7 +169,7 @@ def fit(
 def _data_of(
     frame: object, section: dict[str, Any], target: object
 ) -> tuple[dict[str, Any], tuple[Any, ...]]:
-    """Return the section `data`, and the frames in memory: none where files are read.
+    """Return the section `data`, and the frames in memory: none if files are read.
 
     Raises `SpecError` for no table, and for frames beside files.
     """
@@ -176,11 +177,16 @@ def _data_of(
     frames = tuple(one for one in tables if labels_of(one) is not None)
     if not tables or 0 < len(frames) < len(tables):
         raise SpecError(
-            "fit: frames and files are mixed" if tables else "fit: there are no frames",
-            "give frames alone, or paths alone",
+            "fit: the list contains both frames and file names"
+            if tables
+            else "fit: there are no frames",
+            "give frames only, or file names only",
         )
     if frames and "columns" not in section:
         section["columns"] = canonical_columns(frames[0], target)
+    elif frames and isinstance(section["columns"], Mapping):
+        made = {*(section.get("derive") or ()), *(("time",) * ("sample_time" in section))}
+        section["columns"] = with_canonical_columns(frames, section["columns"], made)
     if not frames:
         section["files"] = [str(path) for path in tables]
         section.setdefault("reader", _reader_of(tables[0]))
@@ -194,7 +200,7 @@ def _reader_of(path: object) -> str:
     """
     if not isinstance(path, str | Path):
         raise SpecError(
-            f"fit: {type(path).__name__} is no table",
+            f"fit: a {type(path).__name__} is not a table",
             "give a mapping of arrays, a data frame, or the path of a file",
         )
     reader = reader_of(Path(path))

@@ -81,7 +81,7 @@ def issues_of(
 
 
 def issues_without_curves(loaded: LoadedSpec) -> list[Issue]:
-    """Return what the rules say of recordings of which no curves can be made; nothing where they
+    """Return what the rules say of recordings of which no curves can be made; nothing if they
     cannot be read either.
 
     That strain is in per cent is why no sample was at its level.

@@ -49,7 +49,7 @@ def settling(recordings: Sequence[Recording], unit: str = "s") -> Settling | Non
     """Find which share of the samples is settled, of recordings with a pressure and a time in
     `unit`.
 
-    None where the pressure does not move, or the time stamps do not let a rate be found.
+    None if the pressure does not move, or the time stamps do not let a rate be found.
     """
     records = [
         (convert(one.columns["time"][part], unit, "s"), one.columns["pressure"][part])
@@ -129,7 +129,7 @@ class Unequal:
     @property
     def effects(self) -> list[str]:
         """What tells most of the difference, as `data.groups` calls it: the one that leaves less,
-        or both where they leave far less together; empty where most of the difference remains.
+        or both where they leave far less together; empty if most of the difference remains.
         """
         best = min(("gain", "offset"), key=lambda effect: self.left[effect])
         both = "offset gain"
@@ -146,14 +146,15 @@ class Unequal:
         """Return it as a sentence, with what each effect explains of the sum of squares."""
         gain, offset, both = (f"{1 - (left / self.apart) ** 2:.0%}" for left in self.left.values())
         return (
-            f"{self.other.name} has the same {', '.join(self.inputs)} as {self.one.name}, and "
-            f"{self.target} differs by {self.apart:.2g} of its range (rms); a factor explains "
-            f"{gain} of it, an offset {offset}, both {both}"
+            f"{self.other.name} has the same {', '.join(self.inputs)} as {self.one.name}, "
+            f"but {self.target} differs by {self.apart:.2g} of its range (rms); a factor "
+            f"between the two explains {gain} of the difference, an offset {offset}, both "
+            f"together {both}"
         )
 
 
 def unequal(recordings: Sequence[Recording], inputs: Sequence[str], target: str) -> Unequal | None:
-    """Return the two recordings whose outputs differ most at equal inputs; None where these differ
+    """Return the two recordings whose outputs differ most at equal inputs; None if these differ
     by less than 1 % of the range of the target, or by less than 5 % that nothing explains.
 
     Inputs are equal where they differ by less than 1 % of their ranges (rms), from the first sample
@@ -229,7 +230,7 @@ STANDS_OUT = 4.0  # times as high as anything else changes
 
 def spikes(values: Array) -> IntArray:
     """Return the numbers of the samples of a record, `(n,)`, that stand alone far from their
-    neighbours; none where these are more than 1 %, which is what was measured.
+    neighbours; none if these are more than 1 %, which is what was measured.
 
     Such a sample lies to one side of both neighbours. It is four times as high as these differ, as
     the record changes from one sample to the next anywhere else, and as a quarter of its range:

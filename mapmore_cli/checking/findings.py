@@ -45,15 +45,20 @@ class Issue:
     cause: Cause = "spec"
 
     @property
+    def text(self) -> str:
+        """The place, the message and the id, and the remedy on a line of its own."""
+        return f"{self.place}: {self.message} [{self.id}]\n  {self.remedy}"
+
+    @property
     def sentence(self) -> str:
-        """What a run says of it. The place is left out: lines of a spec move, and a run is still up
-        to date then.
+        """The message, the remedy and the id. The place is left out, because a run stays up to date
+        when the lines of its spec move.
         """
         return f"{self.message}; {self.remedy} [{self.id}]"
 
 
 def is_for_the_spec(errors: Iterable[Issue]) -> bool:
-    """Tell whether the spec has to be mended first: the data are looked at again after that."""
+    """Return whether the spec has to be mended first: the data are looked at again after that."""
     return any(issue.cause == "spec" for issue in errors)
 
 
@@ -65,8 +70,9 @@ def refusal(issues: Iterable[Issue]) -> SpecError | DataError | None:
     if not errors:
         return None
     *before, last = errors
-    lines = [f"{issue.place}: {issue.message} [{issue.id}]\n  {issue.remedy}" for issue in before]
-    message = "\n".join([*lines, f"{last.place}: {last.message} [{last.id}]"])
+    message = "\n".join(
+        [*(issue.text for issue in before), last.text.removesuffix(f"\n  {last.remedy}")]
+    )
     kind = SpecError if is_for_the_spec(errors) else DataError
     return kind(
         message, f"{last.remedy}; or go on as it is with --no-check (`check=False` in Python)"
@@ -76,7 +82,7 @@ def refusal(issues: Iterable[Issue]) -> SpecError | DataError | None:
 FINDINGS = "check.json"
 """The file in the folder of a run."""
 
-REVISION = 3
+REVISION = 4
 """Raised when a rule changes: findings of older rules do not count."""
 
 
@@ -99,7 +105,7 @@ def mark_of(loaded: LoadedSpec, ingested: str) -> str:
 
 
 def kept(run_dir: Path, mark: str | None = None) -> tuple[Issue, ...] | None:
-    """Return the findings of a run; None where there are none that have this `mark`."""
+    """Return the findings of a run; None if there are none that have this `mark`."""
     with suppress(OSError, ValueError):
         stored = _KEPT.validate_json((run_dir / FINDINGS).read_bytes())
         if mark in (None, stored.mark):

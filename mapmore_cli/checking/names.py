@@ -33,7 +33,7 @@ _COMMANDS = {
 class ColumnTitle:
     """A column's name, read: the `quantity` it names, and its `unit` where the name has one.
 
-    `plain` is True where nothing else stands in the name: `force_N` is plainer than
+    `plain` is True if nothing else stands in the name: `force_N` is plainer than
     `force_N_total`.
     """
 

@@ -47,12 +47,11 @@ ORDER = (
 
 REMOVED = {
     "paper": (
-        "`mapmore paper` has left the program: its page is made by docs/papers/compare.py",
+        "`mapmore paper` no longer exists: docs/papers/compare.py makes its page",
         "run `make paper` in a checkout of the sources",
     ),
     "simulate": (
-        "`mapmore simulate` has left the program: the rig that makes the shipped recordings is "
-        "datasets/rig",
+        "`mapmore simulate` no longer exists: datasets/rig makes the shipped recordings",
         "run `python -m datasets.rig SPEC` in a checkout of the sources",
     ),
 }
@@ -91,7 +90,7 @@ def _absent(name: str, fault: UsageError) -> Command:
 
 class Commands(TyperGroup):
     """The group of subcommands: imports a command when it is asked for, turns errors into exit
-    codes, and takes `--debug`, `--no-plugins` and `--env` anywhere on the line.
+    codes, and takes `--debug`, `--no-plugins`, `--no-color` and `--env` anywhere on the line.
     """
 
     def list_commands(self, ctx: Context) -> list[str]:  # noqa: ARG002 - as click calls it
@@ -118,13 +117,15 @@ class Commands(TyperGroup):
         return super().get_command(ctx, cmd_name)
 
     def parse_args(self, ctx: Context, args: list[str]) -> list[str]:
-        """Move `--debug`, `--no-plugins` and `--env NAME` to the front, so that they can be added
-        at the end of a line that failed.
+        """Move `--debug`, `--no-plugins`, `--no-color` and `--env NAME` to the front, so that they
+        can be added at the end of a line that failed.
         """
         ctx.meta[AS_JSON] = "--json" in args
         if "--no-plugins" in args:
             plugins.leave_out_others()
-        for anywhere in {"--debug", "--no-plugins"} & {*args}:
+        if "--no-color" in args:
+            os.environ["NO_COLOR"] = "1"  # as Rich and other programs read it
+        for anywhere in {"--debug", "--no-plugins", "--no-color"} & {*args}:
             args = [anywhere, *(arg for arg in args if arg != anywhere)]
         for _ in range(args.count("--env")):
             at = len(args) - 1 - args[::-1].index("--env")
@@ -184,7 +185,8 @@ def _common(
         Option("--version", callback=_print_version, is_eager=True, help="Print the version."),
     ] = False,
     debug: Annotated[
-        bool, Option("--debug", help="Show the traceback of an error (anywhere on the line).")
+        bool,
+        Option("--debug", help="Show the traceback of an error (anywhere on the command line)."),
     ] = False,
     env: Annotated[
         list[str],
@@ -198,6 +200,10 @@ def _common(
     no_plugins: Annotated[
         bool,
         Option("--no-plugins", help="Leave out the plug-ins of other packages."),
+    ] = False,
+    no_color: Annotated[
+        bool,
+        Option("--no-color", help="Print without colours (as with NO_COLOR=1 in the environment)."),
     ] = False,
 ) -> None:
     """Models of soft fluidic muscles from measured curves: one spec, one command, a validated model
@@ -231,5 +237,5 @@ def main() -> None:
     cast(io.TextIOWrapper, sys.stdout).reconfigure(errors="replace")
     try:
         app(prog_name="mapmore")
-    except (OSError, MemoryError) as error:  # outside of a command, as where --help is printed
+    except (OSError, MemoryError) as error:  # outside a command, as where --help is printed
         sys.exit(console.settle(error, debug=False, as_json=False))

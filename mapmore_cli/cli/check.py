@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from typer import Argument, Exit, Option
 
+from mapmore_cli.cli.annotations import Kind, annotate
 from mapmore_cli.cli.console import (
     NONE,
     RUNS,
@@ -18,6 +19,7 @@ from mapmore_cli.cli.console import (
     exit_code,
     message,
     print_view,
+    spec_of,
 )
 from mapmore_cli.cli.progress import Reporter
 from mapmore_cli.domain.errors import MapmoreError
@@ -26,13 +28,19 @@ from mapmore_cli.storage.atomic import write_text
 if TYPE_CHECKING:
     from mapmore_cli.pipeline.inspection import Inspection
 
+LEVELS: dict[str, Kind] = {"error": "error", "warning": "warning", "hint": "notice"}
+"""The kind of annotation for each severity of an issue."""
+
 
 def check(
-    config: Annotated[Path, Argument(metavar="CONFIG", help="Experiment spec or campaign (YAML).")],
+    config: Annotated[
+        Path,
+        Argument(metavar="CONFIG", help="Experiment spec or campaign (YAML), or name of a run."),
+    ],
     overrides: Overrides = NONE,
     confirm: Annotated[
         bool,
-        Option("--confirm", help="Take what is marked CHECK as right: remove the mark."),
+        Option("--confirm", help="Accept everything that is marked CHECK: remove the marks."),
     ] = False,
     runs: Runs = RUNS,
     as_json: AsJson = False,
@@ -44,15 +52,19 @@ def check(
     from mapmore_cli.study.campaign import expanded
     from mapmore_cli.study.loader import LoadedSpec, confirmed, load
 
+    config, overrides = spec_of(config, overrides, runs)
     if confirm and load(config).spec.unconfirmed:
         write_text(config, confirmed(config.read_text(encoding="utf-8")))
     campaigns, entries = expanded([config], overrides)
     with Reporter(quiet) as reporter:
 
         def inspected(loaded: LoadedSpec, before: Inspection | None = None) -> Inspection:
-            return inspect(
+            inspection = inspect(
                 loaded, runs / loaded.spec.name, reporter.progress, reporter.warn, before
             )
+            for issue in inspection.issues:
+                annotate(LEVELS[issue.severity], issue.text)
+            return inspection
 
         if not campaigns:
             loaded = load(entries[0].config, entries[0].overrides)

@@ -18,10 +18,10 @@ def clean(
     ],
     runs: Runs = RUNS,
     yes: Annotated[
-        bool, Option("--yes", help="Move what is listed to the trash, RUNS/.trash/DATE.")
+        bool, Option("--yes", help="Move the listed folders to the trash, RUNS/.trash/DATE.")
     ] = False,
     now: Annotated[
-        bool, Option("--now", help="With --yes: remove it at once, without the trash.")
+        bool, Option("--now", help="With --yes: remove them at once, without the trash.")
     ] = False,
     as_json: AsJson = False,
 ) -> None:
@@ -41,9 +41,11 @@ def clean(
     from mapmore_cli.study.loader import load
 
     if not runs.is_dir():
-        raise UsageError(f"{runs}: there is no such folder", "name the folder of the runs, --runs")
+        raise UsageError(
+            f"{runs}: this folder does not exist", "name the folder of the runs with --runs"
+        )
     if now and not yes:
-        raise UsageError("--now goes with --yes", "write `--yes --now`")
+        raise UsageError("--now needs --yes", "write `--yes --now`")
     entries = expanded(configs, ())[1]
     names = named_runs([load(entry.config, entry.overrides) for entry in entries])
     gone, kept = dict[Path, tuple[str, ...]](), dict[Path, tuple[str, ...]]()
@@ -90,8 +92,10 @@ def _view(
     done = f"{count} {'moved' if where else 'removed'}{where}"
     end = done if yes else f"{count} would be removed; add --yes"
     why = [
-        f"kept: {folder}, which holds what its run did not write, or what changed since: "
-        f"{', '.join(others)}"
+        (
+            f"kept: {folder}, because it contains files that its run did not write, or that "
+            f"changed since: {', '.join(others)}"
+        )
         for folder, others in kept.items()
     ]
     document = {

@@ -39,20 +39,24 @@ def compare(
     ],
     margin: Annotated[
         float,
-        Option(
-            "--margin", metavar="SHARE", min=0.0, help="Relative change that is of no interest."
-        ),
+        Option("--margin", metavar="SHARE", min=0.0, help="Smallest relative change that matters."),
     ] = 0.01,
     other_settings: Annotated[
         bool,
-        Option("--allow-other-settings", help="Compare although the models were made otherwise."),
+        Option(
+            "--allow-other-settings",
+            help="Compare although the models were made with different settings.",
+        ),
     ] = False,
     fail_on: Annotated[
         str | None,
         Option(
             "--fail-on",
             metavar="WHEN",
-            help="Exit 6 where the muscle `changed`, or where force did by more than 0.03.",
+            help=(
+                "Exit with code 6 if the muscle has `changed`, or if its force differs by more "
+                "than, for example, 0.03."
+            ),
         ),
     ] = None,
     figure: Annotated[
@@ -77,16 +81,20 @@ def compare(
     if len(models) < 2:
         raise UsageError(
             "compare needs two models",
-            "name the earlier one first, as `mapmore compare 2025-autumn my-run`",
+            "name the earlier one first, for example `mapmore compare 2025-autumn my-run`",
         )
     limit = _limit(fail_on)
-    refuse_endings([figure] if figure else [], FIGURE_FILES, "no figure of the drift ends so")
+    refuse_endings(
+        [figure] if figure else [],
+        FIGURE_FILES,
+        "a figure of the drift cannot have this file ending",
+    )
     campaigns = [find_campaign(text, runs, archive) for text in models]
     if any(campaigns):
         if len(models) != 2 or not all(campaigns) or figure is not None:
             raise UsageError(
-                f"{', '.join(models)}: campaigns are compared two at a time, without a figure",
-                "name two campaigns, as `mapmore compare muscles@spring muscles`",
+                f"{', '.join(models)}: campaigns are compared two at a time, and without a figure",
+                "name two campaigns, for example `mapmore compare muscles@spring muscles`",
             )
         before, after = (one or {} for one in campaigns)
         results = {
@@ -105,7 +113,7 @@ def compare(
         if one.changed if limit is None and fail_on else one.moved(limit):
             raise LimitMissed(
                 f"{name}: force is {one.ratio:.4g} times that of {models[0]}",
-                "see the tables; --fail-on sets the limit",
+                "the tables show where; --fail-on sets the limit",
             )
 
 
@@ -127,7 +135,7 @@ def _of_models(
     if len(paths) > 2:
         raise UsageError(
             f"{', '.join(names)}: models of several outputs are compared two at a time",
-            f"name two, as `mapmore compare {names[0]} {names[-1]}`",
+            f"name two, for example `mapmore compare {names[0]} {names[-1]}`",
         )
     results = {name: compared(paths[0], paths[1], margin, other_settings, name) for name in outputs}
     return results, of_campaigns(names, results, "outputs")
@@ -144,7 +152,7 @@ def _draw(names: Sequence[str], models: Sequence[Path], figure: Path) -> None:
 
 
 def _limit(fail_on: str | None) -> float | None:
-    """Return the relative change that is too large; None where none is given, or the word `changed`
+    """Return the relative change that is too large; None if none is given, or the word `changed`
     decides.
     """
     if fail_on in (None, "changed"):
@@ -156,7 +164,7 @@ def _limit(fail_on: str | None) -> float | None:
     if not 0 <= limit < float("inf"):
         raise UsageError(
             f"--fail-on {fail_on}: is neither `changed` nor a relative change",
-            "write `--fail-on 0.03` for three per cent",
+            "write, for example, `--fail-on 0.03` for three per cent",
         )
     return limit
 
@@ -167,7 +175,11 @@ def freeze(
     ],
     tag: Annotated[
         str,
-        Option("--tag", metavar="TAG", help="What this campaign is called, as 2026-spring."),
+        Option(
+            "--tag",
+            metavar="TAG",
+            help="Name for this state of the campaign, for example 2026-spring.",
+        ),
     ],
     archive: Archive = ARCHIVE,
     runs: Runs = RUNS,
@@ -188,6 +200,6 @@ def freeze(
             reporter.say(f"{place.name}: made from {PurePosixPath(spec).name or 'no known spec'}")
             if settings:
                 reporter.warn(
-                    f"{place.name}: the spec alone makes another model: this one was made with "
-                    f"{' '.join(f'--set {one}' for one in settings)}"
+                    f"{place.name}: the spec alone makes a different model, because this "
+                    f"one was made with {' '.join(f'--set {one}' for one in settings)}"
                 )

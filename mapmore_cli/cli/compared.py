@@ -73,8 +73,8 @@ def _verdict(before: str, after: str, comparison: Comparison) -> str:
     )
     if comparison.same_recordings:
         return (
-            f"{after} is made of the same recordings as {before}: what differs is the settings', "
-            f"and not the muscle's: {size}."
+            f"{after} was made from the same recordings as {before}: a difference comes "
+            f"from the settings, not from the muscle: {size}."
         )
     if comparison.answer == "changed":
         largest = comparison.by_effect[0]
@@ -82,17 +82,18 @@ def _verdict(before: str, after: str, comparison: Comparison) -> str:
         effect = f"{largest.curve}: {largest.largest:+.3g} {comparison.unit} at {place}"
         return f"{after} has changed: {size}. The largest effect is at {effect}."
     if comparison.answer == "same":
-        tests = "two one-sided tests show it (90 % interval {:.4f} to {:.4f})".format(
+        tests = "two one-sided tests show this (90 % interval {:.4f} to {:.4f})".format(
             *comparison.narrow
         )
         return f"{after} is the same within {margin}: {size}; {tests}."
-    least = "the curves tell nothing"
+    least = "the curves contain no information about it"
     if comparison.resolution < 1:
         least = (
-            f"a change of less than {100 * comparison.resolution:.2g} % cannot be told from none"
+            f"a change of less than {100 * comparison.resolution:.2g} % cannot be detected "
+            "with these data"
         )
     return (
-        f"The data cannot tell whether {after} has changed by more than {margin}: {size}; {least}."
+        f"The data cannot show whether {after} has changed by more than {margin}: {size}; {least}."
     )
 
 
@@ -103,11 +104,12 @@ def _cautions(comparison: Comparison) -> list[str]:
     if heaviest.weight > ONE_CURVE:
         share = f"{100 * heaviest.weight:.0f} % of the weight"
         notes.append(
-            f"{share} is on one curve, {heaviest.curve}: the statement is about that one above all."
+            f"{share} lies on one curve, {heaviest.curve}: the result describes mainly this curve."
         )
     if any(curve.interpolated for curve in comparison.curves):
         notes.append(
-            "The levels of the two differ: one of them is interpolated between its curves."
+            "The levels of the two models differ, so that one of them is interpolated "
+            "between its curves."
         )
     return notes
 
@@ -163,6 +165,5 @@ def of_campaign(results: Mapping[str, Inspection | MapmoreError]) -> View:
 def _issue_lines(issues: Sequence[Issue]) -> list[str]:
     lines = []
     for issue in issues:
-        lines.append(f"{issue.severity}: {issue.place}: {issue.message} [{issue.id}]")
-        lines.append(f"  {issue.remedy}")
+        lines += f"{issue.severity}: {issue.text}".splitlines()
     return lines

@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Annotated, Any, TextIO
 
 from typer import Argument, Option
 
+from mapmore_cli.cli.annotations import annotate
 from mapmore_cli.domain import plugins
 from mapmore_cli.domain.errors import (
     LimitMissed,
@@ -41,6 +42,9 @@ if TYPE_CHECKING:
 # --------------------------------------------------------------------------------------------------
 
 Config = Annotated[Path, Argument(metavar="CONFIG", help="The experiment spec (YAML).")]
+SpecOrRun = Annotated[
+    Path, Argument(metavar="CONFIG", help="The experiment spec (YAML), or the name of a run.")
+]
 ModelFile = Annotated[Path, Argument(metavar="MODEL", help="A model.h5.")]
 RunOrName = Annotated[Path, Argument(metavar="RUN", help="A run folder, or the name of a run.")]
 Runs = Annotated[Path, Option("--runs", metavar="DIR", help="Folder of the runs.")]
@@ -50,32 +54,39 @@ Overrides = Annotated[
     Option(
         "--set",
         metavar="KEY=VALUE",
-        help="Replace one value of the spec, as fit.max_terms=2. Repeatable.",
+        help="Replace one value of the spec, for example fit.max_terms=2. Repeatable.",
     ),
 ]
 Force = Annotated[bool, Option("--force", help="Redo the stages even if they are up to date.")]
 Rehash = Annotated[
     bool, Option("--rehash", help="Read every recording again to see whether it changed.")
 ]
-NoCheck = Annotated[bool, Option("--no-check", help="Go on where `mapmore check` finds errors.")]
+NoCheck = Annotated[
+    bool, Option("--no-check", help="Continue although `mapmore check` finds errors.")
+]
 Explain = Annotated[
-    bool, Option("--explain", help="Say which stages would run, and why; do nothing.")
+    bool, Option("--explain", help="Show which stages would run, and why; run nothing.")
 ]
 AsJson = Annotated[bool, Option("--json", help="Print one JSON document instead of tables.")]
 Unverified = Annotated[
     bool,
-    Option("--unverified", help="Read a file although its values are not those that were written."),
+    Option(
+        "--unverified",
+        help="Read a file although its values differ from those that were written (checksum).",
+    ),
 ]
 Quiet = Annotated[bool, Option("--quiet", "-q", help="No progress and no warnings on stderr.")]
-Verbose = Annotated[bool, Option("--verbose", "-v", help="Also say how long each step took.")]
+Verbose = Annotated[bool, Option("--verbose", "-v", help="Also show how long each step took.")]
 Junit = Annotated[
     Path | None,
-    Option("--junit", metavar="FILE", help="Also write how the runs ended, as JUnit XML."),
+    Option("--junit", metavar="FILE", help="Also write the outcome of each run, as JUnit XML."),
 ]
 Summary = Annotated[
     Path | None,
     Option(
-        "--summary", metavar="FILE", help="Also write a summary with the score tables (Markdown)."
+        "--summary",
+        metavar="FILE",
+        help="Also write a summary with the tables of scores (Markdown).",
     ),
 ]
 OutputOrStdout = Annotated[
@@ -177,10 +188,24 @@ def folder_of(run: Path, runs: Path) -> Path:
     return run if run.is_dir() and not named.is_dir() else named
 
 
+def spec_of(config: Path, overrides: list[str], runs: Path) -> tuple[Path, list[str]]:
+    """Return the spec that is given by its path, or that of a run which is given by its name or
+    folder, with the settings of that run before the given `overrides`.
+    """
+    from mapmore_cli.storage.run_record import load_origin
+
+    folder = folder_of(config, runs)
+    origin = None if config.is_file() else load_origin(folder)
+    if origin is None or not origin.spec:
+        return config, overrides
+    spec = Path(os.path.relpath(folder / origin.spec))
+    return spec, [*origin.settings, *overrides]
+
+
 def refuse_endings(
     paths: Sequence[Path],
     endings: Sequence[str] = (*FIGURE_FILES, *TABLE_FILES),
-    what: str = "neither a figure nor a table ends so",
+    what: str = "figures and tables cannot have this file ending",
 ) -> None:
     """Refuse files that have another ending, before anything is computed; `what` says why."""
     for path in paths:
@@ -233,11 +258,11 @@ BROKEN_PIPE = 141  # 128 + SIGPIPE
 _STDOUT = {
     errno.ENOSPC: (
         "stdout: cannot be written (no space left on device)",
-        "make room, or write elsewhere",
+        "free some space, or write to another place",
     ),
     errno.EBADF: (
         "stdout: cannot be written (it is closed)",
-        "do not close it; `-q` and `> /dev/null` keep quiet",
+        "leave stdout open; use `-q` and `> /dev/null` for a quiet run",
     ),
 }
 """What is told where stdout fails; files are storage's to explain."""
@@ -260,6 +285,7 @@ def settle(error: BaseException, debug: bool, as_json: bool) -> int:
         traceback.print_exception(error, file=sys.stderr)
     else:
         print(printable(message(error)), file=sys.stderr)
+    annotate("error", error_text(error))
     if as_json and not isinstance(explained(error), LimitMissed | KeyboardInterrupt):
         print_document({"error": error_document(error)})
     return exit_code(error)

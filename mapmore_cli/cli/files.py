@@ -91,7 +91,7 @@ def figure(
         str,
         Argument(
             metavar="FIGURE",
-            help=f"One of {', '.join(FIGURES)}; of several outputs as OUTPUT.FIGURE.",
+            help=f"One of {', '.join(FIGURES)}; with several outputs OUTPUT.FIGURE.",
         ),
     ],
     out: Annotated[
@@ -105,10 +105,14 @@ def figure(
     ] = None,
     form: Annotated[
         Literal["svg", "pdf", "png", "pgf"],
-        Option("--format", help="What to write where --out does not say it."),
+        Option("--format", help="Format of the file if --out is not given."),
     ] = "svg",
     width: Annotated[
-        str | None, Option(metavar="WIDTH", help="Of all of it, or of the panel, as 85mm.")
+        str | None,
+        Option(
+            metavar="WIDTH",
+            help="Width of the whole figure, or of the one panel, for example 85mm.",
+        ),
     ] = None,
     curve: Annotated[
         str | None,
@@ -116,23 +120,26 @@ def figure(
             "--curve",
             "--panel",
             metavar="ID",
-            help="One panel alone: of a curve (250 or pressure=250), a recording or a model.",
+            help=(
+                "Draw one panel only: that of a curve (250 or pressure=250), a recording or a "
+                "model."
+            ),
         ),
     ] = None,
     models: Annotated[
         str | None,
-        Option(metavar="A,B", help="Competitors to draw, as sarosi,plane; else all."),
+        Option(metavar="A,B", help="Competitors to draw, for example sarosi,plane. Default: all."),
     ] = None,
     data: Annotated[
         Path | None,
-        Option(metavar="FILE", help="Also write what the panel was drawn from (CSV)."),
+        Option(metavar="FILE", help="Also write the data of the panel (CSV)."),
     ] = None,
     looks: Annotated[
         list[str],
         Option(
             "--set",
             metavar="KEY=VALUE",
-            help="Another look, as report.style.width=120mm. Repeatable.",
+            help="Change the look, for example report.style.width=120mm. Repeatable.",
         ),
     ] = NONE,
     runs: Runs = RUNS,
@@ -153,10 +160,10 @@ def figure(
     refuse_endings(
         [out],
         FIGURE_FILES,
-        f"figures are not written as {out.suffix or 'a file without an ending'}",
+        f"figures cannot be written as {out.suffix or 'a file without an ending'}",
     )
     if data is not None and curve is None:
-        raise UsageError("--data needs one panel", "name it with --curve")
+        raise UsageError("--data needs one panel", "name the panel with --curve")
     wanted = [one.strip() for one in (models or "").split(",") if one.strip()]
     folder = folder_of(run, runs)
     with Reporter(quiet) as reporter:

@@ -96,7 +96,7 @@ def _bring_up_to_date(
         if finished.missed:
             raise LimitMissed(
                 "; ".join(finished.missed),
-                "the results are complete; see validate.require in the spec",
+                "the results are complete; the limits are set by validate.require in the spec",
             )
 
 
@@ -104,7 +104,7 @@ def _of_reasons(name: str, reasons: dict[str, str | None]) -> View:
     """Return which stages would run, and why; null in the document is one that is up to date."""
     from mapmore_cli.reporting.table import Table
 
-    rows = tuple((stage, reason or "up-to-date") for stage, reason in reasons.items())
+    rows = tuple((stage, reason or "up to date") for stage, reason in reasons.items())
     table = Table.of("stages", name, ("stage", "would run because"), rows)
     return View({"name": name, "stages": reasons}, (table,))
 
@@ -112,7 +112,7 @@ def _of_reasons(name: str, reasons: dict[str, str | None]) -> View:
 def _of_outcome(
     outcome: RunOutcome, command: str, finished: Finished | None, questions: tuple[str, ...]
 ) -> View:
-    """Return the scores of a run that came to its end, else what its last stage found."""
+    """Return the scores of a run that came to its end, otherwise what its last stage found."""
     from mapmore_cli.cli.compared import search_document
     from mapmore_cli.cli.views import of_scores, of_stage, page_lines, verdict_lines
     from mapmore_cli.storage.run_folder import RunFiles
@@ -149,7 +149,7 @@ Figures = Annotated[
     ),
 ]
 PrintSpec = Annotated[
-    bool, Option("--print-spec", help="Print the spec with its defaults filled in; do nothing.")
+    bool, Option("--print-spec", help="Print the spec with all default values; run nothing.")
 ]
 
 

@@ -58,7 +58,7 @@ def predict(
         str | None,
         Option(
             metavar="AXES",
-            help="Make a lookup table instead: pressure=0:600:25,strain=0:0.25:0.01.",
+            help="Make a lookup table instead, for example pressure=0:600:25,strain=0:0.25:0.01.",
         ),
     ] = None,
     given: Annotated[
@@ -66,23 +66,34 @@ def predict(
         Option(
             "--set",
             metavar="NAME=VALUE",
-            help="An input that is the same in every row, as length=250 mm. Repeatable.",
+            help=(
+                "An input with the same value in every row, for example length=250 mm. Repeatable."
+            ),
         ),
     ] = NONE,
     derivatives: Annotated[
         bool,
-        Option("--derivatives", help="Add the derivative for every input, <output>_by_<input>."),
+        Option(
+            "--derivatives",
+            help="Add the derivative with respect to every input, <output>_by_<input>.",
+        ),
     ] = False,
     interval: Annotated[
         float | None,
-        Option(metavar="LEVEL", help="Add <output>_low and <output>_high, as for 0.95."),
+        Option(
+            metavar="LEVEL",
+            help="Add <output>_low and <output>_high of an interval, for example 0.95.",
+        ),
     ] = None,
     turned_for: Annotated[
         str | None,
         Option(
             "--as",
             metavar="INPUT",
-            help="Invert the model for an input, as the force of a model of the strain.",
+            help=(
+                "Invert the model for this input, for example the force of a model that "
+                "predicts strain."
+            ),
         ),
     ] = None,
     delimiter: Delimiter = None,
@@ -114,7 +125,7 @@ def predict(
     that does, and outside_range is true.
 
     A model with memory needs the column time (in s), and the measured output where it goes on from
-    that: it runs free from the first rows of every recording, and starts anew where the column
+    that: it runs free from the first rows of every recording, and starts again where the column
     recording changes, where time is set back, and after gaps.
     """
     from mapmore_cli.modelling.kinds import runs_over_time
@@ -125,12 +136,12 @@ def predict(
     if (table is None) == (grid is None):
         raise UsageError(
             "give either a TABLE or --grid",
-            "as in: mapmore predict model.h5 measured.csv -o predicted.csv",
+            "for example: mapmore predict model.h5 measured.csv -o predicted.csv",
         )
     if turned_for is not None and (grid is not None or derivatives or interval is not None):
         raise UsageError(
-            "--as goes with a TABLE, and has no derivatives or intervals",
-            "leave --grid, --derivatives and --interval out",
+            "--as needs a TABLE, and works without derivatives and intervals",
+            "leave out --grid, --derivatives and --interval",
         )
     options = table_options(delimiter, decimal, thousands, sheet, columns, units)
     with Reporter(quiet) as reporter, remedies_by_options(options):
@@ -140,7 +151,7 @@ def predict(
             if runs_over_time(model):
                 needed = ", ".join(["time", *(quantity.name for quantity in model.inputs)])
                 raise UsageError(
-                    "--grid: this model has memory, and a grid has no time",
+                    "--grid: this model has memory, and a grid contains no time",
                     f"give a TABLE of recordings with the columns {needed}",
                 )
             axes = ",".join([grid, *(f"{name}={value!r}" for name, value in constants.items())])
@@ -250,10 +261,16 @@ def invert(
         ),
     ],
     name: Annotated[
-        str, Option("--for", metavar="INPUT", help="The input to solve for, as pressure.")
+        str, Option("--for", metavar="INPUT", help="The input to solve for, for example pressure.")
     ],
     rule: Annotated[
-        str, Option(help="Of several: lowest, or nearest to that of the row before.")
+        str,
+        Option(
+            help=(
+                "If there are several solutions: the lowest, or the nearest to that of the row "
+                "before."
+            )
+        ),
     ] = "lowest",
     output: OutputOrStdout = STANDARD,
     delimiter: Delimiter = None,
@@ -283,7 +300,7 @@ def invert(
 
 
 def adapt(
-    model_file: Annotated[Path, Argument(metavar="MODEL", help="A model.h5 of a family.")],
+    model_file: Annotated[Path, Argument(metavar="MODEL", help="The model.h5 of a family.")],
     table: Annotated[
         Path | None,
         Argument(
@@ -296,7 +313,11 @@ def adapt(
     ] = Path("adapted.h5"),
     given: Annotated[
         list[str],
-        Option("--set", metavar="NAME=VALUE", help="What specimens differ in, as length=250 mm."),
+        Option(
+            "--set",
+            metavar="NAME=VALUE",
+            help="The property in which specimens differ, for example length=250 mm.",
+        ),
     ] = NONE,
     as_json: AsJson = False,
     quiet: Quiet = False,

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import re
 import sys
 import time
 import warnings
+from collections import Counter
 from contextlib import ExitStack
 from types import TracebackType
 from typing import TYPE_CHECKING
@@ -23,8 +25,16 @@ PATIENCE = 1.0
 SOME_RUNS = 3
 """Runs that are named beside a warning which concerns more of them."""
 
+MOST_OF_A_KIND = 10
+"""Warnings that are printed of those which differ only in words with a digit."""
+
 LINE_EVERY = 5.0
 """Seconds between two progress lines where stderr is no terminal."""
+
+
+def _kind(message: str) -> str:
+    """Return a message without the words that contain a digit, such as files and numbers."""
+    return re.sub(r"\S*\d\S*", "", message)
 
 
 class Reporter:
@@ -36,7 +46,7 @@ class Reporter:
 
     def __init__(self, quiet: bool = False, verbose: bool = False) -> None:
         if quiet and verbose:
-            raise UsageError("--quiet and --verbose exclude each other", "leave one of them out")
+            raise UsageError("--quiet and --verbose exclude each other", "leave out one of them")
         self._quiet = quiet
         self._verbose = verbose
         self._bar: Progress | None = None
@@ -89,13 +99,22 @@ class Reporter:
             runs.append(run)
 
     def _tell_warnings(self) -> None:
+        counts = Counter(map(_kind, self._warnings))
+        shown = Counter[str]()
         for message, runs in self._warnings.items():
+            kind = _kind(message)
+            shown[kind] += 1
+            if shown[kind] > MOST_OF_A_KIND:
+                continue
             named = [run for run in runs if run]
             if len(runs) == 1:
                 self.say(f"warning: {': '.join([*named, message])}")
             else:
                 some = ", ".join(named[:SOME_RUNS]) + (", ..." if len(named) > SOME_RUNS else "")
                 self.say(f"warning: {message} (the same in {len(runs)} runs: {some})")
+            if shown[kind] == MOST_OF_A_KIND < counts[kind]:
+                more = counts[kind] - MOST_OF_A_KIND
+                self.say(f"warning: {more} more warnings like this one, {counts[kind]} in all")
 
     def complain(self, message: str) -> None:
         """Print what went wrong, which `quiet` does not suppress."""
@@ -105,7 +124,7 @@ class Reporter:
     def stage(self, name: str, reason: str | None) -> None:
         """Say why a stage runs, or that it is up to date."""
         self._end_stage()
-        self.say(f"{name}: {'up-to-date' if reason is None else reason}")
+        self.say(f"{name}: {'up to date' if reason is None else f'runs ({reason})'}")
         self._stage = None if reason is None else (name, time.monotonic())
 
     def progress(self, what: str, done: int, total: int) -> None:

@@ -54,7 +54,7 @@ if TYPE_CHECKING:
 
 
 def of_file(path: Path, warn: Callable[[str], None], unverified: bool) -> View:
-    """Return what a result file or a run folder holds; DataError where it is neither.
+    """Return what a result file or a run folder holds; DataError if it is neither.
 
     `warn` is told where nothing shows that a file is as it was written; one that is not is only
     read where it may be `unverified`.
@@ -84,7 +84,7 @@ def _of_run(run_dir: Path) -> View:
     if not record.is_file():
         raise DataError(
             f"{run_dir}: is not a run folder (no run.json)",
-            "name a folder that `mapmore run` wrote, as runs/NAME",
+            "name a folder that `mapmore run` wrote, for example runs/NAME",
         )
     run, stale = _of_json(record), _stale(run_dir)
     document, lines = {**run.document, "stale": list(stale)}, tuple(stale.values())
@@ -103,7 +103,10 @@ def _stale(run_dir: Path) -> dict[str, str]:
     line that says so.
     """
     return {
-        name: f"{name} is out of date: {before} was done again since; run the spec to renew it"
+        name: (
+            f"{name} is out of date, because {before} was repeated since; run the spec again to "
+            "renew it"
+        )
         for name, before in stale_stages(load_records(run_dir, lambda _message: None)).items()
     }
 
@@ -123,7 +126,7 @@ def verdict_lines(run_dir: Path) -> tuple[str, ...]:
 
 
 def page_lines(run_dir: Path) -> tuple[str, ...]:
-    """Say where the page is, for people; nothing where the spec asks for none."""
+    """Say where the page is, for people; nothing if the spec asks for none."""
     page = run_dir / RUN_PAGE
     return (f"page: {page}",) if page.is_file() else ()
 
@@ -137,8 +140,8 @@ def _of_hdf5(
         return VIEWS[kind](record)
     except (ArithmeticError, LookupError, TypeError, ValueError) as fault:
         raise DataError(
-            f"{path}: holds values that do not fit each other ({type(fault).__name__}: {fault})",
-            "get a fresh copy, or make it anew",
+            f"{path}: contains inconsistent values ({type(fault).__name__}: {fault})",
+            "copy the file again, or repeat the run that made it",
         ) from fault
 
 

@@ -82,7 +82,7 @@ def in_blocks(*columns: Any, overlap: int = 0, rows: int = ROWS) -> Iterator[tup
 
 def extremes(column: Array, mask: BoolArray | None = None) -> tuple[float, float]:
     """Return the least and the largest value of a column, (n,), or of those where `mask`; NaN where
-    one is NaN. Raises ValueError where there is no value.
+    one is NaN. Raises ValueError if there is no value.
     """
     if mask is not None and not mask.all():
         return _ends_of(blocks_where(column, mask))
@@ -122,7 +122,7 @@ _mapped: WeakKeyDictionary[mmap.mmap, dict[Any, tuple[float, float]]] = WeakKeyD
 
 def stacked(blocks: Iterable[Sequence[Any]]) -> list[Any]:
     """Return columns one after the other of their parts, (b,) each, which come in blocks, at least
-    one. Raises OSError where the disk is full.
+    one. Raises OSError if the disk is full.
     """
     held: list[Sequence[Any]] = []
     size, rest = 0, iter(blocks)
@@ -166,8 +166,8 @@ def row_by_row(function: Callable[[dict[str, Any]], Any], columns: Mapping[str, 
 
 
 def picked(values: Any, rows: Rows | BoolArray) -> Any:
-    """Return the values, or the row numbers, at some rows, by their numbers or by a mask, (n,), in
-    parts that touch little of a long column each.
+    """Return the values at some rows (or the row numbers), given by numbers or by a mask, (n,), in
+    parts that each read little of a long column.
     """
     if isinstance(rows, range):
         return values[rows.start : rows.stop]

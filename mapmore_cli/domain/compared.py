@@ -1,4 +1,4 @@
-"""The samples of one row of the score table, as arrays, and the sums over them."""
+"""Arrays of the samples that belong to one row of the score table, and sums over them."""
 
 from __future__ import annotations
 

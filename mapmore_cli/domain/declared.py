@@ -134,8 +134,8 @@ def _shape_of(type_: Any) -> str:
 
 @dataclass(frozen=True)
 class Either:
-    """Marks a union whose member is told by the shape of the value, so that a mistake gives one
-    message and not one for each member.
+    """Marks a union in which the form of the value decides about the member, so that a mistake
+    gives one message instead of one for each member.
 
     Of two mappings, the member with the key `key` is the one whose value has it.
     """
@@ -219,21 +219,22 @@ Count = Annotated[int, Checked("is negative", lambda found: found >= 0)]
 QuantityName = Annotated[
     str,
     Checked(
-        "is no name of a quantity: a letter, then letters, digits and _",
+        "is not a valid name of a quantity (a letter, then letters, digits and _)",
         re.compile(r"[A-Za-z_][A-Za-z0-9_]{0,99}").fullmatch,
     ),
 ]
 TermName = Annotated[
     str,
     Checked(
-        "is no term: it has other characters, or none, or more than 10000",
+        "is not a valid term: it is empty, has other characters, or more than 10000 of them",
         re.compile(r"[A-Za-z0-9_.,\[\]+\-^*/() ]{1,10000}").fullmatch,
     ),
 ]
 Label = Annotated[
     str,
     Checked(
-        'is no name: it is not one line of 1000 characters, or has one of " ` $ < > \\', is_label
+        'is not a valid name: it must be one line of at most 1000 characters, without " ` $ < > \\',
+        is_label,
     ),
 ]
 """The name of a curve, a file or a unit: letters of any script."""

@@ -56,8 +56,8 @@ def explained(error: BaseException) -> BaseException:
     said = [str(one) for one in (error, error.__cause__) if isinstance(one, OSError | ImportError)]
     if isinstance(error, MemoryError) or any(sign in text for sign in _NO_MEMORY for text in said):
         return MapmoreError(
-            "there is too little memory for this",
-            "close other programs, or take fewer or shorter recordings",
+            "there is not enough memory for this",
+            "close other programs, or use fewer or shorter recordings",
         )
     if isinstance(error, PermissionError) and error.filename is not None:
         return DataError(

@@ -271,12 +271,12 @@ class FormulaFit(Fit):
 
     @property
     def formula(self) -> str:
-        """What the formula is found by: its definition, else its name."""
+        """What the formula is found by: its definition, otherwise its name."""
         return self.definition or self.name
 
     @property
     def failed(self) -> bool:
-        """True where the fit gave no usable parameters."""
+        """True if the fit gave no usable parameters."""
         return self.status == "failed"
 
 

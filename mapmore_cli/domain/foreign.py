@@ -1,7 +1,7 @@
 """Text of a stranger within another language: terminals, CSV, C, Python, TeX and XML. Every writer
 of files takes it from here.
 
-The rule is an alphabet, not a list of dangerous words: what is outside of a small alphabet is
+The rule is an alphabet, not a list of dangerous words: what is outside a small alphabet is
 escaped, and the alphabet has no character that could end a comment, a string or a line.
 """
 

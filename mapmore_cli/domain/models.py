@@ -93,7 +93,7 @@ B = TypeVar("B", bound=Body)
 class Pieces(Body):
     """MAPMORE: `output = backbone + sum_i f_i prod_j w_ij` (M2 eq 9).
 
-    `level` is None where all curves are pooled. Curves have no segments where the residual on the
+    `level` is None if all curves are pooled. Curves have no segments where the residual on the
     backbone was dropped.
     """
 
@@ -301,7 +301,7 @@ class Model:
 
     @property
     def pieces(self) -> Pieces | None:
-        """The body where it consists of pieces."""
+        """The body of the model if it consists of pieces."""
         return self.body if isinstance(self.body, Pieces) else None
 
     @property
@@ -332,7 +332,7 @@ class Equation:
     - `id`: of a segment, or the name of a formula.
     - `text`: a line that can be copied and computed; `latex`, `mathml`: the same, typeset, the
       second by parts between which a line may end.
-    - `weight`: where the piece counts, and where it is held; empty where it counts everywhere.
+    - `weight`: where the piece counts, and where it is held; empty if it counts everywhere.
     """
 
     id: str

@@ -65,7 +65,7 @@ def parts(group: str, form: type[P], package: str = "") -> Iterator[Added[P]]:
                 if not isinstance(part.value, form):
                     raise TypeError(f"{type(part.value).__name__} is no {form.__name__}")
                 if part.name in taken:
-                    raise ValueError(f"`{part.name}` is there already")
+                    raise ValueError(f"there is already a `{part.name}`")
                 found.append(Added(part.name, part.value, part.source))
         except Exception as fault:  # whatever is wrong there, the rest goes on without it
             leave_plugin_out(group, name, fault.__cause__ or fault)
@@ -124,8 +124,8 @@ def leave_out_others() -> None:
 
 @cache  # reading what is installed takes longer than all else at the start
 def _installed() -> tuple[EntryPoint, ...]:
-    """Return our entry points and those of others for us; a package whose list of them cannot be
-    read is left out.
+    """Return the entry points of mapmore and those of other packages for it; a package whose list
+    of entry points cannot be read is left out.
     """
     found, packages = list[EntryPoint](), set[str]()
     for package in [distribution(OURS)] if os.environ.get(NONE_OF_OTHERS) else distributions():
@@ -154,8 +154,8 @@ def _name_of(package: Distribution) -> str:
 
 @cache
 def entry_points(group: str) -> dict[str, EntryPoint]:
-    """Return the entry points of a group by name; of two with one name, ours, else the first by
-    module. The other one is named in a warning.
+    """Return the entry points of a group by name; of two with one name, ours, otherwise the first
+    by module. The other one is named in a warning.
     """
     found = dict[str, EntryPoint]()
     of_group = (point for point in _installed() if point.group == f"mapmore.{group}")
@@ -163,7 +163,9 @@ def entry_points(group: str) -> dict[str, EntryPoint]:
         if point.name not in found:
             found[point.name] = point
         elif point.value != found[point.name].value:
-            _leave_out(group, point, f"`{point.name}` is that of {_owner(found[point.name])}")
+            _leave_out(
+                group, point, f"`{point.name}` already exists in {_owner(found[point.name])}"
+            )
     return found
 
 
@@ -184,7 +186,7 @@ def _printing_to_stderr() -> Iterator[None]:
 
 @cache
 def load(group: str, name: str) -> Any:
-    """Return what an entry point names; raises NotInstalled where it cannot be imported."""
+    """Return what an entry point names; raises NotInstalled if it cannot be imported."""
     point = entry_points(group)[name]
     try:
         with nullcontext() if _owner(point) == OURS else _printing_to_stderr():
@@ -192,5 +194,6 @@ def load(group: str, name: str) -> Any:
     except (Exception, SystemExit) as fault:
         raise NotInstalled(
             f"`{name}` is not installed: {point.value} cannot be imported ({fault})",
-            f"install the package that has {point.module.partition('.')[0]}, with all its parts",
+            f"install the package that contains {point.module.partition('.')[0]}, with all "
+            "its parts",
         ) from fault

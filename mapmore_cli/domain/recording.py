@@ -111,7 +111,7 @@ class CurveRange:
 class Curve:
     """Samples at one value of the level quantity, or of one recording.
 
-    `level` is None without levels, and `id` then that of the recording. `at_rest` is None where
+    `level` is None without levels, and `id` then that of the recording. `at_rest` is None if
     nothing is said of plateaus, `origin` where it is not known; the samples of one recording are in
     order of time.
     """
@@ -144,11 +144,11 @@ class Curve:
 
     @property
     def training(self) -> BoolArray:
-        """`(n,)`; True where a sample trains."""
+        """`(n,)`; True if a sample trains."""
         return ~self.held_out if self.at_rest is None else ~(self.held_out | self.at_rest)
 
     def at(self, rows: IntArray | BoolArray) -> Curve:
-        """Return some rows of the curve; of its recordings, those that still have any."""
+        """Return some rows of the curve, and of its recordings those that still have rows."""
         origin, recordings = None, self.recordings
         if self.origin is not None:
             left, origin = np.unique(self.origin[rows], return_inverse=True)

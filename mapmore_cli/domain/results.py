@@ -117,7 +117,7 @@ class ResidualTest:
 
     @property
     def tested(self) -> int:
-        """How many values could lie outside of their bounds."""
+        """How many values could lie outside their bounds."""
         return len(self.x) - (self.name == AUTOCORRELATION)
 
     @property
@@ -185,7 +185,7 @@ class Validation:
 
     @property
     def alert(self) -> str:
-        """What residual tests found in the errors of the run's own model; empty where they pass."""
+        """What residual tests found in the errors of the run's own model; empty if they pass."""
         failing = [one.words for one in self.residual_tests if one.fails]
         if not failing:
             return ""
@@ -260,7 +260,7 @@ class Tried:
     parameters: int = 0  # free numbers of its model of all training data
     errors: tuple[
         float, ...
-        # RMSE on each fold of a model without it, as a fraction of `Search.scale`; empty where a
+        # RMSE on each fold of a model without it, as a fraction of `Search.scale`; empty if a
         # fit
         # failed
     ] = ()

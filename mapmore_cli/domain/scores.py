@@ -27,7 +27,7 @@ class Measure:
 
     - `of`: its formula, of the samples of the row.
     - `heading`: its column on pages, `UNIT` for the unit of the target; in per cent where it says
-      so, and none where it is empty.
+      so, and none if it is empty.
     - `shown`: whether a row has something to say in that column, where not every row has.
     - `at_least`: whether a limit is a lower one, as of what is no error.
     """
@@ -245,7 +245,7 @@ class Published:
     rmse_at_least: Mapping[str, float] = field(default_factory=dict)
 
     def shown_rmse(self, model: str) -> float | str | None:
-        """Return the RMSE as a cell of a table: a bound is told as one, and None where nothing was
+        """Return the RMSE as a cell of a table: a bound is told as one, and None if nothing was
         printed.
         """
         if model in self.rmse_at_least:
@@ -267,7 +267,7 @@ class ScoreTable:
 
     @property
     def alert(self) -> str:
-        """What residual tests found of all targets; empty where they pass."""
+        """What residual tests found of all targets; empty if they pass."""
         return "; ".join(self.alerts.values())
 
     @property

@@ -50,7 +50,7 @@ class Rival:
 
     @property
     def failed(self) -> bool:
-        """True where a fit gave no usable parameters."""
+        """True if a fit gave no usable parameters."""
         return any(fit.failed for fit in self.formulas.values())
 
 
@@ -61,7 +61,7 @@ class Contest:
 
     `lengths` are the muscle's `length` and `diameter` (m); `spec_dir` is the folder that paths of
     frozen models start at. Where the dataset is a fold of a cross-validation, `refit` makes the
-    model of another run anew on its training samples.
+    model of another run again on its training samples.
     """
 
     dataset: Dataset
@@ -75,7 +75,7 @@ class Contest:
     def rival(self, competitor: str | Competitor) -> Rival:
         """Fit a competitor to the same training data and predict every sample.
 
-        Raises SpecError, DataError where another run is of other quantities, or a formula lacks
+        Raises SpecError, DataError if another run is of other quantities, or a formula lacks
         what it is fitted to.
         """
         if isinstance(competitor, str):
@@ -166,9 +166,9 @@ class Contest:
         if target not in (q.name for q in (other.output, *other.inputs)) or differing:
             what = ", ".join(differing) or other.output.name
             raise SpecError(
-                f"validate.against: the model of {other.name} is of other quantities or units "
+                f"validate.against: the model of {other.name} has other quantities or units "
                 f"({what})",
-                "compare runs of the same quantities in the same units",
+                "compare runs with the same quantities and units",
             )
         return forecast_each(other, self.dataset.curves, target)
 
@@ -228,7 +228,7 @@ class Contest:
         if length is None:
             raise SpecError(
                 f"validate.against: {name} needs the length of the muscle",
-                "add `length: 88 mm` to `muscle`",
+                "add `length: 88 mm` (with your own number) to `muscle`",
             )
         return formula.fit_cycles(pooled_training(self._static.dataset().curves), length)
 
@@ -237,7 +237,8 @@ class Contest:
         """The results of the needed static run."""
         if self.static_run is None:
             raise SpecError(
-                "validate.against: a competitor is fitted to the data of a static run",
+                "validate.against: a competitor is fitted to the data of a static run, and "
+                "there is none",
                 "add `needs: {static: my-static.yaml}`",
             )
         return RunFiles(self.static_run)

@@ -73,12 +73,12 @@ def choices_by_fold(
 
 
 def was_searched(run_dir: Path) -> bool:
-    """Tell whether the structure of a run was found by a search."""
+    """Return whether the structure of a run was found by a search."""
     return SEARCH_STAGE in load_records(run_dir, lambda _message: None)
 
 
 def _searching_again(run_dir: Path) -> Callable[[Dataset], ModelChoices] | None:
-    """Return what searches a structure as a run did; None where it did not."""
+    """Return what searches a structure as a run did; None if it did not."""
     if not was_searched(run_dir):
         return None
     again: Callable[[Dataset], ModelChoices]
@@ -152,8 +152,9 @@ def _group_folds(dataset: Dataset, of: str) -> list[Masks]:
     values = np.unique(np.concatenate([curve.columns[of] for curve in dataset.curves]))
     if len(values) < 2:
         raise DataError(
-            f"split.leave_one_group_out: {of} is {values[0]:g} in all recordings",
-            "name what tells them apart in `data.groups`",
+            f"split.leave_one_group_out: {of} is {values[0]:g} in all recordings, so that "
+            "there is only one group",
+            "name the quantity that distinguishes the groups in `data.groups`",
         )
     return [tuple(curve.columns[of] == value for curve in dataset.curves) for value in values]
 
@@ -173,13 +174,13 @@ def refuse_over_time(choices: ModelChoices) -> None:
     """Raise SpecError for a model that cannot be fitted without a level."""
     if choices.kind == "sum" or choices.over_time:
         raise SpecError(
-            "split.leave_one_level_out: a model over time cannot be fitted without a level",
+            "split.leave_one_level_out: a model over time cannot be fitted with a level left out",
             "hold out recordings instead",
         )
 
 
 def refit_run(run_dir: Path, dataset: Dataset) -> Model:
-    """Return the model of another run, made anew by its own spec on the training samples of a
+    """Return the model of another run, made again by its own spec on the training samples of a
     dataset.
     """
     again = _searching_again(run_dir)
@@ -194,7 +195,7 @@ MUCH = 0.1
 
 
 def trained_on(run_dir: Path, dataset: Dataset) -> bool:
-    """Tell whether the model of another run was trained on samples that a dataset holds out: on
+    """Return whether the model of another run was trained on samples that a dataset holds out: on
     rows of the same numbers, beyond those that its training samples have as well by chance.
     """
     other = RunFiles(run_dir).dataset()
@@ -228,17 +229,17 @@ def residuals(
     `run_dir` the search of the structure is known, where there was one: it is made again too.
     Held-out data are never used.
 
-    Raises SpecError where runs are added up that were trained on fewer than three levels or
-    recordings; DataError, FitError where a model cannot be fitted without a part, or has no
+    Raises SpecError if runs are added up that were trained on fewer than three levels or
+    recordings; DataError, FitError if a model cannot be fitted without a part, or has no
     prediction for it; the part is named.
     """
     kind, count, parts = parts_of(dataset, choices)
     made_by = choices_by_fold(run_dir, choices, dataset, [*parts.values()])
     if kind == "blocks" and needed:
         raise SpecError(
-            "validate.intervals: the runs that are added up can be fitted anew without a level or "
-            "a recording, and there are fewer than three",
-            "leave it out, or ask for the intervals of the parts",
+            "validate.intervals: a sum of models needs at least three levels or recordings "
+            "that can be left out in turn, and there are fewer",
+            "remove `intervals`, or compute the intervals of the parts",
         )
     y = np.concatenate([curve.columns[dataset.target][curve.training] for curve in dataset.curves])
     low, high = extremes(y)
@@ -250,8 +251,8 @@ def residuals(
             every = left_out_of(dataset, outs, made)
         except (DataError, FitError) as error:
             raise type(error)(
-                f"validate.intervals: without {name}, {error.message}",
-                "leave it out, or change what that fit needs",
+                f"validate.intervals: the fit without {name} failed: {error.message}",
+                "remove `intervals`, or change what that fit needs",
             ) from error
         errors[name] = [
             (curve.columns[dataset.target] - output.values)[out & output.ready]
@@ -324,9 +325,9 @@ def _specimens(dataset: Dataset, of: str) -> tuple[LeftOutKind, int, dict[str, M
     )
     if len(values) < FEWEST:
         raise DataError(
-            f"validate.intervals: each specimen is left out in turn, and {len(values)} "
-            f"{'is' if len(values) == 1 else 'are'} too few",
-            "leave it out, or add recordings of a third specimen",
+            f"validate.intervals leaves out one specimen at a time, for which {len(values)} "
+            f"{('is' if len(values) == 1 else 'are')} too few",
+            "remove `intervals`, or add recordings of a third specimen",
         )
     masks = {
         f"{of}={value:g}": tuple(~c.held_out & (c.columns[of] == value) for c in dataset.curves)
@@ -350,15 +351,15 @@ def _refitted_sum(choices: ModelChoices, needed: Mapping[str, Path], dataset: Da
 
 
 def _summand_without(run_dir: Path, dataset: Dataset) -> Model:
-    """Return the model of a run, fitted anew to its data without the curves that a dataset holds
+    """Return the model of a run, fitted again to its data without the curves that a dataset holds
     out as a whole: by level, else by name.
     """
     choices = model_choices(load(run_dir / "experiment.yaml").spec)
     if choices.summands:
         raise SpecError(
-            f"validate.intervals: {choices.name} adds runs up itself, and cannot be fitted anew "
-            "without a part of the data",
-            "leave it out, or add up all runs in one spec",
+            f"validate.intervals: {choices.name} is itself a sum of runs, which cannot be "
+            "fitted with a part of the data left out",
+            "remove `intervals`, or add up all runs in one spec",
         )
     own = RunFiles(run_dir).dataset()
     out = {_level_or_id(curve) for curve in dataset.curves if not curve.training.any()}

@@ -1,4 +1,4 @@
-"""Models made anew on part of the training data: folds that are left out in turn, and the errors
+"""Models made again on part of the training data: folds that are left out in turn, and the errors
 there.
 """
 

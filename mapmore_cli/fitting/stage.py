@@ -70,7 +70,7 @@ class Stage:
     - `reads`: the stage's slice of the spec: a frozen dataclass or a pydantic model, dumped to JSON
       for the fingerprint.
     - `run`: does the work, given the slice.
-    - `sources`: files outside of the run folder that it reads (recordings), given the spec and its
+    - `sources`: files outside the run folder that it reads (recordings), given the spec and its
       folder.
     - `needs`: runs whose models it reads.
     """

@@ -88,9 +88,9 @@ def in_time_order(samples: Samples, repeated: str, unit: str) -> Samples:
             )
         raise DataError(
             f"{samples.at(at)}: time runs backwards, from {time[at - 1]:.9g} to {time[at]:.9g}",
-            f"{anew}Sort the file by time; where single stamps are wrong, `glitches: drop` "
-            "leaves them out; where the clock was set back, "
-            "`gaps: {longer_than: ..., action: split}` splits the recording.",
+            f"{anew}Sort the file by time. If single time stamps are wrong, `glitches: "
+            "drop` leaves them out. If the clock was set back, `gaps: "
+            f"{{longer_than: ..., action: split}}` splits the recording there.",
         )
     repeats = sampling.find_repeats(time)
     if not len(repeats):
@@ -98,7 +98,8 @@ def in_time_order(samples: Samples, repeated: str, unit: str) -> Samples:
     if repeated == "error":
         at = int(repeats[0]) + 1
         what = (
-            f"{samples.at(at)}: the time {time[at]:.9g} stands twice ({len(repeats)} stamps repeat)"
+            f"{samples.at(at)}: the time {time[at]:.9g} occurs twice ({len(repeats)} "
+            "repeated time stamps in all)"
         )
         raise DataError(what, "Set `repeated_time: average` or `repeated_time: spread`.")
     if repeated == "spread":
@@ -118,8 +119,8 @@ def _cut_at_resets(samples: Samples, unit: str) -> list[Samples]:
     at = int(resets[0]) + 1
     again = f", and {len(resets) - 1} times more" if len(resets) > 1 else ""
     note = (
-        f"{samples.at(at)}: the clock was set back, from {time[at - 1]:.9g} to {time[at]:.9g} "
-        f"{unit}{again}: split"
+        f"{samples.at(at)}: the clock was set back, from {time[at - 1]:.9g} to "
+        f"{time[at]:.9g} {unit}{again}; the recording is split there"
     )
     return replace(samples, notes=(*samples.notes, note)).cut(
         sampling.cut_after(samples.size, resets)
@@ -140,21 +141,26 @@ def _at_gaps(samples: Samples, data: Data, unit: str) -> list[Samples]:
     which = "a gap" if len(gaps) == 1 else f"the first of {len(gaps)} gaps"
     found = (
         f"{samples.at(int(gaps.after[0]))}: {which} longer than {limit:.4g} {unit} follows; "
-        f"the longest takes {gaps.lengths[longest]:.4g} "
-        f"{unit}, after {samples.place} {samples.rows[gaps.after[longest]]}; about "
-        f"{gaps.samples_missing} samples are missing"
+        f"the longest lasts {gaps.lengths[longest]:.4g} {unit}, after {samples.place} "
+        f"{samples.rows[gaps.after[longest]]}; about {gaps.samples_missing} samples are "
+        "missing"
     )
     if data.gaps is None:
         return [
             replace(
-                samples, doubts=(*samples.doubts, f"{found}; say in `gaps` what to do about it")
+                samples,
+                doubts=(
+                    *samples.doubts,
+                    f"{found}; set `data.gaps` to split there, or to accept it",
+                ),
             )
         ]
     if data.gaps.action == "error":
         raise DataError(
             found,
-            "Say `gaps: {longer_than: ..., action: split}` to make a recording of each piece, "
-            "or raise `longer_than`.",
+            "`data.gaps` has `action: error`: write `gaps: "
+            "{longer_than: ..., action: split}` to make a recording of each piece, or "
+            "raise `longer_than`.",
         )
     return replace(samples, notes=(*samples.notes, f"{found}: split")).cut(
         sampling.cut_after(samples.size, gaps.after)
@@ -162,13 +168,15 @@ def _at_gaps(samples: Samples, data: Data, unit: str) -> list[Samples]:
 
 
 def _resampled(samples: Samples, step: float) -> Samples:
-    """Return the samples on even steps; the row of each is that of the sample which it follows."""
+    """Return the samples at even time steps; each has the row number of the measured sample before
+    it.
+    """
     time = samples.columns["time"]
     wanted = np.ptp(time) / step
     if wanted > max(MOST_SAMPLES, MOST_TIMES * samples.size):
         raise DataError(
-            f"{samples.label}: `resample` would make {wanted:.3g} samples of {samples.size}",
-            f"write a longer time step; {np.ptp(time) / samples.size:.3g} would keep the "
+            f"{samples.label}: `resample` would make {wanted:.3g} samples from {samples.size}",
+            f"use a longer time step; {np.ptp(time) / samples.size:.3g} would keep the "
             "number of samples",
         )
     stamps, columns = sampling.resample(time, samples.columns, step)
@@ -202,9 +210,10 @@ def with_joined(
         others = _read(log, join, data, units, meter)
         if len(others) not in (1, len(found)):
             what = (
-                f"{log.name}: holds {len(others)} recordings, but {source.name} holds {len(found)}"
+                f"{log.name}: contains {len(others)} recordings, but {source.name} contains "
+                f"{len(found)}"
             )
-            raise DataError(what, "Join a file that holds as many, or one.")
+            raise DataError(what, "Join a file with the same number of recordings, or with one.")
         pairs = zip(found, others if len(others) > 1 else others * len(found), strict=True)
         both = _by_row if join.on == "row" else _by_time
         found = [
@@ -230,7 +239,7 @@ def _read(
 def _by_row(first: Samples, second: Samples, join: Join, _units: Mapping[str, str]) -> Samples:
     if first.size != second.size:
         what = f"{second.label}: has {second.size} rows, but {first.label} has {first.size}"
-        raise DataError(what, "Rows can only be paired in logs of one length.")
+        raise DataError(what, "Rows can be paired only if both logs have the same number of rows.")
     return first.with_columns({name: second.columns[name] for name in join.quantities})
 
 
@@ -248,10 +257,10 @@ def _by_time(first: Samples, second: Samples, join: Join, units: Mapping[str, st
     }
     if np.isnan(columns[join.quantities[0]]).all():
         raise DataError(
-            f"{second.label}: no sample at the time of {first.label}: with its shift it runs "
-            f"from {time[0]:g} to {time[-1]:g} "
-            f"{units['time']}, the first log from {np.nanmin(stamps):g} to {np.nanmax(stamps):g}",
-            "Look at `shift`, which is added to the time of the second log, and at `max_gap`.",
+            f"{second.label}: has no sample at the times of {first.label}: with its shift "
+            f"it covers {time[0]:g} to {time[-1]:g} {units['time']}, the first log "
+            f"{np.nanmin(stamps):g} to {np.nanmax(stamps):g}",
+            "Check `shift`, which is added to the time of the second log, and `max_gap`.",
         )
     return replace(first.with_columns(columns), notes=(*first.notes, *([note] if note else [])))
 
@@ -264,7 +273,7 @@ def _found_shift(
     Two records of one unit are taken to rise together; of different units, one may fall while the
     other rises.
 
-    Raises DataError where nothing changes, where noise would do as well, and where another shift is
+    Raises DataError if nothing changes, where noise would do as well, and where another shift is
     nearly as good.
     """
     match = join.match
@@ -279,32 +288,36 @@ def _found_shift(
         same_sign=same_sign,
     )
     pair = f"{match.second} of {second.label} and {match.first} of {first.label}"
-    others = "name other quantities in `match`, or write the shift, as `shift: -40.2 s`"
+    others = "name other quantities in `match`, or give the shift, for example `shift: -40.2 s`"
     if found is None:
         raise DataError(
-            f"no shift can be found from {pair}: nothing changes in one of them", others
+            f"no shift can be found from {pair}, because one of them never changes", others
         )
     # one digit more than is sure
     value = f"{found.value:.{max(0, 1 - math.floor(math.log10(found.half_width)))}f}"
     best = f"{value} {units['time']} (correlation of their changes {found.correlation:.3f})"
     if found.lost_in_noise:
         raise DataError(
-            f"no shift can be found from {pair}: the best, {best}, is no better than noise", others
+            f"no shift can be found from {pair}: the best candidate, {best}, is no better "
+            "than noise",
+            others,
         )
     if found.ambiguous:
         assert found.rival is not None
         raise DataError(
-            f"the shift is ambiguous by {pair}: {found.rival:.6g} {units['time']} "
-            f"({found.next_best:.3f}) is nearly as good as {best}",
+            f"the shift cannot be determined from {pair}: {found.rival:.6g} {units['time']} "
+            f"({found.next_best:.3f}) fits nearly as well as {best}",
             others,
         )
     lag = (
         ""
         if same_sign
-        else f"; where {match.second} lags behind {match.first} by nature, that is part of it"
+        else (
+            f"; if {match.second} physically lags behind {match.first}, the shift includes this lag"
+        )
     )
     next_best = (
-        "no other shift comes near"
+        "no other shift fits nearly as well"
         if math.isinf(found.ratio)
         else f"{found.ratio:.2f} times that of the next best shift"
     )
@@ -324,10 +337,10 @@ def _ordered_signal(samples: Samples, name: str) -> tuple[Array, Array]:
     if (steps < 0).any():
         at = int(np.argmax(steps < 0)) + 1
         raise DataError(
-            f"{samples.at(int(there[at]))}: time runs backwards, so that no shift of a second "
-            "log can be found",
-            "sort the file by time, cut it where the clock was set back, or write the shift "
-            "itself, as `shift: -40.2 s`",
+            f"{samples.at(int(there[at]))}: time runs backwards, so that no shift of a "
+            "second log can be found",
+            "sort the file by time, cut it where the clock was set back, or give the shift "
+            "itself, for example `shift: -40.2 s`",
         )
     new = np.concatenate([[True], steps > 0]) if len(time) else np.zeros(0, dtype=np.bool_)
     return time[new], values[new]

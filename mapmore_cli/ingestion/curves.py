@@ -54,7 +54,7 @@ Plateau = Literal["auto"] | tuple[float, float]
 def with_plateau(recording: Recording, plateau: Plateau, units: Mapping[str, str]) -> Recording:
     """Return the recording with `plateau` and `step_pressure`, the mean pressure there.
 
-    Raises DataError where there is no plateau, or no sample in the one that is given.
+    Raises DataError if there is no plateau, or no sample in the one that is given.
     """
     columns = recording.columns
     seconds = convert(columns["time"], units["time"], "s")
@@ -67,8 +67,8 @@ def with_plateau(recording: Recording, plateau: Plateau, units: Mapping[str, str
     on: BoolArray = (seconds >= start) & (seconds <= end)
     if not on.any():
         what = (
-            f"no sample from {start:g} s to {end:g} s, where the spec puts the plateau; the "
-            "recording runs from"
+            f"there is no sample from {start:g} s to {end:g} s, where the spec has the "
+            "plateau; the recording covers"
         )
         place = f"{seconds[0]:g} s to {seconds[-1]:g} s"
         raise DataError(
@@ -81,23 +81,23 @@ def with_plateau(recording: Recording, plateau: Plateau, units: Mapping[str, str
 def static_model(run_dir: Path, force: Quantity, units: Mapping[str, str]) -> Model:
     """Return the static model that a spec needs.
 
-    Raises SpecError where it is of another quantity or unit, or has an input that the recordings
+    Raises SpecError if it is of another quantity or unit, or has an input that the recordings
     lack or hold in another unit.
     """
     model = alone(RunFiles(run_dir).model())
     if model.output != force:
         found = f"{model.output.name} in {model.output.unit}"
         raise SpecError(
-            f"needs.static: the model of {model.name} is of {found}, not of {force.name} in "
+            f"needs.static: the model of {model.name} predicts {found}, not {force.name} in "
             f"{force.unit}",
-            "need another run",
+            "name a run of such a model in `needs.static`",
         )
     for quantity in model.inputs:
         if units.get(quantity.name) != quantity.unit:
-            have = f"in {units[quantity.name]}" if quantity.name in units else "not at all"
+            have = f"has it in {units[quantity.name]}" if quantity.name in units else "lacks it"
             raise SpecError(
-                f"needs.static: the model of {model.name} is a function of {quantity.name} in "
-                f"{quantity.unit}; this study has it {have}",
+                f"needs.static: the model of {model.name} needs {quantity.name} in "
+                f"{quantity.unit}; this study {have}",
                 f"declare the column, or set `units: {{{quantity.name}: {quantity.unit}}}`",
             )
     return model
@@ -115,8 +115,8 @@ def with_damping(
     on = columns[PLATEAU] == 1.0
     if beyond[on].mean() > MOSTLY:
         warn(
-            f"{recording.name}: the plateau is outside the range that the static model "
-            f"{static.name} was trained on"
+            f"{recording.name}: its plateau lies outside the training range of the static "
+            f"model {static.name}"
         )
     damping = without_steady_state(columns[force] - static_force, on)
     return replace(recording, columns={**columns, STATIC_FORCE: static_force, DAMPING: damping})
@@ -131,7 +131,7 @@ class LevelSet:
     """The values `(m,)`, ascending, at which the quantity `of` was held, and how far a sample may
     be from one.
 
-    `nominal` is True where its level is the value of a sample.
+    `nominal` is True if its level is the value of a sample.
     """
 
     of: str
@@ -199,8 +199,8 @@ def level_set(levels: Levels, recordings: Sequence[Recording]) -> LevelSet:
         at = find_levels(joined([recording.columns[of] for recording in recordings]))
         if not at.size:
             raise DataError(
-                f"levels: {of} is nowhere held constant, so no levels can be found",
-                "Give them, as `at: [80, 150]`.",
+                f"levels: {of} is never held constant, so that no levels can be found",
+                "Give the levels, for example `at: [80, 150]`.",
             )
     else:
         at = np.sort(np.array(levels.at, dtype=float)) + 0.0  # no -0 in curve ids
@@ -243,8 +243,8 @@ def cut_by_level(
             values = np.concatenate([one.columns[levels.of] for log in logs for one in log])
             raise DataError(
                 f"levels: no sample is within {levels.within:g} of {levels.of}={level:g}",
-                f"{levels.of} runs from {values.min():g} to {values.max():g}; give other levels "
-                "or a wider `within`.",
+                f"{levels.of} goes from {values.min():g} to {values.max():g}; give other "
+                "levels or a larger `within`.",
             )
     return recordings, parts
 
@@ -256,7 +256,7 @@ def _at_levels_only(recording: Recording, levels: LevelSet) -> tuple[Recording, 
     level = by_blocks(levels.match, recording.columns[levels.of])
     at_one = by_blocks(np.isfinite, level)
     lost = int(np.count_nonzero(~at_one))
-    reason = f"no level within {levels.within:g} of {levels.of}"
+    reason = f"not within {levels.within:g} of any level of {levels.of}"
     dropped = {**recording.dropped, reason: lost} if lost else recording.dropped
     columns = {name: picked(values, at_one) for name, values in recording.columns.items()}
     first = 0 if lost else recording.first_row

@@ -156,8 +156,8 @@ def _check(data: Data) -> None:
     for name in sorted(set().union(*constants)):
         if name in data.measured or name in data.derive:
             raise SpecError(
-                f"files: '{name}' is set for a file and measured or derived as well",
-                "Keep one of both.",
+                f"files: '{name}' is set for a file, and is also measured or derived",
+                "Keep one of the two.",
             )
         if not all(name in given for given in constants):
             raise SpecError(
@@ -167,8 +167,8 @@ def _check(data: Data) -> None:
     for key in ("last", "last_cycles"):
         if data.cycles and data.split.hold_out and getattr(data.split.hold_out, key) is not None:
             what = (
-                f"split.validate: `{key}` needs samples in the order of time, which `cycles` "
-                "gives up"
+                f"split.validate: `{key}` needs samples in the order of time, but `cycles` "
+                "reorders them"
             )
             raise SpecError(what, "Hold out levels or files.")
 
@@ -208,7 +208,8 @@ def _mended(
     warnings += [doubt for piece in whole for doubt in piece.doubts]
     if lost := len(whole) - len(left):
         warnings.append(
-            f"{samples.label}: {lost} of {len(whole)} pieces between gaps have no sample left"
+            f"{samples.label}: {lost} of {len(whole)} pieces between gaps (`data.gaps`) "
+            "have no sample left"
         )
     return [
         Recording(
@@ -258,11 +259,12 @@ def _check_sizes(samples: Samples, units: Mapping[str, str]) -> None:
         if largest > MOST or 0 < largest < LEAST:
             size = f"the largest {name} is {largest:.3g} {units.get(name, '')}".rstrip()
             remedy = (
-                "mend its `unit`, `scale` or expression, or say what stands for a missing "
-                "value (`missing`)"
+                "correct its `unit`, `scale` or expression, or name the number that stands "
+                "for a missing value (`missing`)"
             )
             raise DataError(
-                f"{samples.label}: {size}, and only {LEAST:g} to {MOST:g} can be computed with",
+                f"{samples.label}: {size}, but numbers must be 0 or between {LEAST:g} and "
+                f"{MOST:g} in magnitude",
                 remedy,
             )
 
@@ -277,7 +279,7 @@ def held_out(
     """Return for each part which of its samples are held out, (n,); where several conditions are
     given, all must hold.
 
-    Raises DataError where a condition matches nothing, or where nothing is left to train on.
+    Raises DataError if a condition matches nothing, or where nothing is left to train on.
     """
     if choice is None:
         return [np.zeros(part.size, dtype=np.bool_) for part in parts]
@@ -289,7 +291,7 @@ def held_out(
         )
     if held.all():
         raise DataError(
-            "split.validate: all samples are held out, none is left to train on",
+            "split.validate: all samples are held out, so that none is left for training",
             _levels_and_recordings(parts, levels),
         )
     return np.split(held, np.cumsum([part.size for part in parts])[:-1])
@@ -345,7 +347,7 @@ def _matching(
         if not meant:
             raise DataError(
                 f"split.validate.{kind}: '{pattern}' matches nothing",
-                f"The data have: {', '.join(dict.fromkeys(names))}.",
+                f"The data contain: {', '.join(dict.fromkeys(names))}.",
             )
         held |= meant
     return [name in held for name in names]
@@ -390,7 +392,7 @@ def _within(parts: Sequence[LevelPart], name: str, choice: Sequence[float] | Bet
                 max(part.columns[name].max() for part in parts),
             )
             remedy = (
-                f"{name} runs from {least:g} to {most:g}; give an interval: `{name}: "
+                f"{name} goes from {least:g} to {most:g}; give an interval: `{name}: "
                 f"{{between: ...}}`"
             )
             raise DataError(f"split.validate: {complaint}", remedy)
@@ -425,7 +427,7 @@ def meant_levels(choice: Holdout | None, levels: LevelSet | None) -> list[str]:
         return []
     named = ((f"{value:g}", levels.named(value)) for value in values)
     return [
-        f"split.validate: {levels.of} {value} is taken as the level {at:g}"
+        f"split.validate: for {levels.of} {value}, the level {at:g} is held out"
         for value, at in named
         if at is not None and f"{at:g}" != value
     ]

@@ -50,7 +50,7 @@ class IngestSlice:
 
 
 def slice_of(spec: ExperimentSpec) -> IngestSlice:
-    """Return the part of the spec that ingest reads; cross-validation is no business of its."""
+    """Return the part of the spec that ingest reads; it does not contain cross-validation."""
     split = spec.data.split.model_copy(
         update={"leave_one_level_out": False, "leave_one_group_out": False, "structure_seen": False}
     )
@@ -129,8 +129,8 @@ def find_sources(
     path, each with its joined logs; entries that name one of the `tables` are in memory. Files that
     `bad` (`data.skip_bad_files`) names are left out after logs were paired.
 
-    Raises DataError where a glob finds nothing, a file is named twice, or joined logs cannot be
-    paired; SpecError where recordings share an id.
+    Raises DataError if a glob finds nothing, a file is named twice, or joined logs cannot be
+    paired; SpecError if recordings share an id.
     """
     found = _found(entries, folder, tables, may_be_empty=bool(bad))
     ids = [
@@ -181,8 +181,8 @@ def _found(
         paths = expand(entry.path, folder, may_be_empty) if table is None else [folder / entry.path]
         if entry.id is not None and len(paths) > 1:
             raise SpecError(
-                f"files: id '{entry.id}' is given to {len(paths)} files ({entry.path})",
-                "Name a single file, or drop the id.",
+                f"files: the id '{entry.id}' is given to {len(paths)} files ({entry.path})",
+                "Name a single file, or remove the id.",
             )
         for path in paths:
             name = relative_name(path, folder)
@@ -191,8 +191,8 @@ def _found(
                 before = found[part][1].path
                 which = ":".join(map(str, filter(None, part)))
                 raise DataError(
-                    f"{which}: named twice, by '{before}' and '{entry.path}'",
-                    "make the patterns of `files` disjoint",
+                    f"{which}: is named twice, by '{before}' and by '{entry.path}'",
+                    "change the patterns of `files` so that each file matches one of them",
                 )
             log = Log(path, name, entry.sheet, table=table, table_below=entry.table)
             found[part] = (log, entry)
@@ -225,7 +225,9 @@ def _logs_to_join(join: Join, count: int, folder: Path) -> list[Log]:
     if len(logs) not in (1, count):
         names = ", ".join(log.name for log in logs[:4])
         what = f"join: {len(logs)} files cannot be paired with {count} of `data.files`: {names} ..."
-        raise DataError(what, "Name one for each, in the same order, or a single one for all.")
+        raise DataError(
+            what, "Name one file for each, in the same order, or a single file for all."
+        )
     return logs if len(logs) == count else logs * count
 
 
@@ -238,7 +240,8 @@ def expand(pattern: str, folder: Path, may_be_empty: bool = False) -> list[Path]
     literal = folder / pattern
     if literal.is_dir():
         raise DataError(
-            f"{pattern}: is a folder", f"Name the files in it, as `{pattern.rstrip('/')}/*.csv`."
+            f"{pattern}: is a folder",
+            f"Name the files in it, for example `{pattern.rstrip('/')}/*.csv`.",
         )
     files = []
     for path in sorted(
@@ -250,13 +253,14 @@ def expand(pattern: str, folder: Path, may_be_empty: bool = False) -> list[Path]
         name = relative_name(path, folder)
         if not path.exists():
             raise DataError(
-                f"{name}: is a link that leads nowhere", "mend the link, or leave it out of `files`"
+                f"{name}: is a link to a file that does not exist",
+                "correct the link, or leave it out of `files`",
             )
         if not path.is_file():
-            raise DataError(f"{name}: is no regular file", "name files that hold recordings")
+            raise DataError(f"{name}: is not a regular file", "name files that contain recordings")
         if not is_label(name):
             raise DataError(
-                f'the name {name!r} is not one line of valid text without " ` $ < > \\',
+                f'the file name {name!r} must be one line of valid text without " ` $ < > \\',
                 "rename the file",
             )
         # as all files below /proc say of themselves, which may never end
@@ -275,7 +279,7 @@ def _matches(pattern: str, folder: Path) -> Iterator[Path]:
     """Everything that a glob names. `**` enters each folder once, by whatever links it is reached:
     links may lead back up.
 
-    Raises DataError where it leads through more folders than a study has.
+    Raises DataError if it leads through more folders than a study has.
     """
     entered = count(1)
     yield from _below(PurePath(pattern).parts, folder, pattern, entered)
@@ -299,8 +303,8 @@ def _below(parts: Sequence[str], top: Path, pattern: str, entered: Iterator[int]
     for path in inner:
         if next(entered) > MOST_FOLDERS:
             raise DataError(
-                f"{pattern}: leads through more than {MOST_FOLDERS} folders",
-                "name the folders themselves, as `measured/*/*.csv`",
+                f"{pattern}: matches paths through more than {MOST_FOLDERS} folders",
+                "name the folders explicitly, for example `measured/*/*.csv`",
             )
         yield from _below(rest[1:] or ["*"], path, pattern, entered)
 
@@ -384,7 +388,8 @@ def _what_exists(path: Path) -> str:
         return f"The folder {folder} is empty."
     shown = difflib.get_close_matches(path.name, names, n=SHOWN, cutoff=0.5) or names[:SHOWN]
     return (
-        f"The folder {folder} has: {', '.join(shown)}{', ...' if len(shown) < len(names) else ''}"
+        f"The folder {folder} contains: "
+        f"{', '.join(shown)}{(', ...' if len(shown) < len(names) else '')}"
     )
 
 

@@ -28,7 +28,7 @@ or sessions are within a factor of 1.6 of the mean.
 
 @dataclass(frozen=True)
 class GroupEffects:
-    """Gains and offsets by the value of the quantity `of` that tells groups apart; empty where they
+    """Gains and offsets by the value of the quantity `of` that tells groups apart; empty if they
     were not asked for. The offsets have the mean zero, and so have the logarithms of the gains.
     """
 
@@ -53,12 +53,18 @@ class GroupEffects:
         unknown = ", ".join(f"{group:g}" for group in self.unknown)
         if self.gains:
             each = ", ".join(f"{group:g}: {gain:.4g}" for group, gain in self.gains.items())
-            rest = f"; {unknown}, held out whole, counts as 1" if unknown else ""
+            rest = f"; {unknown} is held out completely and gets a gain of 1" if unknown else ""
             yield f"gains of {self.of}, by which {target} is divided: {each}{rest}"
         if self.offsets:
             each = ", ".join(f"{group:g}: {offset:+.4g}" for group, offset in self.offsets.items())
-            rest = f"; none is known of {unknown}, held out whole" if unknown else ""
-            yield f"offsets of {self.of} [{unit}] taken off {target}: {each}{rest}"
+            rest = (
+                f"; for {unknown}, which is held out completely, the offset is not known"
+                if unknown
+                else ""
+            )
+            yield (
+                f"offsets of {self.of} [{unit}], which are subtracted from {target}: {each}{rest}"
+            )
 
 
 def group_effects(curves: Sequence[Curve], groups: Groups, target: str) -> GroupEffects:
@@ -109,9 +115,9 @@ def _require_apart(common: Array, coded: Array, of: str, names: Sequence[str]) -
     sizes = np.linalg.svd(left, compute_uv=False)
     if len(sizes) and sizes[-1] < TOLD_APART * np.linalg.norm(coded):
         raise DataError(
-            f"groups: offsets of {of} cannot be told from what {', '.join(names)} do: no two "
-            "groups were measured at like inputs",
-            "leave `offset` out, or add recordings of each group at inputs of another",
+            f"groups: offsets of {of} cannot be separated from the effects of "
+            f"{', '.join(names)}, because no two groups were measured at similar inputs",
+            "remove `offset`, or add recordings of each group at the inputs of another group",
         )
 
 

@@ -25,8 +25,8 @@ from mapmore_cli.study.sections.logs import Keep, Logs, SourceColumn
 from mapmore_cli.study.units import convert, is_canonical, is_same, unit_of_file
 
 TURNS = (3600.0, 86400.0)
-"""Where clocks begin anew, in s: those that show minutes after an hour, those that tell the time of
-day at midnight.
+"""Where clocks begin again, in s: those that show minutes after an hour, those that tell the time
+of day at midnight.
 """
 
 NEAR_TURN = 0.9
@@ -59,7 +59,7 @@ class Samples(RawTable):
         )
 
     def some(self) -> Samples:
-        """Return the samples; DataError where none is left."""
+        """Return the samples; DataError if none is left."""
         if self.size:
             return self
         losses = "; ".join(f"{len(rows)}: {reason}" for reason, rows in self.left_out.items())
@@ -209,7 +209,7 @@ def _in_model_units(raw: RawTable, table: Logs, data: Data, units: Mapping[str, 
             if not resting.any():
                 raise DataError(
                     f"{raw.label}: {name} has no value in the first {column.rest:g} s",
-                    "Lengthen `rest`, or mend the file.",
+                    "Make `rest` longer, or correct the file.",
                 )
             columns[name] = by_blocks(partial(np.add, -float(values[resting].mean())), values)
     return Samples(
@@ -225,7 +225,7 @@ def _in_model_units(raw: RawTable, table: Logs, data: Data, units: Mapping[str, 
 
 def _against_the_file(raw: RawTable, table: Logs, units: Mapping[str, str]) -> Iterator[str]:
     """Yield doubts about what the spec says of columns that the file says something of; DataError
-    where both cannot be true.
+    if both cannot be true.
 
     A `scale` in the spec is believed, but for a sign.
     """
@@ -236,7 +236,8 @@ def _against_the_file(raw: RawTable, table: Logs, units: Mapping[str, str]) -> I
         scales = "scale" in column.model_fields_set and column.scale != -1.0
         if scales and told.is_scaled and column.scale != 1.0:
             yield (
-                f"{what} is scaled as the file says, and `scale: {column.scale:g}` scales it again"
+                f"{what} is scaled by the file itself, and `scale: {column.scale:g}` scales "
+                "it again"
             )
         declared = column.unit or units[name]
         free = column.unit is None and (
@@ -247,13 +248,16 @@ def _against_the_file(raw: RawTable, table: Logs, units: Mapping[str, str]) -> I
             continue
         unit = unit_of_file(told.unit, declared)
         if unit is None:
-            yield f"{what} is in '{shortened(told.unit)}', says the file, and is read in {declared}"
+            yield (
+                f"{what} is in '{shortened(told.unit)}' according to the file, but is read in "
+                f"{declared}"
+            )
         elif not is_same(unit, declared):
             remedy = (
-                f"say `unit: {unit}`, or by `scale` how the numbers become {declared}; "
-                "`scale: 1` where the file is wrong"
+                f"write `unit: {unit}`, or set `scale` to the factor from the numbers to "
+                f"{declared} (`scale: 1` if the unit in the file is wrong)"
             )
-            says = told.shown or f"is in {unit}, says the file"
+            says = told.shown or f"is in {unit} according to the file"
             raise DataError(f"{what} {says}, but is read as {name} in {declared}", remedy)
     step = next((told.step for told in raw.noted.values() if told.step), None)
     if (
@@ -262,12 +266,12 @@ def _against_the_file(raw: RawTable, table: Logs, units: Mapping[str, str]) -> I
         and not isclose(step, table.sample_time, rel_tol=1e-3)
     ):
         what = (
-            f"{raw.label}: the file says one sample every {step:.9g} s, and the spec every "
+            f"{raw.label}: the file gives one sample every {step:.9g} s, but the spec every "
             f"{table.sample_time:.9g} s"
         )
         if step != 1.0:
-            raise DataError(what, f"say `sample_time: {step:.9g} s`")
-        yield f"{what}, which is believed: LabVIEW notes 1 s where nobody says"
+            raise DataError(what, f"write `sample_time: {step:.9g} s`")
+        yield f"{what}, which is used: LabVIEW writes 1 s if nobody has set a rate"
 
 
 def _converted(
@@ -282,7 +286,7 @@ def _converted(
 
 
 def unwrapped(values: Array, period: float) -> Array:
-    """Return the numbers of an encoder that begins anew at a `period` as if it went on; what is
+    """Return the numbers of an encoder that begins again at a `period` as if it went on; what is
     missing stays so.
     """
     found, known = values.copy(), np.isfinite(values)
@@ -291,7 +295,7 @@ def unwrapped(values: Array, period: float) -> Array:
 
 
 def going_on(time: Array, turns: Sequence[float]) -> Array:
-    """Return what has to be added to the stamps of a clock, (n,), where it begins anew at one of
+    """Return what has to be added to the stamps of a clock, (n,), where it begins again at one of
     some `turns`.
     """
     before, steps = time[:-1], np.diff(time)
@@ -302,7 +306,7 @@ def going_on(time: Array, turns: Sequence[float]) -> Array:
 
 
 def without_missing(samples: Samples, table: Logs, missing: str | MissingRule) -> Samples:
-    """Treat NaN and infinity as the spec says: an error, or samples to leave out. DataError where
+    """Treat NaN and infinity as the spec says: an error, or samples to leave out. DataError if
     none is left.
     """
     complete = by_blocks(
@@ -389,7 +393,7 @@ def derived(
             at = int(np.argmin(finite))
             raise DataError(
                 f"{samples.at(at)}: derive.{name} gives {values[at]}",
-                "Mend the expression or the data.",
+                "Correct the expression or the data.",
             )
         samples = samples.with_columns({name: values})
     return samples

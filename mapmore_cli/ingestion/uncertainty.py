@@ -54,10 +54,12 @@ def _positive_deviation(
     if len(faulty):
         row = int(faulty[0])
         raise DataError(
-            f"data.uncertainty.{name}: it is {sigma[row]:.3g} at {curve.columns[name][row]:g} "
-            f"(sample {row + 1} of {curve.id}), and {median:.3g} in the middle of the curve",
-            "give each group one; to shares of small values add a floor by `derive`, as "
-            f"`sd: sqrt(0.25 + (0.02*{name})^2)`, and name that",
+            f"data.uncertainty.{name}: it is {sigma[row]:.3g} at "
+            f"{curve.columns[name][row]:g} (sample {row + 1} of {curve.id}), but "
+            f"{median:.3g} in the middle of the curve",
+            "give each group one; if it is a share of the value, add a minimum with "
+            f"`derive`, for example `sd: sqrt(0.25 + (0.02*{name})^2)`, and name that "
+            "quantity",
         )
     return sigma
 

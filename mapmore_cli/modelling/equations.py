@@ -161,7 +161,7 @@ def summed(
                 for tree, own in zip(trees, degrees, strict=True)
                 if name in tree.names
             )
-            # most of its terms are shorter where it begins at zero
+            # most terms are shorter if the coordinate begins at zero
             shift = 1.0 if placed.get(name) == "right" and bent > 0 else 0.0
             short[name], where[fresh] = (
                 Name(fresh) - shift,

@@ -83,7 +83,7 @@ def invert(model: Model, wanted: Array, given: Columns, name: str, rule: str = L
     Raises UsageError for an unknown input or rule; DataError for a model with memory.
     """
     if rule not in (LOWEST, NEAREST):
-        raise UsageError(f"there is no rule '{rule}'", f"take {LOWEST} or {NEAREST}")
+        raise UsageError(f"there is no rule '{rule}'", f"use {LOWEST} or {NEAREST}")
     values, rows, flat, _ = _solutions(model, wanted, given, name)
     counts = np.bincount(rows, minlength=len(wanted))
     one = UNIQUE if model.shape is not None and name in model.shape.monotone else ONE
@@ -151,7 +151,7 @@ def knots(model: Model, name: str) -> Array:
     """Return ascending values of an input between which the model is smooth along it, and the ends
     of its training range.
 
-    Raises UsageError where the range is not known, as of an input that a sum renames.
+    Raises UsageError if the range is not known, as of an input that a sum renames.
     """
     places = np.unique(
         [place for place in program_of(model).knots.get(name, ()) if np.isfinite(place)]
@@ -284,7 +284,7 @@ class _Line:
 def may_turn_twice(
     left: Array, right: Array, slope_left: Array, slope_right: Array, width: Array
 ) -> BoolArray:
-    """Return True where a part may turn twice and come to zero in between, (m,), given its ends'
+    """Return True if a part may turn twice and come to zero in between, (m,), given its ends'
     values and slopes.
 
     A cubic is monotone if its slopes at both ends are at most three times the secant's (Fritsch and

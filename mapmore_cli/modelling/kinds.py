@@ -74,7 +74,7 @@ class Verbs(Protocol):
         return ()
 
     def outside_range(self, model: Model, columns: Columns) -> BoolArray:
-        """Return True where an input lies beyond the `ranges` of the body, (n,)."""
+        """Return True if an input lies beyond the `ranges` of the body, (n,)."""
         return outside_limits(getattr(model.body, "ranges", ()), model.level, columns)
 
     def rules(self, model: Model) -> Iterable[str]:  # noqa: ARG002
@@ -115,7 +115,7 @@ def kinds() -> tuple[Kind, ...]:
 
 
 def named(name: str) -> Kind:
-    """Return the kind of a name; raises NotInstalled where that is a part that is missing."""
+    """Return the kind of a name; raises NotInstalled if that is a part that is missing."""
     own = next((kind for kind in kinds() if kind.name == name), None) or plugins.load("kinds", name)
     assert isinstance(own, Kind)
     return own
@@ -132,7 +132,7 @@ def verbs_of(model: Model) -> Verbs:
 
 
 def kind_of_fit(fit: Fit | None) -> Kind | None:
-    """Return the kind of a fit; None where nothing was fitted."""
+    """Return the kind of a fit; None if nothing was fitted."""
     return next((kind for kind in kinds() if kind.fit is type(fit)), None)
 
 
@@ -143,7 +143,8 @@ def alone(model: Model) -> Model:
     names = [one.name for one in model.outputs]
     if len(names) > 1:
         raise UsageError(
-            f"the model {model.name} has the outputs {', '.join(names)}, and this is done with one",
+            f"the model {model.name} has the outputs {', '.join(names)}, but this works "
+            "with one output only",
             f"make a model of one of them: set `target: {names[0]}`",
         )
     return model
@@ -159,12 +160,12 @@ def simulate(model: Model, columns: Columns) -> SimulatedRun:
     free run diverges.
 
     A model with memory runs free along one recording: it has no prediction before there is history,
-    and starts anew after rows with a NaN.
+    and starts again after rows with a NaN.
 
     - `columns`: the model's inputs by name, each (n,), in the model's units; with memory also
       `time`, and the output where it is fed back.
 
-    Raises KeyError where an input is missing; DataError where a free run has nothing to begin from,
+    Raises KeyError if an input is missing; DataError if a free run has nothing to begin from,
     or samples are not at the model's time steps.
     """
     return verbs_of(model).simulate(model, columns)
@@ -174,7 +175,7 @@ def settled(model: Model, columns: Columns) -> Array:
     """Output of the model where its inputs stand still, (n,): `predict`, but with memory what a run
     comes to rest at.
 
-    Raises FitError where it does not.
+    Raises FitError if it does not.
     """
     return verbs_of(model).settled(model, columns)
 
@@ -187,7 +188,7 @@ def running(model: Model) -> Callable[[Columns], SimulatedRun] | None:
 
 
 def outside_range(model: Model, columns: Columns) -> BoolArray:
-    """Return True where an input lies beyond the training range, of any summand where the model is
+    """Return True if an input lies beyond the training range, of any summand where the model is
     a sum, (n,).
     """
     return verbs_of(model).outside_range(model, columns)
@@ -203,8 +204,8 @@ def numbers_in_reach(model: Model) -> Iterator[None]:
             yield
     except ExpressionError as fault:
         raise DataError(
-            f"the model {model.name} cannot be written out: {fault.message}",
-            "make it anew by its spec",
+            f"the model {model.name} cannot be written as equations: {fault.message}",
+            "run its spec again",
         ) from fault
 
 
@@ -213,7 +214,7 @@ def equations(
 ) -> tuple[Equation, ...]:
     """Return the model as equations, in its units or in others: of a sum, those of each summand.
 
-    Raises DataError where a coefficient is too large to be a number.
+    Raises DataError if a coefficient is too large to be a number.
     """
     with numbers_in_reach(model):
         return verbs_of(model).equations(model, units)
@@ -237,7 +238,7 @@ def one_step_ahead(model: Model, columns: Columns) -> Array:
 
 
 def runs_over_time(model: Model) -> bool:
-    """Return True where rows are samples of a recording, which the model runs along."""
+    """Return True if rows are samples of a recording, which the model runs along."""
     return any(kind_of(one).over_time for one in model.every)
 
 

@@ -18,7 +18,7 @@ def program_of(model: Model) -> Program:
     """Return the model as a program of one sample's numbers, from which other languages and
     derivatives follow.
 
-    Raises DataError where parts have different times between samples or go on from different
+    Raises DataError if parts have different times between samples or go on from different
     outputs, or one is no closed expression, and where a coefficient is too large to be a number.
     """
     m = Writer()
@@ -28,12 +28,14 @@ def program_of(model: Model) -> Program:
     steps = m.kept.steps
     if steps and max(steps) > min(steps) * (1 + UNEVEN):
         found = (
-            f"the parts of {model.name} count samples of {min(steps):g} s and of {max(steps):g} s"
+            f"the parts of {model.name} were trained with different time steps, "
+            f"{min(steps):g} s and {max(steps):g} s"
         )
-        raise DataError(found, "train them at the same time steps")
+        raise DataError(found, "train them with the same time step")
     if len(m.kept.fed_back) > 1:
         raise DataError(
-            f"the parts of {model.name} go on from {', '.join(m.kept.fed_back)}",
+            f"the parts of {model.name} continue from measured outputs "
+            f"({', '.join(m.kept.fed_back)})",
             "export the parts one by one",
         )
     with numbers_in_reach(model):

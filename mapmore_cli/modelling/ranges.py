@@ -58,7 +58,7 @@ def limits(ranges: Sequence[CurveRange], level: str | None) -> Iterator[InputRan
 
 
 def outside_limits(ranges: Sequence[CurveRange], level: str | None, columns: Columns) -> BoolArray:
-    """Return True where an input lies beyond its training range, (n,)."""
+    """Return True if an input lies beyond its training range, (n,)."""
     outside = np.zeros(row_count(columns), dtype=np.bool_)
     for one in limits(ranges, level):
         if one.name in columns:

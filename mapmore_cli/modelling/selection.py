@@ -105,16 +105,23 @@ class Fit(Settings):
     def __post_init__(self) -> None:
         """Refuse a ridge that is lost in rounding, and a scale of nothing."""
         if self.scale != "auto" and self.loss == "squares":
-            raise Contradiction("squares have no scale", "remove it, or add `loss: huber`", "scale")
+            raise Contradiction(
+                "`scale` has no effect with `loss: squares`",
+                "remove it, or add `loss: huber`",
+                "scale",
+            )
         if isinstance(self.ridge, float) and 0 < self.ridge < LEAST_RIDGE:
             raise Contradiction(
-                f"a ridge of {self.ridge:g} is lost in rounding",
+                f"a ridge of {self.ridge:g} is smaller than rounding errors, so that it has "
+                "no effect",
                 f"write {LEAST_RIDGE:g} or more, 0 or `auto`",
                 "ridge",
             )
         for key in ("slack", "beyond"):
             if self.shape is None and key in self.changed:
-                raise Contradiction(f"`{key}` is about a `shape`", f"remove `{key}`", key)
+                raise Contradiction(
+                    f"`{key}` has no effect without `shape`", f"remove `{key}`", key
+                )
 
 
 @dataclass(frozen=True, kw_only=True)

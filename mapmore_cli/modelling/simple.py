@@ -94,7 +94,7 @@ def polynomial_fit(
 
     Inputs are scaled to [-1, 1] on the training samples; where these leave coefficients open, the
     solution of least norm is taken. It is fitted to `rows`, the `training_rows` where they are
-    left out. None where there are fewer of them than coefficients, or no inputs.
+    left out. None if there are fewer of them than coefficients, or no inputs.
     """
     if not names:
         return None
@@ -113,7 +113,7 @@ def arx(dataset: Dataset, names: Sequence[str]) -> list[Array] | None:
     """Free run of `y[k] = c + sum a_i y[k-i] + sum b_j u[k-j]` along every recording, (n_c,) each.
 
     It starts from the first measured output, at rest. Least squares on one step fits it; of
-    `ORDERS`, the one whose free run errs least on the training samples is taken. None where none of
+    `ORDERS`, the one whose free run errs least on the training samples is taken. None if none of
     them runs without diverging.
     """
     best, least = None, np.inf

@@ -22,13 +22,13 @@ ROWS = 16  # of the trial
 
 
 def unsound(model: Model) -> str | None:
-    """Return why a model cannot be evaluated; None where it can."""
+    """Return why a model cannot be evaluated; None if it can."""
     try:
         for one in model.every:
             fault = next(iter(kinds.verbs_of(one).faults(one)), None)
             inputs = {quantity.name for quantity in one.inputs}
             if one.backbone and (missing := {*literature.of(one.backbone).inputs} - inputs):
-                fault = fault or f"{one.backbone.name} needs {min(missing)}, which it lacks"
+                fault = fault or f"{one.backbone.name} needs {min(missing)}, which the model lacks"
             names = (quantity.name for quantity in (one.output, *one.inputs))
             if fault or len({*names}) <= len(one.inputs):
                 return f"of the model {one.name}: {fault or 'two quantities have one name'}"
@@ -36,7 +36,7 @@ def unsound(model: Model) -> str | None:
             _try(one)
     except Exception as error:
         reason = f"{type(error).__name__}: {error}".partition("\n")[0]
-        return f"the model cannot be evaluated, since its parts do not fit each other ({reason})"
+        return f"the model cannot be evaluated, because its parts do not match ({reason})"
     return None
 
 

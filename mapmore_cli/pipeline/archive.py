@@ -55,25 +55,28 @@ def freeze(run_dir: Path, tag: str, archive: Path) -> Path:
     """Copy the model of a finished run, its scores, spec and hashes to `ARCHIVE/NAME@TAG`; the
     folder.
 
-    Raises DataError where the run is not finished, its files are not the ones that it wrote, or its
-    record has no name of a run; UsageError where the tag is no name; WriteError where that name is
+    Raises DataError if the run is not finished, its files are not the ones that it wrote, or its
+    record has no name of a run; UsageError if the tag is no name; WriteError if that name is
     taken, or the archive cannot be written.
     """
     if not TAG.fullmatch(tag):
         raise UsageError(
-            f"{tag!r} cannot be a tag",
-            "use letters, digits, points, dashes and underscores, as 2026-spring",
+            f"{tag!r} cannot be used as a tag",
+            "use letters, digits, points, dashes and underscores, for example 2026-spring",
         )
     _check_finished(run_dir)
     name = _entry(run_dir / RUN_RECORD, "name")
     if not isinstance(name, str) or not TAG.fullmatch(name):  # a stranger's may lead anywhere
         raise DataError(
-            f"{run_dir / RUN_RECORD}: has no name of a run",
-            "make the run anew with `mapmore run CONFIG --force`",
+            f"{run_dir / RUN_RECORD}: does not contain the name of the run",
+            "repeat the run with `mapmore run CONFIG --force`",
         )
     place = archive / f"{name}@{tag}"
     refuse_link(place)
-    refusal = WriteError(f"{place}: is frozen already, and stays as it is", "choose another tag")
+    refusal = WriteError(
+        f"{place}: this tag is frozen already, and a frozen model is never overwritten",
+        "choose another tag",
+    )
     with refusals_told(archive):
         archive.mkdir(parents=True, exist_ok=True)
         with unfinished_beside(place, folder=True) as unfinished:
@@ -105,7 +108,7 @@ def freeze(run_dir: Path, tag: str, archive: Path) -> Path:
 
 
 def _entry(path: Path, *keys: str) -> object:
-    """Return what stands under some keys of a JSON file; None where there is nothing, or no such
+    """Return what stands under some keys of a JSON file; None if there is nothing, or no such
     file.
     """
     try:
@@ -121,19 +124,19 @@ def _check_finished(run_dir: Path) -> None:
     """Check that what `run.json` says was written is there."""
     remedy = "bring the run up to date with `mapmore run`"
     if missing := [kept for kept in KEPT if not (run_dir / kept).is_file()]:
-        raise DataError(f"{run_dir}: is no finished run ({', '.join(missing)} missing)", remedy)
+        raise DataError(f"{run_dir}: is not a finished run ({', '.join(missing)} missing)", remedy)
     outputs = [record.outputs for record in known_records(run_dir).values()]
     written = {path: stamp.sha256 for one in outputs for path, stamp in one.items()}
     for kept in KEPT[:3]:
         if take_stamp(run_dir / kept).sha256 != written.get(kept):
-            raise DataError(f"{run_dir / kept}: is not the file that the run wrote", remedy)
+            raise DataError(f"{run_dir / kept}: was changed after the run wrote it", remedy)
 
 
 def find_model(text: str, runs: Path, archive: Path) -> Path:
     """Return the model file that a word on the command line means: a file, a run folder, a run,
     `NAME@TAG`, or a tag that one run has.
 
-    Raises DataError where there is none, or a frozen model is not what was frozen; UsageError where
+    Raises DataError if there is none, or a frozen model is not what was frozen; UsageError if
     several runs have the tag.
     """
     path = Path(text)
@@ -144,7 +147,7 @@ def find_model(text: str, runs: Path, archive: Path) -> Path:
     folders = list(dict.fromkeys(place for place in places if (place / MODEL).is_file()))
     if not folders:
         raise DataError(
-            f"{text}: there is no model of this name",
+            f"{text}: there is no model with this name",
             f"name a model file, a run in {runs}, or a tag in {archive}",
         )
     if len(folders) > 1 and folders[0].parent == archive:
@@ -155,8 +158,8 @@ def find_model(text: str, runs: Path, archive: Path) -> Path:
     model, record = folders[0] / MODEL, folders[0] / FROZEN
     if record.is_file() and take_stamp(model).sha256 != _entry(record, "sha256", MODEL):
         raise DataError(
-            f"{model}: is not the model that was frozen",
-            "take the folder from a backup, or freeze the run anew",
+            f"{model}: was changed after it was frozen",
+            "restore the folder from a backup, or freeze the run again",
         )
     return model
 
@@ -165,7 +168,7 @@ def runs_of(campaign: Path) -> list[str] | None:
     """Return the names of the runs of a campaign, by the folder of its page; None for another
     folder.
 
-    Raises DataError where its record does not name them.
+    Raises DataError if its record does not name them.
     """
     record = campaign / CAMPAIGN_RECORD
     if not record.is_file():
@@ -173,15 +176,15 @@ def runs_of(campaign: Path) -> list[str] | None:
     names = _entry(record, "runs")
     if not isinstance(names, list) or not all(TAG.fullmatch(str(name)) for name in names):
         raise DataError(
-            f"{record}: does not name the runs of the campaign",
-            "make it anew with `mapmore batch CAMPAIGN`",
+            f"{record}: does not contain the names of the campaign's runs",
+            "repeat it with `mapmore batch CAMPAIGN`",
         )
     return names
 
 
 def find_campaign(text: str, runs: Path, archive: Path) -> dict[str, Path] | None:
     """Return the models of a campaign by the names of its runs, as they are now, or where
-    `NAME@TAG` asks for it, as they were frozen; None where the text names no campaign.
+    `NAME@TAG` asks for it, as they were frozen; None if the text names no campaign.
     """
     name, at, tag = text.partition("@")
     names = runs_of(runs / name)
@@ -205,16 +208,16 @@ def compared(
 ) -> Comparison:
     """Compare two models, with what their runs were made from; of several outputs, one.
 
-    Raises UsageError where their settings differ, unless `other_settings` are allowed; DataError
-    where they are of other quantities, or have too few curves in common.
+    Raises UsageError if their settings differ, unless `other_settings` are allowed; DataError
+    if they are of other quantities, or have too few curves in common.
     """
     records = [known_records(model.parent) for model in (before, after)]
     settings = tuple(_other_settings(*records))
     if settings and not other_settings:
         raise UsageError(
-            f"{before} and {after} were made by other settings, so that a difference may be theirs:"
-            f" {'; '.join(settings)}",
-            "make both by the same settings, or add --allow-other-settings",
+            f"{before} and {after} were made with different settings, which may cause the "
+            f"difference: {'; '.join(settings)}",
+            "make both with the same settings, or add --allow-other-settings",
         )
     hashes = [
         {stamp.sha256 for stage in one.values() for stamp in stage.inputs.values()}
@@ -234,7 +237,7 @@ MADE_BY = ("segment", "dictionary", "model", "fit", "fuse")
 
 
 def _other_settings(*runs: Mapping[str, StageRecord]) -> Iterator[str]:
-    """Yield the keys that differ between two runs, with both values; none where a model was sent
+    """Yield the keys that differ between two runs, with both values; none if a model was sent
     alone, without the record of its run, or where both were searched alike.
 
     Keys that came with a later version have their defaults.

@@ -51,7 +51,7 @@ class Door:
             told = str(getattr(fault, "message", fault))
             said = told if told.startswith(what) else f"{what}: {told}"
             raise DataError(
-                said, getattr(fault, "remedy", "give numbers; None where one is missing")
+                said, getattr(fault, "remedy", "use numbers, and None for a missing value")
             ) from fault
 
     def _read(self, values: object, what: str, axis: str) -> Any:
@@ -97,7 +97,7 @@ class Door:
 
     def _seconds(self, seconds: Any) -> Array:
         if not self.clock:
-            raise ValueError("dates and times stand here, which only `time` may have")
+            raise ValueError("it contains dates and times, which only `time` may contain")
         return self.convert(np.asarray(seconds, dtype=np.float64), "s")
 
 
@@ -121,8 +121,8 @@ def labels_of(table: object) -> tuple[Hashable, ...] | None:
     """
     if hasattr(type(table), "collect"):
         raise DataError(
-            "the frame is lazy: it holds no values yet",
-            "call .collect(), and give what that returns",
+            "the frame is lazy: it contains no values yet",
+            "call .collect(), and pass the result",
         )
     names: Any = getattr(getattr(table, "dtype", None), "names", None)
     if isinstance(table, Mapping):

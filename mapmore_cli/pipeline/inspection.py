@@ -33,8 +33,8 @@ class Inspection:
 
     @property
     def verdict(self) -> MapmoreError | None:
-        """The error to end with, None without errors: the spec is to be mended before the data are
-        looked at again.
+        """The error to end with; None without errors. Mistakes of the spec come first, because the
+        data are checked again after them.
         """
         errors = [issue for issue in self.issues if issue.severity == "error"]
         if not errors:
@@ -98,7 +98,7 @@ def inspect(
         ]
     search = RunFiles(run_dir).search() if run_dir and loaded.spec.model.type == AUTO else None
     if search is not None:
-        remedy = "its table of what was tried is on the page of the run"
+        remedy = "the table of what it tried is on the page of the run"
         issues += [
             Issue("hint", "structure", loaded.where("model"), note, remedy) for note in search.notes
         ]
@@ -112,7 +112,7 @@ def _no_curves(fault: SpecError | DataError, loaded: LoadedSpec) -> Issue:
         "no-curves",
         loaded.where("data"),
         fault.message,
-        fault.remedy or "mend the other issues first",
+        fault.remedy or "correct the other issues first",
         cause,
     )
 

@@ -5,7 +5,7 @@ frames) as the files that are read.
 from __future__ import annotations
 
 import warnings
-from collections.abc import Hashable, Iterable, Mapping, Sequence
+from collections.abc import Collection, Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from math import prod
 from numbers import Integral
@@ -102,14 +102,14 @@ class LoadedModel:
 
         With `time`, the inputs are samples of one recording, from which the model's rates and
         directions follow, and along which a model with memory runs (NaN before there is history).
-        Warns (UserWarning) where points lie outside of the training range. Raises `TypeError` for
+        Warns (UserWarning) where points lie outside the training range. Raises `TypeError` for
         an input that is missing or that the model does not have.
         """
         flat, shape = self._flattened(columns)
         outside = int(outside_range(self.model, flat).sum())
         if outside:
             warnings.warn(
-                f"{outside} of {prod(shape)} point(s) lie outside of the training range of "
+                f"{outside} of {prod(shape)} point(s) lie outside the training range of "
                 f"{self.model.name}",
                 stacklevel=2,
             )
@@ -188,7 +188,7 @@ class LoadedModel:
         return self.model
 
     def outside_range(self, **columns: ArrayLike) -> BoolArray:
-        """Return True where an input lies beyond the training range, in the shape of the output."""
+        """Return True if an input lies beyond the training range, in the shape of the output."""
         flat, shape = self._flattened(columns)
         return outside_range(self.model, flat).reshape(shape)
 
@@ -196,7 +196,7 @@ class LoadedModel:
         """Return the low and the high end that hold a sample of a new curve with the probability
         `level`, in the shape of the output.
 
-        They are NaN outside of the training range. Raises `DataError` for a model whose spec has no
+        They are NaN outside the training range. Raises `DataError` for a model whose spec has no
         `validate: {intervals: true}`.
         """
         flat, shape = self._flattened(columns)
@@ -222,7 +222,7 @@ class LoadedModel:
         """
         if wanted is None:
             if self.output.name not in given:
-                raise TypeError(f"no wanted output: give `{self.output.name}`")
+                raise TypeError(f"the wanted output is missing: give `{self.output.name}`")
             wanted = given.pop(self.output.name)
         arrays = [
             self._given(self.output.name, wanted),
@@ -267,7 +267,7 @@ Entry = Column | Mapping[str, Any]
 
 
 def columns_in(frame: object, column: Column) -> list[Hashable]:
-    """Return the labels that a column of the spec means; none where there is no such column,
+    """Return the labels that a column of the spec means; none if there is no such column,
     several where it is not clear.
 
     The label itself comes first. Text means the label that is written so, too. A number is a place,
@@ -296,9 +296,28 @@ def canonical_columns(frame: object, target: object) -> dict[str, dict[str, str]
         known = known_names("", names, "The frame has")
         raise SpecError(
             "columns: no column of the frame has a canonical name",
-            f'say which is which: columns={{"force": {{"column": "F"}}}}. {known}',
+            f'assign the columns: columns={{"force": {{"column": "F"}}}}. {known}',
         )
     return columns
+
+
+def with_canonical_columns(
+    frames: Sequence[object], columns: Mapping[str, Any], made: Collection[str]
+) -> dict[str, Any]:
+    """Return a section `columns` with the unused columns of all frames whose labels are canonical
+    names, except of quantities that the section has or that are `made` of others.
+    """
+    frame, *others = frames
+    used = {label for entry in columns.values() for label in columns_in(frame, source_of(entry))}
+    added = {
+        str(label): {"column": str(label)}
+        for label in labels_of(frame) or ()
+        if label not in used
+        and str(label) not in made
+        and is_canonical(str(label))
+        and all(label in (labels_of(other) or ()) for other in others)
+    }
+    return {**added, **columns}
 
 
 def column_of(
@@ -315,7 +334,7 @@ def column_of(
         raise DataError(f"{label}: there is no column '{column}'", known)
     if len(matches) > 1 or labels.count(matches[0]) > 1:
         raise DataError(
-            f"{label_of_column} is there more than once", "give every column a name of its own"
+            f"{label_of_column} exists more than once", "give each column a name of its own"
         )
     values = given_numbers(frame[matches[0]], label_of_column, name, unit, layout)
     if values.ndim != 1:
@@ -364,7 +383,7 @@ def tables_of(
         if len(set(lengths.values())) > 1:
             raise DataError(
                 f"{label}: columns of different length: {lengths}",
-                "they do not belong to one recording",
+                "give columns of one recording, which all have the same length",
             )
         rows = range(max(lengths.values(), default=0))
         tables[f"recording_{number}"] = RawTable(arrays, rows, label, IN_MEMORY, titles=titles)
@@ -400,7 +419,7 @@ def source_of(entry: object) -> Column:
     source = entry.get("column") if isinstance(entry, Mapping) else entry
     if not isinstance(source, str | int):
         raise SpecError(
-            "columns: an entry names no column",
+            "columns: an entry does not name its column",
             'write columns={"force": {"column": "F", "unit": "N"}}',
         )
     return source

@@ -96,7 +96,7 @@ class Predictor:
                 inputs = with_signals(reading.signals, inputs)
             except DataError:  # too few samples for the window of a rate
                 continue
-            # far outside of the range a term may overflow; the flag says so
+            # far outside the range a term may overflow; the flag says so
             with np.errstate(all="ignore"), numbered(rows[part]):
                 outcomes = [run(inputs) for run in runs]
                 beyond = outside[part] = outside_range(model, inputs)
@@ -157,27 +157,27 @@ def predicted_lines(
     `outside_range`, added to each.
 
     The header holds canonical names; the numbers are in the model's units. The prediction has 12
-    significant digits; `outside_range` is `true` or `false`. Both are empty where an input is empty
+    significant digits; `outside_range` is `true` or `false`. Both are empty if an input is empty
     or not finite. Blank lines stay as they are. `label` names the table in messages; `chunk` has no
     influence on the result.
 
     - `turned_for`: an input that the model is inverted for, as the force of a model of the strain:
       the table has the output in its place,
       the column is `<input>_predicted`, and rows without a solution in the training range are
-      outside of it.
-    - `interval`: as 0.95, adds `<output>_low` and `<output>_high`, empty outside of the training
+      outside it.
+    - `interval`: as 0.95, adds `<output>_low` and `<output>_high`, empty outside the training
       range.
     - `derivatives`: adds one column for every input, `<output>_by_<input>`.
     - `constants`: adds inputs that are the same in every row.
 
     Rates and directions that the table lacks follow from its `time`, recording by recording: one
-    ends where the column `recording` changes or time is set back, and after a gap all starts anew.
+    ends where the column `recording` changes or time is set back, and after a gap all starts again.
     A model with memory runs along each recording in the same way, from the first measured outputs
     where it feeds its output back; there is no prediction before there is history, and from where
     the run diverges, which `warn` is told. A recording is in memory as a whole where rates follow
     from its columns, else by `chunk` rows.
 
-    Raises DataError where the table is empty, lacks an input, already has one of the added columns,
+    Raises DataError if the table is empty, lacks an input, already has one of the added columns,
     or has a field that is not a number; where a model with memory has nothing to go on from, or
     rows are not at its time steps; where the model holds nothing to make intervals from. Raises
     UsageError for an interval that there is none of, or a model that cannot be inverted for that
@@ -204,15 +204,15 @@ def predicted_lines(
         cells, diverged = predictor.cells(label, block, table.values(block, places), runs)
         for start in diverged:
             warn(
-                f"{label}:row {block[start].line}: the free run diverges; there is no "
-                "prediction until it starts anew"
+                f"{label}:row {block[start].line}: the free run diverges, so that there is "
+                "no prediction until it is started again"
             )
         predicted += sum(not own.startswith(",") for own in cells)
         beyond += sum("true" in own.split(",") for own in cells)
         yield from table.extended(block, cells)
     if predicted and beyond == predicted:
         warn(
-            f"{label}: every row lies outside of the training range; the model expects "
+            f"{label}: every row lies outside the training range; the model expects "
             f"{table.expected}"
         )
 
@@ -229,13 +229,14 @@ def inverted_lines(
     none of them. The whole table is in memory, since the rule `nearest` goes from row to row.
 
     Raises UsageError for an input that the model has not, a rule that there is none of, or a model
-    with memory; DataError where the table is empty, lacks a column, has one of the added ones
+    with memory; DataError if the table is empty, lacks a column, has one of the added ones
     already, or a field that is no number.
     """
     if runs_over_time(model):
         raise UsageError(
-            "this model has memory: the input for an output depends on what was before",
-            "invert a static model",
+            "this model has memory: its output depends on past inputs, so that it cannot "
+            "be inverted",
+            "use a model without memory",
         )
     needed = [
         alone(model).output.name,
@@ -259,12 +260,14 @@ def inverted_lines(
 
 
 def _reading_turned(model: Model, name: str) -> Reading:
-    """Return what is read where a model is inverted; UsageError where it cannot be."""
+    """Return what is read where a model is inverted; UsageError if it cannot be."""
     inputs = [quantity.name for quantity in alone(model).inputs]
     if name not in inputs:
         raise UsageError(f"--as: the model has no input '{name}'", f"it has {', '.join(inputs)}")
     if runs_over_time(model):
-        raise UsageError("--as: this model has memory, and cannot be inverted", "leave --as out")
+        raise UsageError(
+            "--as: this model has memory, so that it cannot be inverted", "leave --as out"
+        )
     return Reading((model.output.name, *(one for one in inputs if one != name)), turned_for=name)
 
 
@@ -289,7 +292,7 @@ def adapt(
     `constants` give what specimens differ in. Rows with an empty field are left out. The intervals
     stay those of the family, and a note says so.
 
-    Raises UsageError for a model that is no family, or without its dimension; DataError where the
+    Raises UsageError for a model that is no family, or without its dimension; DataError if the
     table is empty or lacks a column.
     """
     of = dimension_of(model)
@@ -298,10 +301,10 @@ def adapt(
     if set(constants) != {of}:
         unit = next(quantity.unit for quantity in model.inputs if quantity.name == of)
         remedy = (
-            f"give it as `--set {of}={(low + high) / 2:.3g}`, in {unit}; the family goes from "
-            f"{low:g} to {high:g}"
+            f"give it, for example `--set {of}={(low + high) / 2:.3g}`, in {unit}; the "
+            f"family covers {low:g} to {high:g}"
         )
-        raise UsageError(f"adapt needs the {of} of the specimen, and nothing else", remedy)
+        raise UsageError(f"adapt needs the {of} of the specimen, and no other constant", remedy)
     names = ("pressure", "strain", model.output.name)
     columns = {name: np.empty(0) for name in names}
     if lines is not None:
@@ -321,11 +324,14 @@ def adapt(
     inputs = tuple(quantity for quantity in model.inputs if quantity.name != of)
     notes = [*fit.notes]
     if not low <= constants[of] <= high:
-        notes.append(f"{of} {constants[of]:g} lies outside of the family's {low:g} to {high:g}")
+        notes.append(
+            f"{of} {constants[of]:g} lies outside the range of the family, {low:g} to {high:g}"
+        )
     if model.left_out is not None:
         notes.append(
-            f"its intervals are those of the family, by {model.left_out.curves} specimens, "
-            "whatever was measured of this one"
+            "its intervals are those of the family, which come from "
+            f"{model.left_out.curves} specimens; the samples of this specimen do not change "
+            "them"
         )
     return replace(
         model, inputs=inputs, body=replace(model.body, fit=fit, ranges=ranges), notes=tuple(notes)
@@ -337,9 +343,9 @@ def dimension_of(model: Model) -> str:
     if isinstance(model.body, Formula) and is_family(model.body.fit.definition):
         return family_of(model.body.fit.definition).settings.of
     raise UsageError(
-        f"the model {model.name} is of one muscle, and adapt needs that of a family, which is "
-        "learnt from several",
-        "give each muscle's files what it differs in, as `set: {rest_length: 83 mm}`, and "
-        "write `model: {family: {of: rest_length}}`; "
-        "or fit this muscle by itself: `mapmore init` with its files",
+        f"adapt needs a family model, which is fitted to several muscles, but {model.name} "
+        "is fitted to one",
+        "give the files of each muscle the property that differs, for example `set: "
+        "{rest_length: 83 mm}`, and write `model: {family: {of: rest_length}}`; or "
+        "make a model of this muscle alone: `mapmore init` with its files",
     )

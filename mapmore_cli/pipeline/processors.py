@@ -2,7 +2,7 @@
 
 Everything that is done side by side goes through a `concurrent.futures.Executor`: combinations of
 `tune` and structures of a search in forks of this process, runs of a campaign in processes that are
-started anew, or on a Dask cluster.
+started again, or on a Dask cluster.
 """
 
 from __future__ import annotations
@@ -86,8 +86,8 @@ def processes(count: int, method: str, work: object = None) -> Iterator[ProcessP
     # the system keeps the locks between processes as small files, or has none
     except (OSError, NotImplementedError) as fault:
         raise WriteError(
-            f"no worker process can be started: {getattr(fault, 'strerror', None) or fault}",
-            "make room in shared memory (/dev/shm) and on the disk",
+            f"a worker process cannot be started: {getattr(fault, 'strerror', None) or fault}",
+            "free some shared memory (/dev/shm) and disk space",
         ) from fault
     with pool:
         try:

@@ -135,7 +135,7 @@ class Sheet:
 
     `constants` become columns that have one value in every row.
 
-    Raises DataError where there is no header, `expected` says what it has to name, or where the
+    Raises DataError if there is no header, `expected` says what it has to name, or where the
     table has a column of the constants.
     """
 
@@ -166,11 +166,11 @@ class Sheet:
     def empty(self) -> DataError:
         """Return what is told of a table without rows."""
         return DataError(
-            f"{self.label}: the table is empty", f"its first line has to name {self.expected}"
+            f"{self.label}: the table is empty", f"its first line must name {self.expected}"
         )
 
     def places(self, wanted: Iterable[str], added: Sequence[str] = ()) -> dict[str, int]:
-        """Return where the `wanted` columns are; raises DataError where one is missing, or the
+        """Return where the `wanted` columns are; raises DataError if one is missing, or the
         table has one of those that are `added`.
         """
         if there := next((name for name in added if name in self.names), None):
@@ -201,10 +201,10 @@ class Sheet:
             cells = row.cells if row.text.strip() else [""]
             if len(cells) != len(self.names):
                 what = (
-                    f"{self.label}:row {row.line}: has {len(cells)} fields, the header has "
-                    f"{len(self.names)}"
+                    f"{self.label}:row {row.line}: has {len(cells)} fields, but the header "
+                    f"has {len(self.names)}"
                 )
-                raise DataError(what, "mend or remove the line")
+                raise DataError(what, "correct or remove the line")
             for name, place, values, read in columns:
                 try:
                     values[i] = read(cells[place])
@@ -214,7 +214,7 @@ class Sheet:
 
     def _reader(self, name: str) -> CellReader:
         """Return what reads the cells of a column, the same one for all blocks."""
-        usual = "mend the cell, or leave it empty"
+        usual = "correct the cell, or leave it empty"
         return self._readers.setdefault(name, CellReader(clock=name == "time", usual=usual))
 
     def extended(self, block: Sequence[Row], added: Sequence[str]) -> Iterator[str]:
@@ -234,7 +234,7 @@ def grid_lines(text: str, inputs: Sequence[str]) -> Iterator[str]:
     """Return the header and the points of a grid, the last input of `text` varying fastest; both
     ends are included.
 
-    Raises UsageError where `text` is malformed, names an input twice or one that the model has not,
+    Raises UsageError if `text` is malformed, names an input twice or one that the model has not,
     leaves one out, or has a step that does not lead from the first value to the last.
     """
     axes = grid_axes(text, inputs)
@@ -263,8 +263,8 @@ def grid_axes(text: str, inputs: Sequence[str]) -> dict[str, list[float]]:
     points = math.prod(map(len, axes.values()))
     if points > MOST_POINTS:
         raise UsageError(
-            f"--grid: asks for {points} points, more than {MOST_POINTS}",
-            "choose larger steps, or predict a table",
+            f"--grid: makes {points} points, more than {MOST_POINTS}",
+            "use larger steps, or predict a table",
         )
     return axes
 
@@ -280,13 +280,14 @@ def _axis_values(part: str, text: str) -> list[float]:
     steps = (last - first) / step if step else math.nan
     if not 0 <= steps <= MOST_POINTS:
         raise UsageError(
-            f"--grid: '{part}' does not lead from {first:g} to {last:g} in at most "
+            f"--grid: '{part}' does not go from {first:g} to {last:g} in at most "
             f"{MOST_POINTS} steps",
             EXAMPLE,
         )
     if abs(steps - round(steps)) > 1e-6:
         raise UsageError(
-            f"--grid: {last:g} is not a whole number of steps of {step:g} from {first:g}",
-            "choose another step or last value",
+            f"--grid: the way from {first:g} to {last:g} is not a whole number of steps of "
+            f"{step:g}",
+            "use another step or last value",
         )
     return [first + i * step for i in range(round(steps))] + [last]

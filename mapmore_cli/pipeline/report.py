@@ -175,7 +175,7 @@ def _collected(
 
 
 def faults_of(style: FigureStyle) -> list[str]:
-    """Return warnings about a font that this machine does not have; SpecError where the formula in
+    """Return warnings about a font that this machine does not have; SpecError if the formula in
     a label is wrong.
     """
     if style.font is None and not style.labels:
@@ -184,20 +184,22 @@ def faults_of(style: FigureStyle) -> list[str]:
 
     for quantity, label in style.labels.items():
         if fault := wrong_formula(label):
-            remedy = "mend the formula between the dollars, or remove the dollars"
+            remedy = "correct the formula between the dollar signs, or remove the dollar signs"
             raise SpecError(
-                f"report.style.labels.{quantity}: {label!r} cannot be set ({fault})", remedy
+                f"report.style.labels.{quantity}: {label!r} cannot be typeset ({fault})", remedy
             )
     if style.font is not None and not has_font(style.font):
         return [
-            f"report.style.font: {style.font!r} is not installed here; PDF and PNG figures "
-            "are set in another font"
+            (
+                f"report.style.font: {style.font!r} is not installed here, so that PDF and PNG "
+                "figures use another font"
+            )
         ]
     return []
 
 
 LOOKS = "report.style."
-"""What of a run's spec may be replaced to draw its results anew."""
+"""What of a run's spec may be replaced to draw its results again."""
 
 
 def drawn_figure(
@@ -217,7 +219,7 @@ def drawn_figure(
     - `models`: competitors that are drawn, where that is not all of them.
     - `looks`: values that replace those of the run's spec, as `report.style.width=120 mm`.
 
-    Raises DataError where the folder holds no finished run; UsageError where there is no such panel
+    Raises DataError if the folder holds no finished run; UsageError if there is no such panel
     (the message names those that there are), or `looks` are about anything else.
     """
     from mapmore_cli.reporting.figures.drawing import compose, drawings, panel_of, to_bytes
@@ -227,13 +229,13 @@ def drawn_figure(
 
     if not (run_dir / VALIDATION).is_file():
         raise DataError(
-            f"{run_dir}: holds no finished run",
-            "give a folder that `mapmore run` wrote, as runs/NAME",
+            f"{run_dir}: does not contain a finished run",
+            "give a folder that `mapmore run` wrote, for example runs/NAME",
         )
     if other := next((one for one in looks if not one.startswith(LOOKS)), None):
         raise UsageError(
-            f"--set {other}: changes more than looks",
-            f"set a key of {LOOKS.rstrip('.')}, or run the study anew",
+            f"--set {other}: this key changes more than the look of a figure",
+            f"set a key of {LOOKS.rstrip('.')}, or change the spec and repeat the run",
         )
     every = collected(report_slice(load(run_dir / "experiment.yaml", looks).spec), run_dir)
     prefix, name = name[: name.rfind(".") + 1], name.rpartition(".")[2]
@@ -251,7 +253,10 @@ def drawn_figure(
             else panel_of(name, inputs, key)
         )
         if drawing is None:
-            raise UsageError(f"{run_dir}: has nothing to draw as {name!r}", "choose another figure")
+            raise UsageError(
+                f"{run_dir}: its results contain nothing to draw as {name!r}",
+                "choose another figure",
+            )
         as_wide = any(one.startswith(f"{LOOKS}width=") for one in looks)
         figure = compose(drawing, inputs.style, panel, inputs.style.width if as_wide else None)
         written = to_bytes(figure, suffix, drawing.name, drawing.alt)

@@ -62,7 +62,7 @@ what was found.
 """
 
 OnStage = Callable[[str, str | None], None]
-"""`on_stage(stage, reason)`: called before a stage runs, or with None where it is up to date."""
+"""`on_stage(stage, reason)`: called before a stage runs, or with None if it is up to date."""
 
 
 @dataclass(frozen=True)
@@ -106,7 +106,7 @@ def explain(
     warn: Warn = lambda _message: None,
     stages: Sequence[Stage] | None = None,
 ) -> list[tuple[str, str | None]]:
-    """Return every stage up to `until` with the reason why it would run, None where it is up to
+    """Return every stage up to `until` with the reason why it would run, None if it is up to
     date. Nothing is written.
     """
     refuse_circle(loaded)
@@ -144,7 +144,7 @@ def bring_up_to_date(
     same folder of runs. After ingest, the rules of `checking` are applied, unless they were to the
     same: `warn` is told what they find.
 
-    Raises WriteError where the folder cannot be written or holds the run of another spec, the disk
+    Raises WriteError if the folder cannot be written or holds the run of another spec, the disk
     is full, or another process is writing the run; MapmoreError for whatever a stage found wrong;
     its outputs, and those of the stages after it, are then as they were.
     """
@@ -164,7 +164,7 @@ def bring_up_to_date(
 
 
 def _origin(loaded: LoadedSpec, run_dir: Path, campaign: Path | None) -> Origin:
-    """Where the run comes from now; WriteError where its folder holds a run of the same name from
+    """Where the run comes from now; WriteError if its folder holds a run of the same name from
     elsewhere, which still exists.
     """
     here = Origin(
@@ -182,9 +182,9 @@ def _origin(loaded: LoadedSpec, run_dir: Path, campaign: Path | None) -> Origin:
     rival = here.rival_of(before, run_dir) if before is not None else None
     if rival is not None:
         raise WriteError(
-            f"{run_dir}: holds the run '{loaded.spec.name}' of {rival}; this is a run of "
-            f"{here.campaign or here.spec} (seen from there)",
-            "give one of them another `name`, or choose another folder with --runs",
+            f"{run_dir}: contains the run '{loaded.spec.name}' of {rival}, but this is a "
+            f"run of {here.campaign or here.spec} (path relative to that folder)",
+            "give one of them another `name`, or use another folder with --runs",
         )
     return here
 
@@ -217,7 +217,7 @@ class _Run:
 
     def settled(self, until: str) -> list[StagePlan] | None:
         """Return the plans where nothing is to be done, seen without the lock of the run, since
-        others may be reading it; None where something may be.
+        others may be reading it; None if something may be.
 
         Results are moved in whole and committed last, so what looks whole is. Where another process
         is at work, the lock decides.
@@ -299,8 +299,8 @@ class _Run:
         """Warn of files that had to make way, and that the run did not write as they were."""
         if paths:
             self.warn(
-                f"{self.run_dir}: {', '.join(paths)} was changed after the run, or came from "
-                "elsewhere. The new results take this place, and what was there is in "
+                f"{self.run_dir}: {', '.join(paths)} was changed after the run, or was not "
+                "written by it. The new results replace it; the old files are in "
                 f"{self.run_dir.parent / TRASH}"
             )
 
@@ -335,11 +335,11 @@ class _Run:
         return replace(plan.now, outputs=outputs, tools=tool_versions(), seconds=seconds, why=why)
 
     def checks(self, plan: StagePlan, until: str) -> bool:
-        """Tell whether the rules are applied after a stage: ingest, where it is not the last."""
+        """Return whether the rules are applied after a stage: ingest, where it is not the last."""
         return plan.stage is pipeline()[0] and plan.stage.name != until
 
     def known_findings(self, ingest: StagePlan) -> tuple[findings.Issue, ...] | None:
-        """Return what the rules found in these data; None where that is not known, or ends the run:
+        """Return what the rules found in these data; None if that is not known, or ends the run:
         places in the spec may have moved.
         """
         issues = findings.kept(self.run_dir, findings.mark_of(self.loaded, ingest.now.fingerprint))
@@ -391,8 +391,9 @@ class _Run:
         if other.is_kept(runs):
             if not current:
                 self.warn(
-                    f"{name}: its data or settings have changed since its model was made, which is "
-                    f"compared as it is; `mapmore run {other.need.key}` brings it up to date"
+                    f"{name}: its data or settings have changed since its model was made; "
+                    f"the comparison uses the old model; `mapmore run {other.need.key}` "
+                    "brings it up to date"
                 )
         elif not current:
             known = findings.sentences(self.run_dir)  # a variation has most of them as well
@@ -415,8 +416,8 @@ class _Run:
         return runs / name
 
     def is_current(self, other: Needed) -> bool:
-        """Tell whether another run is up to date, has its spec, and nobody was killed or is at work
-        in its folder.
+        """Return whether another run is up to date, has its spec, and nobody was killed or is at
+        work in its folder.
         """
         run_dir = self.run_dir.parent / other.loaded.spec.name
         plans = plans_of(other, self.stages, other.last, self.run_dir.parent)

@@ -36,8 +36,8 @@ class ScoresSlice:
 
 
 def scores_slice(spec: ExperimentSpec) -> ScoresSlice:
-    """Return the stage's slice of the spec; what only composites and load-cycle formulas need is in
-    it where they may stand.
+    """Return the part of the spec that the stage reads. What only composites and load-cycle
+    formulas need is part of it only if they are possible.
     """
     spec = with_definitions(spec)
     target = spec.target if isinstance(spec.target, str) else spec.target.column

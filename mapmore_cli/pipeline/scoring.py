@@ -78,7 +78,9 @@ def _scored(part: ScoresSlice, workspace: Workspace, measured: Dataset, model: M
     predictions = {name: tuple(one.values for one in every) for name, every in forecasts.items()}
     warnings = alarms(model, dataset, predictions[OWN], scores)
     if part.structure_seen and not (part.folds and was_searched(workspace.run_dir)):
-        chosen = f"{STRUCTURE_SEEN}{part.structure_seen}: errors on new ones are likely larger"
+        chosen = (
+            f"{STRUCTURE_SEEN}{part.structure_seen}, so that errors on new ones are probably larger"
+        )
         warnings = (chosen, *warnings)
     far = () if part.robust is None else outliers(dataset, forecasts[OWN], part.robust)
     if far:
@@ -161,20 +163,21 @@ def _diverged(name: str, curve: Curve, row: int, dataset: Dataset) -> str:
     if "time" in curve.columns:
         at += f" ({curve.columns['time'][row]:g} {dataset.unit('time')})"
     return (
-        f"{name}: its free run diverges on {curve.recordings[log]} at {at}; it has no scores there"
+        f"{name}: its free run diverges on {curve.recordings[log]} at {at}, so that it has "
+        "no scores there"
     )
 
 
 def scored_as(name: str, dataset: Dataset, model: Model) -> Dataset:
-    """Return the dataset with an input of the model as what is measured and scored; SpecError where
+    """Return the dataset with an input of the model as what is measured and scored; SpecError if
     the model has no such input.
     """
     inputs = [quantity.name for quantity in model.inputs]
     if name not in inputs:
         raise SpecError(
             f"validate.as: the model of {model.output.name} cannot be inverted for `{name}`",
-            f"the model is a function of {', '.join(inputs)}: name one of these, or put "
-            f"`{name}` into the dictionary",
+            f"`as` must be an input of the model, and these are {', '.join(inputs)}: name "
+            f"one of these, or add terms of `{name}` to the dictionary",
         )
     return replace(dataset, target=name)
 
@@ -190,15 +193,15 @@ def _fit_rivals(contest: Contest, part: ScoresSlice, progress: Progress, warn: W
     for one in rivals:
         if one.failed:
             reasons = "; ".join(note for fit in one.formulas.values() for note in fit.notes)
-            warn(f"{one.name}: the fit failed, its rows are left out: {reasons}")
+            warn(f"{one.name}: the fit failed, so that its rows are left out: {reasons}")
     return rivals
 
 
 def _left_out(
     choices: ModelChoices, contest: Contest, part: ScoresSlice, workspace: Workspace, fitted_to: str
 ) -> tuple[Dataset, Said]:
-    """Return the dataset with all samples held out, and what models of the other levels say of
-    them.
+    """Return the dataset with all samples held out, and the predictions by models that were fitted
+    to the other levels.
     """
 
     def compare(fold: Contest) -> tuple[Said, list[str]]:
@@ -216,8 +219,8 @@ def _left_out(
 def _repeatability_scores(
     part: ScoresSlice, model: Model, dataset: Dataset, scale: Normaliser
 ) -> Iterator[Score]:
-    """Yield rows of the repeatability: of held-out cycles, or where measurements at one level,
-    coordinate and direction were repeated.
+    """Yield rows of the repeatability: of held-out cycles, or of measurements that were repeated at
+    one level, coordinate and direction.
     """
     data = (dataset.curves, dataset.target)
     if part.cycles_of is not None:

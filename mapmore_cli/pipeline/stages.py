@@ -61,7 +61,7 @@ def recordings(spec: ExperimentSpec, folder: Path) -> list[Path]:
 
 
 def static_run(spec: ExperimentSpec) -> list[Need]:
-    """Return the static run, where the damping force is what its model leaves."""
+    """Return the static run, whose model is subtracted to obtain the damping force."""
     static = spec.needs.static
     return [Need(static)] if spec.target == "damping" and static is not None else []
 
@@ -107,7 +107,7 @@ def segment(part: ModelChoices, workspace: Workspace) -> None:
             cut = part.segment[name]
             wanted = cut.count if isinstance(cut, Cuts) else None
             if isinstance(cut, Cuts) and wanted is not None and len(boundaries) <= wanted:
-                why = ": neighbours with too few samples are joined" if cut.joins else ""
+                why = ", because neighbours with too few samples are joined" if cut.joins else ""
                 workspace.warn(
                     f"curve {curve.curve}: {len(boundaries) - 1} segment(s) along {name} "
                     f"instead of {wanted}{why}"
@@ -126,7 +126,7 @@ SEGMENT = Stage(
 
 def fit(part: ModelChoices, workspace: Workspace) -> None:
     """Fit what the kind of model asks for: every segment, one model with memory, a formula, or
-    nothing where models are added up.
+    nothing if models are added up.
     """
     from mapmore_cli.modelling.frols.offsets import constant_alone, far_from_zero
     from mapmore_cli.modelling.literature.backbone import pooled_training
@@ -146,8 +146,8 @@ def fit(part: ModelChoices, workspace: Workspace) -> None:
     tied = (piece.id for one in result.each for piece in one.pieces if piece.selection.tied.any())
     for id_ in dict.fromkeys(tied):
         workspace.warn(
-            f"segment {id_}: candidates tie within 1e-9, and the first was taken: "
-            "remove the others from the dictionary"
+            f"segment {id_}: several candidates are equally good (within 1e-9), and the "
+            "first was chosen; remove the others from the dictionary"
         )
     write_fit(workspace.out / FIT, result, units_of(dataset))
 

@@ -71,7 +71,7 @@ def known_records(run_dir: Path) -> dict[str, StageRecord]:
 def needed_runs(stage: Stage, loaded: LoadedSpec) -> tuple[Needed, ...]:
     """Return the runs that a stage needs, in the order of the spec.
 
-    Raises SpecError where a needed spec is missing or wrong.
+    Raises SpecError if a needed spec is missing or wrong.
     """
     return tuple(
         Needed(need, _varied(loaded, need) if need.overrides else load(loaded.folder / need.key))
@@ -83,7 +83,7 @@ def named_runs(specs: Sequence[LoadedSpec]) -> set[str]:
     """Return the names of the runs of specs, and of all runs that they are built on or compared
     with.
 
-    Raises SpecError where a needed spec is missing or wrong.
+    Raises SpecError if a needed spec is missing or wrong.
     """
     names, waiting = set[str](), [*specs]
     while waiting:
@@ -96,7 +96,7 @@ def named_runs(specs: Sequence[LoadedSpec]) -> set[str]:
 
 
 def refuse_circle(loaded: LoadedSpec, heirs: tuple[Path, ...] = ()) -> None:
-    """Raise SpecError where runs are built on each other in a circle; `heirs` are the specs that
+    """Raise SpecError if runs are built on each other in a circle; `heirs` are the specs that
     led to this one. A run that is compared needs what its model is built on.
     """
     spec, chain = loaded.spec, (*heirs, loaded.path.resolve())
@@ -108,7 +108,8 @@ def refuse_circle(loaded: LoadedSpec, heirs: tuple[Path, ...] = ()) -> None:
         if other.resolve() in chain:
             circle = " -> ".join(one.name for one in (*chain, other))
             raise SpecError(
-                f"{loaded.name}: runs need each other in a circle: {circle}", "remove one of them"
+                f"{loaded.name}: these runs need each other in a circle: {circle}",
+                "remove one of them",
             )
         refuse_circle(load(other), chain)
 
@@ -126,7 +127,8 @@ def _varied(loaded: LoadedSpec, variation: Need) -> LoadedSpec:
         return changed(loaded, (*variation.overrides, *as_overrides(own)))
     except SpecError as error:
         raise SpecError(
-            f"{loaded.name}: as `{variation.key}`, with other settings: {error.message}",
+            f"{loaded.name}: as the competitor `{variation.key}`, with other settings: "
+            f"{error.message}",
             error.remedy,
         ) from error
 
@@ -143,7 +145,7 @@ class StagePlan:
     """What a stage would be made from now.
 
     `part` is the slice of the spec. `now` is the entry that it would have: its outputs are the
-    committed files that still exist. `reason` says why the stage has to run, None where it is up to
+    committed files that still exist. `reason` says why the stage has to run, None if it is up to
     date; `now` is then its entry with today's file times: the next run need not read them again.
     """
 
@@ -169,7 +171,7 @@ def plan_stages(
     After a search the structure that it found is taken for the stages behind it. Where there is
     none yet, these are not known, and it is the last.
 
-    Raises DataError where a source is missing or cannot be read.
+    Raises DataError if a source is missing or cannot be read.
     """
     before, previous = "", ""
     for stage in stages or pipeline(searched=loaded.spec.model.type == AUTO):
@@ -234,7 +236,7 @@ def _model_mark(run: Needed, stages: Sequence[Stage] | None, runs: Path, rehash:
 def _reasons(stage: Stage, known: StageRecord | None, now: StageRecord, previous: str) -> list[str]:
     """Return everything that differs from the committed entry."""
     if known is None:
-        return ["never ran"]
+        return ["first time"]
     reasons = slice_differences(stage.name, known.slice, now.slice)
     if known.revision != now.revision:
         reasons.insert(0, f"stage revision {known.revision} -> {now.revision}")
@@ -242,7 +244,7 @@ def _reasons(stage: Stage, known: StageRecord | None, now: StageRecord, previous
     if previous and known.before != now.before:
         reasons.append(f"follows from {previous}")
     if not reasons and known.fingerprint != now.fingerprint:
-        reasons.append("run.json does not fit its own entries")
+        reasons.append("run.json is inconsistent: its fingerprint does not match its entries")
     reasons += _file_differences("output", "missing", known.outputs, now.outputs)
     recorded = {path for name in known.outputs for path in (name, name.split("/", 1)[0])}
     missing = [output for output in stage.outputs if output not in recorded]

@@ -65,7 +65,7 @@ def needs(spec: ExperimentSpec) -> list[Need]:
 def frozen_models(spec: ExperimentSpec, folder: Path) -> list[Path]:
     """Return the frozen models that this one is compared with.
 
-    Raises SpecError where there is no such file.
+    Raises SpecError if there is no such file.
     """
     frozen = [c for c in spec.validation.against if isinstance(c, Competitor) and c.is_file]
     paths = [folder / str(competitor.model) for competitor in frozen]

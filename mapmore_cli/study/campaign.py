@@ -34,7 +34,7 @@ class Variant(Section):
             (
                 self.base is None and self.name is None,
                 "a variant of the campaign's base needs a `name`",
-                "add it: every run has a folder of its own",
+                "add a `name`, because every run has a folder of its own",
             )
         ]
 
@@ -56,8 +56,8 @@ class Campaign(Section):
         return [
             (
                 self.base is None and any(run.base is None for run in self.runs),
-                "a run has no spec",
-                "give the campaign a `base`, or each run one",
+                "this run has no spec",
+                "give the campaign a `base`, or the run a `spec`",
                 "runs",
             )
         ]
@@ -79,7 +79,7 @@ class Entry:
 
 
 def is_campaign(path: Path) -> bool:
-    """Return True where a YAML file has the key `campaign` at its top level."""
+    """Return True if a YAML file has the key `campaign` at its top level."""
     try:
         lines = read_source(path).text.splitlines()
     except SpecError:

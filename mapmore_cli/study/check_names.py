@@ -1,5 +1,5 @@
-"""Checks of names and terms: they are of quantities of the study, and memory has the time it goes
-by and settings that act on it.
+"""Check names and terms: their quantities exist, and models with memory have a time and no settings
+without effect.
 """
 
 from __future__ import annotations
@@ -31,8 +31,8 @@ from mapmore_cli.study.tree import Loc, values_at
 from mapmore_cli.study.units import default_unit, is_quantity
 
 NO_TIME = "add `time` to `columns`, or `sample_time` to `data`"
-ONE = "one model with memory stands in place of the segments"
-OF_NOTHING = "a model cannot explain its target by itself"
+ONE = "a dictionary with memory makes one model of whole recordings, without segments"
+OF_NOTHING = "a model must not use its target as an input"
 DERIVED = ("damping", "hysteresis")
 """Targets that no column holds: nothing of them can be fed back."""
 
@@ -63,7 +63,7 @@ def names_of_quantities(spec: ExperimentSpec) -> Iterator[Finding]:
     """Require that every quantity that is used is one of the study."""
     if isinstance(spec.target, TargetColumn) and spec.target.column not in spec.quantities:
         target, known = spec.target.column, (*spec.quantities, *get_args(TargetKind))
-        what = f"there is no quantity `{target}` in this study, and no kind of target is called so"
+        what = f"there is no quantity `{target}` in this study, and no kind of target has this name"
         yield Finding(("target", "column"), what, did_you_mean(target, known))
     whole = spec.model_dump(by_alias=True)
     for place in NAMED:
@@ -95,8 +95,8 @@ def derivations(spec: ExperimentSpec) -> Iterator[Finding]:
             (
                 name in spec.data.measured,
                 "data.derive.{name}:",
-                "`{name}` is a column and derived as well",
-                "give the column another name",
+                "`{name}` is both a column and a derived quantity",
+                "give one of the two another name",
             ),
             (
                 is_rate and "time" not in spec.data.quantities,
@@ -115,7 +115,7 @@ def derivations(spec: ExperimentSpec) -> Iterator[Finding]:
         graphlib.TopologicalSorter(needs).prepare()
     except graphlib.CycleError as error:
         circle = [str(name) for name in error.args[1]]
-        what = f"derived in a circle: {' <- '.join(circle)}"
+        what = f"these derived quantities depend on each other in a circle: {' <- '.join(circle)}"
         yield Finding(("data", "derive", circle[0]), what, "break the circle", on_key=True)
 
 
@@ -125,21 +125,24 @@ def expression_findings(text: str, loc: Loc, have: Sequence[str]) -> Iterator[Fi
     """
     for one in (yield from _states_in(text, loc, have)):
         if one.name != one.quantity and one.quantity in have:
-            remedy = "name the state in the `dictionary`, or derive rates by `rate_of`"
-            what = f"`{one.name}` has memory, which derived quantities have not"
+            remedy = "use the state in the `dictionary` instead, or derive rates by `rate_of`"
+            what = (
+                f"`{one.name}` has memory, and derived quantities must depend on the present "
+                "sample only"
+            )
             yield Finding(loc, what, remedy, _word(one.quantity, text))
 
 
 def _states_in(
     text: str, loc: Loc, have: Sequence[str], is_expression: bool = True
 ) -> Generator[Finding, None, list[State]]:
-    """Return the states in an expression, or the one that a text names, which must be of known
-    quantities.
+    """Return the states in an expression, or the state that a text names, and check that their
+    quantities are known.
     """
     what, remedy = "an expression", None
     if not is_expression:
         what = "the name of a quantity or a state"
-        remedy = "name a quantity, or a state with memory, as `play(pressure, 0.16)`"
+        remedy = "name a quantity, or a state with memory, for example `play(pressure, 0.16)`"
     try:
         states = [state(one) for one in (sorted(parse(text).names) if is_expression else [text])]
     except ExpressionError as error:
@@ -169,8 +172,8 @@ def clocks(spec: ExperimentSpec) -> Iterator[Finding]:
         for name in names & {*join.quantities}:
             yield Finding(
                 ("data", "join", i, "columns", name),
-                f"`{name}` is a column already",
-                "give one of both another name",
+                f"`{name}` is already the name of a column",
+                "give one of the two another name",
                 on_key=True,
             )
         names.update(join.quantities)
@@ -196,7 +199,7 @@ def terms(spec: ExperimentSpec) -> Iterator[Finding]:
             yield Finding(
                 (*loc, "steps", family.steps.index(0)),
                 f"step 0 of the target `{target}` is the target itself",
-                f"{OF_NOTHING}: begin at 1, and give the inputs `lags` of their own",
+                f"{OF_NOTHING}: begin with step 1, and give the inputs `lags` of their own",
             )
         if isinstance(family, Products):
             yield from _partners(family, loc)
@@ -241,14 +244,14 @@ def _of_target(used: State, text: str, loc: Loc, spec: ExperimentSpec) -> Iterat
     # takes long to load, and few specs need it
     from mapmore_cli.modelling.memory.feedback import looks_back
 
-    back = "" if is_derived else f", or let it look back, as `{target}[k-1]`"
-    what, remedy = f"`{target}` is the target", f"{OF_NOTHING}: take it out{back}"
+    back = "" if is_derived else f", or use a past value, for example `{target}[k-1]`"
+    what, remedy = f"`{target}` is the target itself", f"{OF_NOTHING}: remove it{back}"
     if not (is_derived or isinstance(used, Measured)):
         if looks_back(used):
             return
         operator = used.name.partition("(")[0]
-        what = f"`{operator}` works on `{target}` as it is now, which is the target"
-        remedy = f"let the operator look back: write `{target}[k-1]` in place of `{target}`"
+        what = f"`{operator}` uses the present value of `{target}`, which is the target"
+        remedy = f"use the value one sample before: write `{target}[k-1]` instead of `{target}`"
     yield Finding(loc, what, remedy, _word(target, text))
 
 
@@ -260,8 +263,8 @@ def _partners(family: Products, loc: Loc) -> Iterator[Finding]:
     names = [_state_name(text) for text in texts]
     for place, partner in enumerate(family.partners or () if len(names) == len(family.of) else ()):
         if _state_name(partner) not in names:
-            what = f"`{partner}` is none of the terms that are multiplied"
-            remedy = f"add it to `of`: there are {', '.join(texts)}"
+            what = f"`{partner}` of `with` is not one of the terms in `of`"
+            remedy = f"add it to `of`, which contains: {', '.join(texts)}"
             yield Finding((*loc, "with", place), what, remedy)
 
 
@@ -282,7 +285,7 @@ def _word(name: str, text: str) -> int:
 # Memory
 # --------------------------------------------------------------------------------------------------
 
-OF_MEMORY = "remove it, or add terms with memory to the `dictionary`, as `lags`, `slow` or `play`"
+OF_MEMORY = "remove it, or add terms with memory (`lags`, `slow`, `play`, ...) to the `dictionary`"
 
 
 def along_recordings(spec: ExperimentSpec) -> Iterator[Finding]:
@@ -302,20 +305,20 @@ def along_recordings(spec: ExperimentSpec) -> Iterator[Finding]:
         (
             has_time and default_unit("time", spec.units) != "s",
             "units.time:",
-            "{who} goes by the time in s",
-            "remove it: columns are converted",
+            "{who} needs the time in s",
+            "remove this unit: mapmore converts the columns to s",
         ),
         (
             data.cycles is not None,
             "data.cycles:",
-            "`cycles` takes samples out of the order of time, and {who} goes by the time",
+            "`cycles` reorders the samples, but {who} needs them in the order of time",
             "remove `cycles`",
         ),
         (
             hold_out is not None and hold_out.fraction is not None,
             "data.split.validate.fraction:",
-            "{who} runs along all samples, and those drawn at random lie between those that train",
-            "hold out the end of every recording, as `last: 0.25`, or whole `recordings`",
+            "{who} needs whole recordings, but `fraction` holds out single samples at random",
+            "hold out the end of every recording (`last: 0.25`), or whole `recordings`",
         ),
         who=who,
     )
@@ -326,7 +329,7 @@ def idle(spec: ExperimentSpec) -> Iterator[Finding]:
     if spec.has_memory:
         yield from _of_pieces(spec)
     elif spec.model.type == "mapmore":
-        fit, what = spec.fit, "belongs to terms with memory, and there are none"
+        fit, what = spec.fit, "applies only to terms with memory, and the dictionary has none"
         for key in ("margin", "ridge", "forward"):
             if key in fit.changed:
                 yield Finding(f"fit.{key}:", f"`{key}` {what}", OF_MEMORY)
@@ -339,68 +342,76 @@ def _of_pieces(spec: ExperimentSpec) -> Iterator[Finding]:
     """Refuse settings that one model with memory has no use for."""
     fit, levels, target = spec.fit, spec.data.levels, spec.target_quantity
     for name, cut in spec.segment.items():
-        remedy = "remove it, and name `{name}` in the terms; or write `{name}: none`"
-        what = f"{ONE}: `{{name}}` cannot be cut"
+        remedy = "remove it and use `{name}` in the terms, or write `{name}: none`"
+        what = f"{ONE}, so that `{{name}}` cannot be cut"
         yield from applying((cut != "none", "segment.{name}:", what, remedy), name=name)
     for key in spec.fuse.changed:
-        yield Finding(f"fuse.{key}:", f"{ONE}: there is nothing to join", f"remove `{key}`")
+        yield Finding(f"fuse.{key}:", f"{ONE}: there are no segments to join", f"remove `{key}`")
     held, forward = levels.of if levels is not None else "", fit.forward or fit.max_terms
     free_run = "free_run" in (fit.stop, fit.criterion)
     yield from applying(
         (
             levels is not None and held not in spec.segment,
             "data.levels:",
-            f"{ONE}: it is not interpolated between levels of `{{held}}`",
-            "add `segment: {{{held}: none}}`, and name `{held}` in the terms where it matters",
+            f"{ONE}, and does not interpolate between levels of `{{held}}`",
+            (
+                "add `segment: {{{held}: none}}`, and use `{held}` in the terms if the target "
+                "depends on it"
+            ),
         ),
         (
             fit.scaling not in ("none", "range"),
             "fit.scaling",
-            f"`{{fit.scaling}}` scales segments, and {ONE}",
-            "write `none`, or `range`",
+            f"`{{fit.scaling}}` scales segments, but {ONE}",
+            "write `none` or `range`",
         ),
         (
             "margin" in fit.changed and fit.scaling != "range",
             "fit.margin:",
-            "`margin` clips states that are scaled",
+            "`margin` limits scaled states, and these states are not scaled",
             "add `scaling: range`, or remove it",
         ),
         (
             fit.train_level != "all",
             "fit.train_level:",
-            f"{ONE}: it learns from all training levels",
-            "remove it, or hold out the other levels by `split`",
+            f"{ONE}, which always uses all training levels",
+            "remove it, or hold out the other levels with `split`",
         ),
         (
             fit.weight != "sample",
             "fit.weight",
-            f"{ONE}: its recordings count by their samples",
+            f"{ONE}, in which every sample has the same weight",
             "remove it",
         ),
         (
             fit.loss != "squares" and (fit.ridge != 0.0 or free_run),
             "fit.loss",
-            "with memory, `{fit.loss}` weighs errors one step ahead, without a ridge",
-            "remove `loss`; or `ridge`, and `free_run`",
+            "with memory, `loss: {fit.loss}` cannot be combined with `ridge` or `free_run`",
+            "remove `loss`, or remove `ridge` and `free_run`",
         ),
         (
             fit.forward is not None and fit.ridge == 0.0,
             "fit.forward:",
-            "terms are pruned only where there is a ridge",
+            "terms are pruned only with a ridge",
             "add `ridge: auto`, or remove `forward`",
         ),
         (
             fit.ridge != 0.0 and forward < fit.max_terms,
             "fit.forward",
-            "{fit.forward} terms cannot be pruned to `max_terms: {fit.max_terms}`",
-            "write {fit.max_terms} or more, or remove it",
+            "`forward` selects {fit.forward} terms, fewer than `max_terms: {fit.max_terms}`",
+            "write {fit.max_terms} or more, or remove `forward`",
         ),
         (
             fit.criterion == "free_run" and not feeds_back(spec.dictionary, target),
             "fit.criterion:",
-            "nothing of the output {target} is fed back: its free run is its prediction one step "
-            "ahead",
-            "remove `criterion`, or add delays, as `lags: {{of: [{target}], steps: [1, 2]}}`",
+            (
+                "the model does not feed the output {target} back, so its free run equals its "
+                "prediction one step ahead"
+            ),
+            (
+                "remove `criterion`, or add delayed outputs: `lags: "
+                "{{of: [{target}], steps: [1, 2]}}`"
+            ),
         ),
         fit=fit,
         held=held,

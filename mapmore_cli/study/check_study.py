@@ -61,38 +61,38 @@ def segmented(spec: ExperimentSpec) -> Iterator[Finding]:
             (
                 name == spec.target_quantity,
                 "segment.{name}:",
-                "`{name}` is the target",
-                f"{OF_NOTHING}: take it out",
+                "`{name}` is the target itself",
+                f"{OF_NOTHING}: remove it",
             ),
             (
                 cut == "levels" and name != level,
                 "segment.{name}",
-                "`{name}` has no levels",
-                "add `levels: {{of: {name}}}` to `data`, or cut it by `method: even`",
+                "`{name}` has no levels, because it is not the level quantity",
+                "add `levels: {{of: {name}}}` to `data`, or cut it with `method: even`",
             ),
             (
                 isinstance(cut, Cuts) and name == level,
                 "segment.{name}:",
-                "`{name}` is constant within a curve and cannot be cut",
-                "remove it; or write `{name}: none` to pool all levels",
+                "`{name}` is constant within a curve, so that it cannot be cut",
+                "remove it, or write `{name}: none` to pool all levels",
             ),
             (
                 getattr(cut, "method", None) == "optimal" and not has_terms,
                 "segment.{name}:",
-                "`optimal` places boundaries by fits of terms, and `{type}` has none",
+                "`optimal` finds boundaries by fitting terms, and `{type}` has no terms",
                 "use another `method`, or remove it",
             ),
             (
                 by_direction and name != DIRECTION,
                 "segment.{name}:",
-                "`{name}` has no rise and fall",
-                f"call it `{DIRECTION}`",
+                f"only `{DIRECTION}` can be cut into rise and fall, not `{{name}}`",
+                f"write `{DIRECTION}` as its name",
             ),
             (
                 by_direction and name in spec.data.quantities,
                 "segment.{name}:",
-                "`{name}` is a quantity of the data already",
-                "remove it there, or write `{name}: {{method: breakpoints, at: [0]}}` here",
+                "`{name}` is already a quantity of the data",
+                "rename the quantity, or write `{name}: {{method: breakpoints, at: [0]}}` here",
             ),
             name=name,
             type=spec.model.type,
@@ -119,8 +119,8 @@ def leaving_out(spec: ExperimentSpec) -> Iterator[Finding]:
             (
                 asked and there and whole,
                 "data.split.leave_one_{one}_out:",
-                "neither a model with memory nor a sum can be fitted without one of the {one}s",
-                "hold out recordings, as `validate: {{last: 0.5}}`",
+                "a model with memory or a sum cannot be fitted with one of the {one}s left out",
+                "hold out the end of recordings instead: `validate: {{last: 0.5}}`",
             ),
             one=one,
             example=example,
@@ -136,14 +136,14 @@ def groups(spec: ExperimentSpec) -> Iterator[Finding]:
         (
             groups.of not in spec.data.quantities,
             "data.groups.of",
-            "no recording has the quantity `{of}`",
-            "add it to `columns`, or `set: {{{of}: 1}}` beside the files",
+            "no recording has the quantity `{of}`, by which the groups are formed",
+            "add it to `columns`, or write `set: {{{of}: 1}}` beside the files",
         ),
         *(
             (
                 left_out and getattr(groups, effect),
                 f"data.groups.{effect}:",
-                f"the {effect} of a group that is left out is not known",
+                (f"the {effect} of a left-out group is not known, so that it cannot be predicted"),
                 f"remove `{effect}` or `leave_one_group_out`",
             )
             for effect in ("offset", "gain")
@@ -151,7 +151,7 @@ def groups(spec: ExperimentSpec) -> Iterator[Finding]:
         (
             groups.offset and spec.target in DERIVED,
             "data.groups.offset:",
-            "the {target} force is a difference, which no offset changes",
+            "the {target} force is a difference of two forces, in which an offset cancels",
             "remove `offset`",
         ),
         of=groups.of,
@@ -190,8 +190,8 @@ def after_cycles(spec: ExperimentSpec) -> Iterator[Finding]:
         uses += [
             (re.search(r"\btime\b", text) is not None, at) for at, text, _ in texts_in(loc, family)
         ]
-    what = "`cycles` puts samples in the order of `{over}`: they have no `time` any more"
-    remedy = "name `{over}`, or remove `cycles`"
+    what = "`cycles` sorts the samples by `{over}`, so that they have no `time` any more"
+    remedy = "use `{over}` instead, or remove `cycles`"
     yield from applying(*((*use, what, remedy) for use in uses), over=cycles.over)
 
 
@@ -199,7 +199,7 @@ def chosen_levels(spec: ExperimentSpec) -> Iterator[Finding]:
     """Require that values of the level quantity that are held out, or train alone, are levels."""
     levels, hold_out, trains = spec.data.levels, spec.data.split.hold_out, spec.fit.train_level
     if levels is None:
-        what = "there are no levels to choose from"
+        what = "the data have no levels, so that none can be chosen"
         yield from applying((trains != "all", "fit.train_level:", what, "add `levels` to `data`"))
     elif not isinstance(levels.at, str):
         values = hold_out.quantities.get(levels.of) if hold_out is not None else None
@@ -207,10 +207,10 @@ def chosen_levels(spec: ExperimentSpec) -> Iterator[Finding]:
         asked: list[tuple[Loc, object, float]] = [(("fit", "train_level"), trains, 0.0)]
         for i, value in enumerate(values if isinstance(values, list) else ()):
             asked.append((("data", "split", "validate", levels.of, i), value, reach))
-        known = f"levels are {', '.join(f'{level:g}' for level in levels.at)}"
+        known = f"the levels are {', '.join(f'{level:g}' for level in levels.at)}"
         for loc, level, off in asked:
             if isinstance(level, float) and min(abs(level - at) for at in levels.at) > off:
-                yield Finding(loc, f"{level:g} is no level of `{levels.of}`", known)
+                yield Finding(loc, f"{level:g} is not a level of `{levels.of}`", known)
 
 
 # Target and kind of model
@@ -267,7 +267,7 @@ def target(spec: ExperimentSpec) -> Iterator[Finding]:
         (
             low >= high,
             "data.plateau",
-            f"the plateau runs from {low:g} s to {high:g} s",
+            f"the plateau ends before it begins: from {low:g} s to {high:g} s",
             "put the earlier time first",
         ),
         target=spec.target,
@@ -297,15 +297,18 @@ def several(spec: ExperimentSpec) -> Iterator[Finding]:
     ways = [way for way in OF_ONE if attrgetter(HELD.get(way, way))(spec)]
     ways += ["model.type"] * (spec.model.type != "mapmore")
     ways += ["fit.stop"] * (spec.fit.stop == "free_run")
-    wrong = [(way, f"`{way.split('.')[-1]}` is about one target") for way in ways]
+    wrong = [(way, f"`{way.split('.')[-1]}` works for one target only") for way in ways]
     for name, cut in spec.segment.items():
         if isinstance(cut, Cuts) and cut.method == "gradient":
-            wrong.append((f"segment.{name}", "`gradient` is about one target"))
+            wrong.append((f"segment.{name}", "`gradient` works for one target only"))
     for i, entry in enumerate(spec.dictionary):
         if entry.bounded:
-            wrong.append((f"dictionary.{i}", "`sign` and `bounds` are about one target"))
+            wrong.append((f"dictionary.{i}", "`sign` and `bounds` work for one target only"))
         wrong += [
-            (f"dictionary.{i}", f"a term is of the target `{name}`, and they share those of inputs")
+            (
+                f"dictionary.{i}",
+                f"a term contains the target `{name}`, and only terms of inputs can be shared",
+            )
             for name in names
             if feeds_back([entry], name)
         ]
@@ -314,9 +317,9 @@ def several(spec: ExperimentSpec) -> Iterator[Finding]:
             wrong.append(("target", f"`{name}` is named twice"))
         if name in get_args(TargetKind):
             wrong.append(("target", f"`{name}` is a component of one target"))
-    remedy = f"write a spec for each of {', '.join(names)}"
+    remedy = f"write a separate spec for each of {', '.join(names)}"
     for way, what in wrong:
-        yield Finding(way, f"{what}, and there are several", remedy)
+        yield Finding(way, f"{what}, and this spec has several targets", remedy)
 
 
 def kind(spec: ExperimentSpec) -> Iterator[Finding]:
@@ -343,7 +346,10 @@ def kind(spec: ExperimentSpec) -> Iterator[Finding]:
             (
                 not is_pieces,
                 f"fit.{key}",
-                "`{type}` fits all samples alike, by squares",
+                (
+                    "`{type}` is fitted by ordinary least squares, in which all samples count "
+                    "the same"
+                ),
                 "remove it, or fit terms of a `dictionary`",
             )
             for key in weighed[:1]
@@ -351,25 +357,25 @@ def kind(spec: ExperimentSpec) -> Iterator[Finding]:
         (
             model.backbone == AUTO and spec.has_memory,
             "model.backbone",
-            "`auto` chooses by left-out levels or blocks, and a model with memory has none",
-            "name a formula, as `sarosi`",
+            "`auto` chooses by leaving out levels or blocks, which is not possible with memory",
+            "name a formula, for example `sarosi`",
         ),
         (
             model.backbone == AUTO and tries_fits and not spec.has_memory,
             "model.backbone",
-            "`auto` chooses for given segments, and `optimal` ones depend on the backbone",
-            "name a formula, as `sarosi`, or cut `even`",
+            "`auto` needs given segments, but `optimal` segments depend on the backbone",
+            "name a formula, for example `sarosi`, or cut with `method: even`",
         ),
         (
             scored_as is not None and is_own,
             "validate.as",
-            "`{scored_as}` needs a model of another quantity to be inverted",
+            "`as: {scored_as}` needs a model of another quantity, which is then inverted",
             "set `target: {{column: strain}}`, or remove `as`",
         ),
         (
             scored_as is not None and not is_own and (spec.has_memory or not is_pieces),
             "validate.as",
-            "only a model of pieces can be inverted to be scored",
+            "only a model of pieces can be inverted for the scores",
             "remove `as`",
         ),
         type=model.type,
@@ -382,7 +388,7 @@ class Checked(Protocol):
     """A kind that adds itself, and knows what a spec of it may not say."""
 
     def findings(self, spec: ExperimentSpec) -> Iterable[Finding]:
-        """Return what is wrong with a spec; nothing where it has no model of the kind."""
+        """Return what is wrong with a spec; nothing if it has no model of the kind."""
 
 
 def of_kinds(spec: ExperimentSpec) -> Iterator[Finding]:
@@ -460,13 +466,13 @@ def formulas(spec: ExperimentSpec) -> Iterator[Finding]:
 def _needs(spec: ExperimentSpec, name: str, formula: Formula, loc: Loc) -> Iterator[Finding]:
     is_own, is_backbone = loc[0] == "model", loc == ("model", "backbone")
     of_cycles = formula.fitted_to == literature.LOAD_CYCLES
-    beside, muscle = "name it in `validate.against`", spec.muscle
+    beside, muscle = "use it as a competitor: name it in `validate.against`", spec.muscle
     beyond = "use `type: literature` with `{name}`" if is_backbone else None
     yield from applying(
         (
             loc == ("model", "name") and not formula.inputs,
             loc,
-            "`{name}` is no function of anything",
+            "`{name}` has no inputs, so that it cannot be the model",
             beside,
         ),
         *(
@@ -474,7 +480,7 @@ def _needs(spec: ExperimentSpec, name: str, formula: Formula, loc: Loc) -> Itera
                 is_backbone or muscle.lengths[dimension] is None,
                 loc,
                 f"`{{name}}` needs the {dimension} of the muscle",
-                beyond or f"add `{dimension}: 10 mm` (your number) to `muscle`",
+                beyond or f"add `{dimension}: 10 mm` (with your own number) to `muscle`",
             )
             for dimension in formula.dimensions
         ),
@@ -491,14 +497,14 @@ def _needs(spec: ExperimentSpec, name: str, formula: Formula, loc: Loc) -> Itera
         (
             of_cycles and not is_own and (spec.needs.static is None or spec.target not in MOTION),
             loc,
-            "`{name}` is fitted to the load cycles of a static run",
+            "`{name}` is fitted to the load cycles of a static run, and there is none",
             STATIC_RUN,
         ),
         (
             of_cycles and not is_own and muscle.length is None,
             loc,
             "`{name}` needs the length of the muscle",
-            "add `length: 88 mm` to `muscle`",
+            "add `length: 88 mm` (with your own number) to `muscle`",
         ),
         name=name,
     )
@@ -510,13 +516,13 @@ def _other_rival(spec: ExperimentSpec, name: str, rival: Competitor, loc: Loc) -
         (
             name == "backbone" and spec.model.backbone is None,
             loc,
-            "the model has no backbone",
-            "give it one, as `model: {{backbone: sarosi}}`, or leave this out",
+            "the model has no backbone that could be scored",
+            "add one, for example `model: {{backbone: sarosi}}`, or remove this competitor",
         ),
         (
             name == "arx" and not spec.runs_over_time,
             loc,
-            "`arx` runs along recordings, and the model does not",
+            "`arx` is simulated along recordings, and this model is not",
             "leave it out",
         ),
         (
@@ -549,13 +555,13 @@ def competitors(spec: ExperimentSpec) -> Iterator[Finding]:
             (
                 composite and moves and spec.needs.static is None,
                 loc,
-                "a static formula is fitted to the data of the static run",
+                "the static part is fitted to the data of the static run, and there is none",
                 STATIC_RUN,
             ),
             (
                 rival.label in shown,
                 loc,
-                "two models of the scores are named `{label}`",
+                "two models of the scores have the name `{label}`",
                 "give this one a name: `{{model: ..., as: NAME}}`",
             ),
             target=spec.target,
@@ -566,14 +572,14 @@ def competitors(spec: ExperimentSpec) -> Iterator[Finding]:
             (
                 at_levels and rival.model is not None and formula is None and not rival.is_file,
                 (*loc, "levels"),
-                "`{model}` is no formula: it has no `levels`",
+                "`levels` needs a formula, and `{model}` is not one",
                 REMOVE,
             ),
             (
                 at_levels and spec.data.levels is None,
                 (*loc, "levels"),
-                "the curves have no levels",
-                "add `levels: {{of: ...}}` to `data`, or remove it here",
+                "the data have no levels",
+                "add `levels: {{of: ...}}` to `data`, or remove `levels` here",
             ),
             model=rival.model,
         )
@@ -587,36 +593,38 @@ def own_formulas(spec: ExperimentSpec) -> Iterator[Finding]:
     names = {*literature.names(), *LEARNERS, *SIMPLE, OWN, REPEATABILITY, AUTO}
     for i, one in enumerate(spec.formulas):
         if isinstance(one, str):
-            what, remedy = "this is no formula", "write `formulas: [my_formula.yaml]`"
-            yield Finding(f"formulas.{i}", what, f"{remedy}, or the formula itself")
+            what, remedy = "this is not a formula", "write `formulas: [my_formula.yaml]`"
+            yield Finding(f"formulas.{i}", what, f"{remedy}, or write the formula itself here")
             continue
         if one.name in names:
-            what = f"there is a model `{one.name}` already"
+            what = f"there is already a model `{one.name}`"
             yield Finding(f"formulas.{i}.name", what, "give this one another name")
         names.add(one.name)
         place, inputs = f"formulas.{i}.expression", None
         try:
             inputs = _defined(spec, one).inputs
         except ExpressionError as error:
-            yield Finding(place, f"not an expression: {error.message}", offset=error.position)
+            yield Finding(place, f"not a valid expression: {error.message}", offset=error.position)
         except SpecError as error:
             yield Finding(f"formulas.{i}.units", error.message, error.remedy)
         except ValueError as error:
-            remedy = "give `bounds` to every parameter in which it is not linear"
+            remedy = (
+                "give `bounds` to every parameter on which the expression does not depend linearly"
+            )
             yield Finding(place, str(error), remedy)
         yield from applying(
             (
                 inputs == (),
                 place,
-                "the formula depends on no quantity",
-                "name one, as `pressure`, that is no parameter",
+                "the formula depends on no quantity of the study",
+                "use a quantity, for example `pressure`, that is not declared as a parameter",
             ),
             *(
                 (
                     not name.isidentifier(),
                     place,
-                    f"`{name}` is a state with memory",
-                    "a formula is of quantities; put states into the `dictionary`",
+                    f"`{name}` has memory, which a formula must not have",
+                    "use quantities only, and put terms with memory into the `dictionary`",
                 )
                 for name in inputs or ()
             ),
@@ -635,7 +643,10 @@ def shapes(spec: ExperimentSpec) -> Iterator[Finding]:
         (
             weighed and kept,
             "fit.loss" if fit.loss != "squares" else "fit.weight",
-            "a shape, a sign and bounds are kept by least squares over samples",
+            (
+                "shapes, signs and bounds are kept by least squares in which all samples count "
+                "the same"
+            ),
             "use `loss: squares` and `weight: sample` with them",
         )
     )
@@ -647,19 +658,22 @@ def shapes(spec: ExperimentSpec) -> Iterator[Finding]:
             (
                 (name == target) != (own == {"positive"}),
                 loc,
-                "`positive` is about the target, and all other words are about an input",
-                "write `{target}: positive`, or another word of an input",
+                "`positive` applies to the target, and all other words apply to inputs",
+                "write `{target}: positive`, or use another word for the input",
             ),
             (
                 is_other,
                 loc,
-                "a shape is kept by pieces, formulas and terms with memory, not by this model",
+                (
+                    "this type of model cannot keep a shape; pieces, formulas and terms with "
+                    "memory can"
+                ),
                 REMOVE,
             ),
             (
                 spec.has_memory and not own <= {"increasing", "decreasing"},
                 loc,
-                "of a model with memory, only the sign of its static gain is kept",
+                "a model with memory can keep only the sign of its static gain",
                 "write `increasing` or `decreasing`",
             ),
             target=target,
@@ -671,14 +685,16 @@ def shapes(spec: ExperimentSpec) -> Iterator[Finding]:
             (
                 entry.bounded and (spec.has_memory or isinstance(family, AlongRange)),
                 f"dictionary.{i}",
-                "`sign` and `bounds` are of coefficients of pieces, and of terms that do not "
-                "change with the training range",
+                (
+                    "`sign` and `bounds` work only for pieces, and for terms that do not "
+                    "depend on the training range"
+                ),
                 "remove them",
             ),
             (
                 any(isinstance(one, DictionaryEntry) and one.bounded for one in inner),
                 f"dictionary.{i}",
-                "`sign` and `bounds` inside of products say nothing",
+                "`sign` and `bounds` have no effect within products",
                 "write them beside `products`",
             ),
         )
@@ -700,7 +716,7 @@ def metrics(spec: ExperimentSpec) -> Iterator[Finding]:
             what = f"there is no metric `{name}`"
             yield Finding(loc, what, did_you_mean(name, METRICS), on_key=True)
         elif named - targets or (targets and not named and name in OF_TARGET):
-            what = f"limits of `{name}` are one number, or of several targets one for each"
+            what = f"a limit of `{name}` is one number, or with several targets one number for each"
             yield Finding(loc, what, f"write `{name}: 1`, or `{name}: {{tip_x: 1, tip_y: 2}}`")
 
 
@@ -723,8 +739,9 @@ def units(spec: ExperimentSpec) -> Iterator[Finding]:
         if not faults and name not in wrong and convert(0.0, unit, own) != 0:
             yield Finding(
                 ("report", "units", name),
-                f"the zero of `{unit}` is not that of `{own}`, and equations are only scaled",
-                f"use it in the whole study, as `units: {{{name}: {unit}}}`",
+                f"the zero of `{unit}` differs from that of `{own}`, but an equation can "
+                "only be scaled",
+                f"use one unit in the whole study: `units: {{{name}: {unit}}}`",
             )
     tables: list[tuple[Loc, Logs]] = [(("data",), spec.data)]
     tables += [(("data", "join", i), join) for i, join in enumerate(spec.data.join)]

@@ -95,7 +95,7 @@ def refused(
 
 
 def did_you_mean(word: str, known: Iterable[str], otherwise: str = "known are") -> str | None:
-    """Return `did you mean ...?` for a near miss, else the list of what is known; None where
+    """Return `did you mean ...?` for a near miss, otherwise the list of what is known; None if
     nothing is.
     """
     words = list(dict.fromkeys(known))
@@ -127,7 +127,7 @@ def raise_if_any(problems: Sequence[Mistake]) -> None:
 
 
 def fail(at: Position, message: str, remedy: str | None = None) -> NoReturn:
-    """Raise a SpecError about one mistake that makes further reading pointless."""
+    """Raise a SpecError about one mistake after which the rest of the spec cannot be read."""
     raise SpecError(_mistake_text(Mistake(at, message, remedy)))
 
 
@@ -211,7 +211,7 @@ def lost(error: ValidationError, root: Node, keys_at: KeysAt) -> Iterator[tuple[
     """Yield the ways to what pydantic refused, values and incomplete sections, each with the way to
     what the spec lacks without it.
 
-    For an unknown key that is the key meant; None where it is near to no key that the spec lacks.
+    For an unknown key that is the key meant; None if it is near to no key that the spec lacks.
     """
     for details in error.errors(include_url=False):
         loc, _ = _split(details["loc"], root)
@@ -252,7 +252,9 @@ def _problem(details: ErrorDetails, root: Node, keys_at: KeysAt) -> Mistake:
             return Mistake(at, clash.message, clash.remedy)
         case "string_pattern_mismatch" if rest and rest[-1] == "[key]":
             message = f"{str(loc[-1])!r} cannot be the name of a quantity"
-            return Mistake(node.start, message, "use letters, digits and `_`, as `step_pressure`")
+            return Mistake(
+                node.start, message, "use letters, digits and `_`, for example `step_pressure`"
+            )
     # a number that was written with a unit is told as the number that it is here
     value = details["input"] if isinstance(details["input"], float) else node.value
     return Mistake(node.at, *_of_value(details, value, name))

@@ -77,7 +77,7 @@ class Muscle(Settings):
 
     @property
     def lengths(self) -> dict[str, float | None]:
-        """The dimensions by name, m; None where nothing is said."""
+        """The dimensions by name, m; None if nothing is said."""
         return {"length": self.length, "diameter": self.diameter}
 
 
@@ -174,52 +174,56 @@ class Competitor(Section):
         return [
             (
                 sum(kind is not None for kind in kinds) != 1,
-                "a competitor is a `model`, a `run`, this spec with keys `set`, a `sum`, or "
-                "`static` with `damping`",
-                "give one of the five, as `{model: sarosi}`",
+                (
+                    "a competitor is one of: `model`, `run`, `set` (this spec with other "
+                    "settings), `sum`, or `static` with `damping`"
+                ),
+                "give one of these, for example `{model: sarosi}`",
                 *("model", "run", "set", "sum", "static"),
             ),
             (
                 first is not None and (not has_name or first.formula is None),
-                "a sum as competitor is of formulas, and has a name",
-                "add it, as `as: pair`",
+                "a sum as a competitor consists of formulas, and needs a name",
+                "add the name: `as: pair`",
                 "sum",
             ),
             (
                 self.set is not None and not has_name,
-                "changed settings need a name",
-                "add it, as `{set: {fit.max_terms: 1}, as: one_term}`",
+                "a competitor with other settings needs a name",
+                "add it: `{set: {fit.max_terms: 1}, as: one_term}`",
                 "set",
             ),
             (
                 (self.static is None) != (self.damping is None),
-                "a composite needs `static` and `damping`",
-                "add the other, as `{static: sarosi, damping: reynolds}`; `damping: none` adds "
-                "nothing",
+                "a composite needs both `static` and `damping`",
+                (
+                    "add the other: `{static: sarosi, damping: reynolds}`; `damping: none` "
+                    "adds nothing"
+                ),
                 "static",
                 "damping",
             ),
             (
                 (self.run is not None or self.set is not None) and self.method is not None,
-                "another run has a fit of its own",
+                "another run is compared as it is, and not fitted here",
                 "remove `method`",
                 "method",
             ),
             (
                 self.is_file and (not has_name or self.method is not None),
-                "a frozen model needs a name for its scores, and is not fitted",
+                "a frozen model is not fitted here, and needs a name for the table of scores",
                 "write `{model: archive/NAME@TAG/model.h5, as: before}`",
                 *("as", "method", "model"),
             ),
             (
                 self.starts is not None and (self.model is None or frees),
-                "`starts` goes with a `model` and `method: levenberg_marquardt`",
+                "`starts` needs a `model` and `method: levenberg_marquardt`",
                 "write `{model: sarosi, method: levenberg_marquardt, starts: published}`",
                 "starts",
             ),
             (
                 self.levels is not None and (self.model is None or self.is_file),
-                "`levels` goes with the formula of a `model`",
+                "`levels` needs the formula of a `model`",
                 "write `{model: polynomial_5, levels: nominal, as: at_levels}`",
                 "levels",
             ),
@@ -248,7 +252,7 @@ class Validate(Section):
       in the model's inputs, the `backbone` alone, and `arx` in free run, as `false`
     - `normaliser`: what errors are divided by: the largest absolute value of the measured target
       (`max`, M2 eq 13) or its `range`, as `range`
-    - `intervals`: whether the model is fitted anew without each part of the training data, for
+    - `intervals`: whether the model is fitted again without each part of the training data, for
       `predict --interval`, as `true`
     - `require`: limits of metrics, which a run must keep (exit 6), as `{nrmse: 0.05, r2: 0.9}`; of
       several targets also one for each, as `rmse: {tip_x: 1 mm, tip_y: 2 mm}`
@@ -334,7 +338,7 @@ class Report(Section):
 
 
 def _given_memory(dictionary: object, info: ValidationInfo) -> bool:
-    """Tell whether a dictionary that is not validated yet has terms with memory; False where its
+    """Return whether a dictionary that is not validated yet has terms with memory; False if its
     form is wrong, which is reported elsewhere.
     """
     try:
@@ -346,7 +350,7 @@ def _given_memory(dictionary: object, info: ValidationInfo) -> bool:
 
 
 def _pooled(given: Mapping[str, Any]) -> bool:
-    """Tell whether a spec that is not validated yet has one segment of all its curves."""
+    """Return whether a spec that is not validated yet has one segment of all its curves."""
     data, segment = given.get("data"), given.get("segment") or {}
     levels = data.get("levels") if isinstance(data, dict) else None
     whole = isinstance(segment, dict) and all(cut == "none" for cut in segment.values())
@@ -354,8 +358,9 @@ def _pooled(given: Mapping[str, Any]) -> bool:
 
 
 def _sized_by_data(fit: dict[str, Any]) -> None:
-    """Let the data choose the number of terms of one model, where nothing is said of it: a single
-    term, which is enough for a segment, would often be the constant.
+    """Let the data choose the number of terms of a model without segments if the spec does not set
+    it. A single term is enough for a segment, but for the whole data it would often be the
+    constant.
     """
     if "max_terms" not in fit:
         fit["max_terms"] = TERMS_OF_ONE_MODEL
@@ -476,7 +481,7 @@ class ExperimentSpec(Section):
 
     @property
     def quantities(self) -> tuple[str, ...]:
-        """Every quantity of the study: of its data, and the `direction` where segments are cut by
+        """All quantities of the study: those of its data, and `direction` if segments are cut by
         it.
         """
         cut = [name for name, how in self.segment.items() if isinstance(how, CutByDirection)]
@@ -494,7 +499,7 @@ class ExperimentSpec(Section):
 
     @model_validator(mode="after")
     def _structured(self, info: ValidationInfo) -> ExperimentSpec:
-        """Require a structure where none is searched, and none where one is."""
+        """Require a structure where none is searched, and none if one is."""
         parts = [
             name
             for name, empty in (("segment", {}), ("fit", Fit()), ("dictionary", []))
@@ -504,11 +509,11 @@ class ExperimentSpec(Section):
             return self
         if self.model.type == "auto" and parts:
             remedy = (
-                "remove it, or say the whole structure, as `dictionary: [{polynomial: {of: "
-                "[strain], order: 4}}]`"
+                "remove it, or write the whole structure: `dictionary: "
+                "[{polynomial: {of: [strain], order: 4}}]`"
             )
             raise Contradiction(
-                f"`{parts[0]}` is part of the structure that `model: {{type: auto}}` searches",
+                f"`{parts[0]}` belongs to the structure that `model: {{type: auto}}` searches",
                 remedy,
                 *parts,
             )

@@ -65,7 +65,7 @@ class Section(BaseModel):
     @model_validator(mode="before")
     @classmethod
     def _noted(cls, given: object, info: ValidationInfo) -> object:
-        """Tell the loader which keys a mapping may have."""
+        """Declare to the loader which keys a mapping may have."""
         if isinstance(info.context, Context) and isinstance(given, dict):
             keys = [one.alias or name for name, one in cls.model_fields.items()]
             info.context.note(given, keys)
@@ -158,7 +158,7 @@ class Context:
 
 @dataclass(frozen=True)
 class Place:
-    """Where a number stands: what its unit can depend on."""
+    """The place of a number in the spec, on which its unit can depend."""
 
     context: Context
     text: Written
@@ -193,7 +193,7 @@ class Place:
         return self.context.target
 
     def unit_of(self, quantity: object) -> str | None:
-        """Return the model's unit of a quantity; None where the spec does not name one."""
+        """Return the model's unit of a quantity; None if the spec does not name one."""
         return default_unit(quantity, self.context.units) if isinstance(quantity, str) else None
 
 
@@ -261,9 +261,11 @@ def possible_path(path: str) -> str:
         return path
     longest = max(path.split("/"), key=len)
     if len(path) > LONGEST_PATH or len(longest.encode()) > LONGEST_NAME:
-        raise ValueError(f"no path is as long as {longest[:40]!r}..., {len(path)} characters")
+        raise ValueError(
+            f"the path {longest[:40]!r}... has {len(path)} characters, more than a system allows"
+        )
     if "\0" in path:
-        raise ValueError(f"{path!r} holds a zero byte, which no path does")
+        raise ValueError(f"{path!r} contains a zero byte, which no path can")
     return path
 
 
@@ -319,7 +321,9 @@ def stray_variables(root: Node, context: Context) -> Iterator[tuple[Node, str]]:
     children = root.value.values() if isinstance(root.value, dict) else root.value
     if isinstance(children, str):
         if id(root) not in context.paths and (variable := variable_in(children)):
-            what = "stands in a text that is no path: variables are expanded in paths alone"
+            what = (
+                "is in a text that is not a path: environment variables are replaced only in paths"
+            )
             yield root, f"`{variable}` {what}"
     elif isinstance(children, Iterable):
         for child in children:

@@ -196,7 +196,7 @@ def _validated(
     problems += [Mistake(node.at, what, VARIABLES) for node, what in strays]
     known = {problem.at for problem in problems}
     raise_if_any([*problems, *(problem for problem in later if problem.at not in known)])
-    # else no file holds it, and no comments either
+    # otherwise no file contains it, and there are no comments
     if isinstance(spec, ExperimentSpec) and path.is_file():
         spec._unconfirmed = questions_in(path.read_text(encoding="utf-8-sig"))
     return Loaded(spec, path, path.parent, tuple(overrides), root, source)
@@ -230,7 +230,7 @@ def _further_mistakes(
 
 
 def _echoes(loc: Loc) -> bool:
-    """Return True where a loss would be missed elsewhere: a whole section, or a part of `data` that
+    """Return True if a loss would be missed elsewhere: a whole section, or a part of `data` that
     defines quantities or levels.
     """
     return len(loc) < 2 or (
@@ -293,23 +293,25 @@ def _extended(
     if root.value is None:
         raise SpecError(
             f"{source.name}: the file is empty",
-            "a spec needs at least `name`, `data`, `target` and `dictionary`",
+            "write a spec: it needs at least `name`, `data`, `target` and `dictionary`",
         )
     if not isinstance(root.value, dict):
         fail(
-            root.at, "the top level is no mapping", "write `key: value` lines, as `name: my-study`"
+            root.at,
+            "the top level of a spec must be a mapping",
+            "write `key: value` lines, for example `name: my-study`",
         )
     own = without(root, ["extends"])
     reference = root.child("extends")
     if reference is None:
         return own
     if not isinstance(reference.value, str):
-        fail(reference.at, "`extends` names no file", "write `extends: other.yaml`")
+        fail(reference.at, "`extends` does not name a file", "write `extends: other.yaml`")
     if len(heirs) >= DEEPEST:
         fail(
             reference.at,
             f"more than {DEEPEST} files extend each other",
-            "extend the file at their beginning itself",
+            "let this file extend the first file of the chain directly",
         )
     base = _file_at(reference, expand, path.parent, "write `extends: other.yaml`")
     chain = (*heirs, path.resolve())
@@ -332,7 +334,7 @@ def _file_at(node: Node, spelt: Callable[[str], str], folder: Path, remedy: str)
         fail(
             node.at,
             f"there is no file {path}",
-            "paths start at the folder of the file that they are written in",
+            "paths are relative to the folder of the file in which they are written",
         )
     return path
 
@@ -387,7 +389,7 @@ def _with_overrides(root: Node, overrides: Sequence[str], problems: list[Mistake
         steps = path.strip().split(".")
         if not equals or not all(steps):
             raise UsageError(
-                f"--set {override}: not of the form key.path=value",
+                f"--set {override}: not of the form KEY=VALUE",
                 "write, for example, `--set fit.max_terms=2`",
             )
         source = SourceText(f"--set {override}", root.at.source.folder, text, numbered=False)
@@ -410,13 +412,13 @@ def _set(node: Node, steps: Sequence[str], value: Node) -> Node:
         if not isinstance(node.value, list):
             fail(
                 value.at,
-                f"`{step}` leads into a value that has no keys: {node.value!r}",
-                "set the value itself",
+                f"`{step}` does not exist: {node.value!r} is a plain value, without keys",
+                "set that value itself",
             )
         if not (steps[0].isdecimal() and int(step) < len(node.value)):
             fail(
                 value.at,
-                f"there is no item `{step}` in a list of {len(node.value)}",
+                f"there is no item `{step}` in a list of {len(node.value)} items",
                 "count the items from 0, or set the whole list",
             )
         step = int(step)

@@ -72,7 +72,7 @@ def _told(section: JsonSchemaValue, of: type) -> JsonSchemaValue:
 
 def _unit_within(value: object) -> str | None:
     """Return the unit of the numbers that may stand at a key, taken out of what is said of each; 1
-    for plain numbers, None where there are none.
+    for plain numbers, None if there are none.
     """
     if isinstance(value, list):
         return next((unit for part in value if (unit := _unit_within(part))), None)
@@ -136,7 +136,7 @@ def _sections_within(
         name = str(schema.get("$ref", "")).removeprefix("#/$defs/")
         if name in sections:
             yield name
-            # families lie within products
+            # Families within products are described there.
             others = {key: value for key, value in sections.items() if key != name}
             yield from _sections_within(sections[name], others, skipped)
         for key, value in schema.items():

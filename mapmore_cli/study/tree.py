@@ -99,7 +99,7 @@ def written(node: Node, way: Loc = (), around: Mapping[str, Any] = MappingProxyT
 
 
 def quoted(names: Iterable[object], between: str = ", ") -> str:
-    """Return names as a message lists them."""
+    """Return names as a list for a message."""
     return between.join(f"`{name}`" for name in names)
 
 

@@ -141,8 +141,8 @@ _BASE = {
 def default_unit(
     name: str, changes: Mapping[str, str] = _NO_CHANGES, rates: Mapping[str, str] = _NO_CHANGES
 ) -> str:
-    """Return the model's unit of a quantity: what `changes` (the spec's `units:`) says, else the
-    canonical one, else `1`.
+    """Return the model's unit of a quantity: what `changes` (the spec's `units:`) says, otherwise
+    the canonical one, else `1`.
 
     The rate of a quantity is in its unit per unit of time: `pressure_rate` in `kPa/s`, and so are
     `rates` by another name, given with the quantity that each is the rate of; `step_pressure` is in
@@ -197,7 +197,9 @@ def convert(values: N, source_unit: str, target_unit: str, *, difference: bool =
 
 
 def _spelt(unit: str) -> str:
-    """Return a unit as we spell it: `psig` is `psi`, `psi abs` is `psia`, `°C/s` is `degC/s`."""
+    """Return a unit in the spelling of mapmore: `psig` is `psi`, `psi abs` is `psia`, `°C/s` is
+    `degC/s`.
+    """
     text = _TORQUE.sub(r"\1*\2", spell_pressures(unit.strip())).replace("·", "*")
     factors = [text] if _ours(text) else re.split(r"([*/])", text)
     return "".join(_ours(factor) or factor for factor in factors)
@@ -295,7 +297,7 @@ def is_kept(unit: str) -> bool:
 
 
 def unit_of(text: str, like: str | None = None) -> str | None:
-    """Return the unit that a text names, as we spell it; None where it names no common one.
+    """Return the unit that a text names, as we spell it; None if it names no common one.
 
     The text is a unit, or ends with one in brackets: `psig` and `P (PSI)` are `psi`, `[bar(a)]` is
     `bara`. With `like`, the unit has to be one that can be converted to it; a mass is taken as its

@@ -221,18 +221,18 @@ def _variable_value(reference: re.Match[str]) -> str:
         return "${"
     body = _BODY.fullmatch(reference[1])
     if body is None or not reference[2]:
-        raise ValueError(f"`{reference[0]}` is not `${{NAME}}` or `${{NAME:-default}}`")
+        raise ValueError(f"`{reference[0]}` is not of the form `${{NAME}}` or `${{NAME:-default}}`")
     name, has_default, default = body.groups()
     if not name.startswith(READABLE) and name not in os.environ.get(MORE, "").split(","):
         raise ValueError(
-            f"environment variable {name} is not read: it is no {READABLE}*, and no `--env "
-            f"{name}` allows it"
+            f"the environment variable {name} is not read: its name does not begin with "
+            f"{READABLE}, and it was not allowed by `--env {name}`"
         )
     value = os.environ.get(name)
     if has_default and not value:
         return default or ""
     if value is None:
-        raise ValueError(f"environment variable {name} is not set")
+        raise ValueError(f"the environment variable {name} is not set")
     return value
 
 
@@ -246,18 +246,18 @@ _MOST_VALUES = 50_000  # that aliases repeat: nine levels of nine aliases would 
 _PLAINER = (  # what PyYAML says, what is meant, what to do
     (
         "cannot start any token",
-        "a character that cannot stand here",
+        "a character that is not allowed here",
         "quote the text, and indent with spaces instead of tabs",
     ),
     (
         "mapping values are not allowed here",
-        "a `:` that cannot stand here",
-        "quote a text that contains `: `, or mend the indentation",
+        "a `:` that is not allowed here",
+        "put a text that contains `: ` in quotes, or correct the indentation",
     ),
     ("could not find expected ':'", "a key without `:`", "write `key: value`"),
     (
         "expected <block end>",
-        "the indentation does not fit the lines above, or a bracket is missing",
+        "the indentation does not match the lines above, or a bracket is missing",
         "align the keys of one mapping",
     ),
     ("expected ',' or", "a `,` or a closing bracket is missing", "close every `[` and `{`"),
@@ -344,7 +344,7 @@ def _tree_of(source: SourceText) -> tuple[Node, tuple[Mistake, ...]]:
         _explain_fault(error, source)
     except (ValueError, OverflowError):  # of PyYAML's `chr`
         escape = re.search(r"\\U(?!00(?:0|10))[0-9A-Fa-f]{8}", source.text)
-        what = f"{escape[0] if escape else 'an escape'} is no character: Unicode has fewer"
+        what = f"{(escape[0] if escape else 'an escape')} is not a Unicode character"
         fail(_at(source, escape.start() if escape else 0), what, "write the character itself")
     problems: list[Mistake] = []
     tree = (
@@ -413,13 +413,15 @@ class _Builder:
                 self.problems.append(Mistake(at, f"`{text}` has a decimal comma", remedy))
             elif not (isinstance(key, yaml.ScalarNode) and key.tag.endswith(":str")):
                 shown = f"`{key.value}`" if isinstance(key, yaml.ScalarNode) else "this key"
-                self.problems.append(Mistake(at, f"{shown} is not text, and keys are", "quote it"))
+                self.problems.append(
+                    Mistake(at, f"{shown} is not text, but keys must be text", "quote it")
+                )
             elif key.value in children:
                 first = children[key.value].start
                 self.problems.append(
                     Mistake(
                         at,
-                        f"key `{key.value}` stands twice; first on line {first.line}",
+                        f"key `{key.value}` is given twice; the first is on line {first.line}",
                         "remove one of the two",
                     )
                 )
@@ -449,11 +451,11 @@ def _scalar_value(tag: str, text: str) -> str | int | float | bool | None:
     """
     kind = tag.removeprefix(_TAG)
     if any("\ud800" <= character <= "\udfff" for character in text):
-        raise ValueError(f"{text!r} holds half of a character")
+        raise ValueError(f"{text!r} contains an incomplete character (half of a surrogate pair)")
     if kind not in ("null", "bool", "int", "float", "str"):
-        raise ValueError(f"tag {tag.replace(_TAG, '!!')} is not used in a spec")
+        raise ValueError(f"the tag {tag.replace(_TAG, '!!')} is not allowed in a spec")
     if kind != "str" and tag_of(text) != kind and not (kind == "float" and tag_of(text) == "int"):
-        raise ValueError(f"{text!r} is no {kind}")
+        raise ValueError(f"{text!r} is not a valid {kind}")
     match kind:
         case "null":
             return None

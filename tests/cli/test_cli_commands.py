@@ -75,3 +75,12 @@ def test_batch_has_one_document_in_the_order_of_the_specs(tmp_path, mapmore):
     assert all(
         line.startswith(("a: error: nrmse", "b: error: nrmse")) for line in done.stderr.splitlines()
     )
+
+
+@pytest.mark.usefixtures("batch_here")
+def test_batch_says_of_a_run_that_nothing_was_done(copied, mapmore):
+    spec, runs = copied
+    result = mapmore("batch", spec, "--runs", runs, "--no-pages", code=0)
+    assert "bench: up to date (1 of 1)" in result.stderr
+    result = mapmore("batch", spec, "--runs", runs, "--no-pages", "--force", code=0)
+    assert "bench: done (1 of 1)" in result.stderr

@@ -122,7 +122,9 @@ def test_a_difference_of_settings_is_not_the_muscle_s(campaigns, mapmore):
     assert "fuse.z_s: 0.25 -> 0.1" in refused.stderr
     allowed = ("2025", "fused", "--allow-other-settings")
     told = compared(mapmore, campaigns, *allowed, "--fail-on", "changed", code=0).stdout
-    assert "same recordings as 2025: what differs is the settings', and not the muscle's" in told
+    assert (
+        "same recordings as 2025: a difference comes from the settings, not from the muscle" in told
+    )
     assert "The settings differ: fuse.z_s: 0.25 -> 0.1." in told
     document = json.loads(compared(mapmore, campaigns, *allowed, "--json").stdout)
     assert (document["answer"], document["same_recordings"]) == ("settings", True)
@@ -131,7 +133,7 @@ def test_a_difference_of_settings_is_not_the_muscle_s(campaigns, mapmore):
     said = mapmore("freeze", "fused", *frozen, code=0)
     assert said.stdout == f"{campaigns / 'x' / 'fused@x'}\n"
     assert "fused@x: made from bench.yaml" in said.stderr
-    assert "the spec alone makes another model" in said.stderr
+    assert "the spec alone makes a different model" in said.stderr
     assert "made with --set fuse.z_s=0.1\n" in said.stderr
 
 
@@ -171,7 +173,15 @@ def test_a_campaign_is_frozen_and_compared_run_by_run(campaigns, mapmore, tmp_pa
     mapmore("compare", "both@x", "first", *places, code=2, says="two at a time")
     members["runs"].append("../elsewhere")
     (runs / "both" / "campaign.json").write_text(json.dumps(members))
-    mapmore("freeze", "both", "--tag", "y", *places, code=4, says="does not name the runs")
+    mapmore(
+        "freeze",
+        "both",
+        "--tag",
+        "y",
+        *places,
+        code=4,
+        says="does not contain the names of the campaign's runs",
+    )
 
 
 @pytest.mark.parametrize(
@@ -196,7 +206,7 @@ def test_a_run_whose_record_has_no_name_of_a_run_is_not_frozen(campaigns, mapmor
         "--archive",
         tmp_path / "archive",
         code=4,
-        says="has no name of a run",
+        says="does not contain the name of the run",
     )
     assert [path.name for path in tmp_path.iterdir()] == ["run"]
 
@@ -212,7 +222,7 @@ def test_a_frozen_model_or_record_that_was_changed_is_refused(campaigns, mapmore
         else text.encode()
     )
     arguments = ("compare", "2025", "third", "--runs", campaigns / "runs", "--archive", tmp_path)
-    mapmore(*arguments, code=4, says="is not the model that was frozen")
+    mapmore(*arguments, code=4, says="was changed after it was frozen")
 
 
 def test_a_model_that_another_process_froze_meanwhile(copied, mapmore, monkeypatch):

@@ -73,7 +73,7 @@ def without_memory():
             "internal fault: ZeroDivisionError: division by zero; "
             "run again with --debug to see where",
         ),
-        *((error, 1, "error: there is too little memory for this") for error in without_memory()),
+        *((error, 1, "error: there is not enough memory for this") for error in without_memory()),
         (KeyboardInterrupt(), 130, "interrupted"),
         (within_c(), 130, "interrupted"),
     ],

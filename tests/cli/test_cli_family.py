@@ -89,7 +89,7 @@ def test_a_specimen_is_adapted_to_a_model_of_its_own(folder, tmp_path, mapmore, 
     assert 1.1 < found["parameters"]["q_force"] < 1.2  # drawn towards the prior
     assert found["samples"] == 11
     assert "learnt from 3 specimens" in found["notes"][0]
-    assert "those of the family, by 3 specimens" in found["notes"][-1]
+    assert "those of the family, which come from 3 specimens" in found["notes"][-1]
     mapmore(
         "adapt",
         out,
@@ -99,7 +99,7 @@ def test_a_specimen_is_adapted_to_a_model_of_its_own(folder, tmp_path, mapmore, 
         "-o",
         tmp_path / "again.h5",
         code=2,
-        says="needs that of a family",
+        says="adapt needs a family model",
     )
     rows = predicted(mapmore, out, few, "--interval", 0.95)
     assert [float(row["force_predicted"]) for row in rows] == pytest.approx(
@@ -112,7 +112,7 @@ def test_a_specimen_is_adapted_to_a_model_of_its_own(folder, tmp_path, mapmore, 
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        ((), "`--set rest=200`, in mm; the family goes from 100 to 300"),
+        ((), "`--set rest=200`, in mm; the family covers 100 to 300"),
         (("--set", "rest=long"), "--set rest=long"),
         (("--set", "width=3"), "no input 'width'"),
     ],

@@ -86,7 +86,7 @@ def test_check_prints_issues_with_their_remedies(study, mapmore):
     assert mapmore("check", study, code=0).stdout.splitlines()[-1] == "No issues."
     outside = mapmore("check", study, "--set", "data.split.validate.pressure=[300]", code=0)
     assert (
-        "validation samples have pressure 300, outside of the training range 100 to 200 "
+        "validation samples have pressure 300, outside the training range 100 to 200 "
         "[validation-outside]" in outside.stdout
     )
 

@@ -52,7 +52,7 @@ def test_errors_by_range_stand_beside(tmp_path, mapmore):
 def test_a_constant_by_itself_is_told(tmp_path, mapmore):
     spec = study(tmp_path, "L")
     spec.write_text(spec.read_text().replace("max_terms: 6", "max_terms: 1"))
-    alone = "the constant alone is the model: it explains all but"
+    alone = "the model is the constant only: it explains all but"
     mapmore("fit", spec, code=0, says=alone)
     done = mapmore(
         "validate", spec, "--json", code=0, says=(alone, "R² on the training data is 0:")

@@ -62,4 +62,4 @@ def test_a_level_that_was_measured_at_one_place_is_cut_into_one_segment(study, t
     assert float(grid.stdout.splitlines()[1].split(",")[2]) == pytest.approx(380)
 
 
-WORSE = "worse than the mean of what was measured"
+WORSE = "worse than the mean of the measured values"

@@ -42,7 +42,7 @@ def test_second_run_does_nothing_and_says_so(finished, mapmore):
     spec, runs = finished
     result = mapmore("run", spec, "--runs", runs)
     stages = [line for line in result.stderr.splitlines() if not line.startswith("warning: ")]
-    assert stages == [f"{stage}: up-to-date" for stage in STAGES]
+    assert stages == [f"{stage}: up to date" for stage in STAGES]
 
 
 def test_what_speaks_against_the_number_is_said_in_the_same_words_everywhere(
@@ -139,9 +139,9 @@ def test_a_stage_brings_those_before_it_up_to_date_and_says_why(study, mapmore):
     mapmore("fit", study, code=0)
     again = mapmore("fit", study, "--set", "fit.max_terms=2")
     assert again.stderr.splitlines() == [
-        "ingest: up-to-date",
-        "segment: up-to-date",
-        "fit: fit.max_terms: 1 -> 2",
+        "ingest: up to date",
+        "segment: up to date",
+        "fit: runs (fit.max_terms: 1 -> 2)",
     ]
     assert not (runs / "bench" / "model.h5").exists()
 
@@ -150,14 +150,14 @@ def test_verbose_says_how_long_each_stage_took_and_force_redoes_it(study, mapmor
     arguments = ("segment", study)
     lines = mapmore(*arguments, "-v").stderr.splitlines()
     assert [line.split(" in ")[0] for line in lines] == [
-        "ingest: never ran",
+        "ingest: runs (first time)",
         "ingest: done",
-        "segment: never ran",
+        "segment: runs (first time)",
         "segment: done",
     ]
     assert mapmore(*arguments, "--force").stderr.splitlines() == [
-        "ingest: forced",
-        "segment: forced",
+        "ingest: runs (forced)",
+        "segment: runs (forced)",
     ]
 
 

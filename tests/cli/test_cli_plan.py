@@ -1,6 +1,7 @@
 """`mapmore plan`: what to measure next."""
 
 import csv
+import json
 
 import numpy as np
 import pytest
@@ -33,7 +34,7 @@ LEVELS = [0, 100, 200, 300, 400, 500, 600]
 
 def test_a_single_level_says_nothing_and_levels_have_no_forecast(tmp_path, mapmore):
     mapmore(
-        "plan", write(tmp_path, [100]), "--runs", tmp_path / "other", code=4, says="single level"
+        "plan", write(tmp_path, [100]), "--runs", tmp_path / "other", code=4, says="only one level"
     )
     mapmore("plan", write(tmp_path, LEVELS), "--until", "2%", code=2, says="--points")
 
@@ -64,3 +65,17 @@ def test_points_of_a_map_and_its_figure(tmp_path, planned):
     assert files[0].read_text().startswith("<?xml")
     with files[1].open() as file:
         assert [row["what"] for row in csv.DictReader(file)] == ["point"] * 4
+
+
+@pytest.mark.parametrize("command", [("check",), ("plan",), ("tune", "--over", "fit.max_terms=1")])
+def test_a_run_stands_for_its_spec_with_its_settings(command, copied, mapmore):
+    spec, runs = copied
+    mapmore("segment", spec, "--runs", runs, "--set", "name=other", "-q", code=0)
+    name, *options = command
+    for run in ("other", runs / "other"):
+        by_name = mapmore(name, run, *options, "--runs", runs, "--json", "-q")
+        by_spec = mapmore(
+            name, spec, *options, "--runs", runs, "--json", "-q", "--set", "name=other"
+        )
+        assert by_name.exit_code == by_spec.exit_code == 0
+        assert json.loads(by_name.stdout)["name"] == json.loads(by_spec.stdout)["name"]

@@ -117,8 +117,8 @@ def test_outside_of_the_range_of_each_curve():
             "leave it empty",
         ),
         ("pressure,strain\n1_0,2\n", "t:row 2, column pressure: '1_0' is not a number", ""),
-        ("pressure,strain\n1,2\n1\n", "t:row 3: has 1 fields, the header has 2", ""),
-        ("pressure,strain\n1,2,3\n", "t:row 2: has 3 fields, the header has 2", ""),
+        ("pressure,strain\n1,2\n1\n", "t:row 3: has 1 fields, but the header has 2", ""),
+        ("pressure,strain\n1,2,3\n", "t:row 2: has 3 fields, but the header has 2", ""),
         (
             "pressure,strain,force_predicted\n1,2,3\n",
             "already has a column force_predicted",

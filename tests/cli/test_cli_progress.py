@@ -1,5 +1,6 @@
 """The voice on stderr: patient, plain where it is no terminal, silent on request."""
 
+import os
 import sys
 import warnings
 
@@ -77,8 +78,35 @@ def test_a_bar_on_a_terminal_is_gone_at_the_end(clock, capsys):
 def test_quiet_is_silent_but_for_failures(clock, capsys):
     with Reporter(quiet=True) as reporter:
         work(reporter, clock, 20)
-        reporter.stage("fit", "never ran")
+        reporter.stage("fit", "first time")
         reporter.warn("few samples")
         warnings.warn("a library's opinion", stacklevel=1)
         reporter.complain("one of the runs failed")
     assert capsys.readouterr().err == "one of the runs failed\n"
+
+
+def test_ten_warnings_of_a_kind_are_printed_and_then_their_number(capsys):
+    with Reporter() as reporter:
+        for row in range(10_004):
+            reporter.warn(f"log_{row % 7}.csv:row {row}: the value {row / 2} is odd")
+        reporter.warn("few samples")
+    lines = capsys.readouterr().err.splitlines()
+    assert lines[9] == "warning: log_2.csv:row 9: the value 4.5 is odd"
+    assert lines[10:] == [
+        "warning: 9994 more warnings like this one, 10004 in all",
+        "warning: few samples",
+    ]
+
+
+@pytest.mark.usefixtures("terminal")
+def test_no_bar_has_a_colour_if_none_is_wanted(clock, capsys, monkeypatch):
+    monkeypatch.setenv("NO_COLOR", "1")
+    with Reporter() as reporter:
+        work(reporter, clock, 20)
+    assert "\x1b[3" not in capsys.readouterr().err
+
+
+def test_no_color_is_an_option_anywhere_on_the_line(mapmore, monkeypatch):
+    monkeypatch.setenv("NO_COLOR", "")
+    mapmore("schema", "keys", "--no-color", code=0)
+    assert os.environ["NO_COLOR"] == "1"

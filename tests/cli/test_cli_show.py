@@ -144,7 +144,7 @@ def test_a_notebook_shows_what_a_model_is(model, example):
 def test_points_outside_of_the_training_range_are_told(model):
     assert np.isfinite(model(pressure=150.0, strain=[0.02, 0.05])).all()
     with pytest.warns(
-        UserWarning, match=r"1 of 2 point\(s\) lie outside of the training range of muscle"
+        UserWarning, match=r"1 of 2 point\(s\) lie outside the training range of muscle"
     ):
         model(pressure=150.0, strain=[0.02, 0.9])
 

@@ -110,7 +110,7 @@ def test_a_campaign_on_a_cluster(tmp_path, scheduler_file):
         os.kill(worker, signal.SIGKILL)
         stdout, stderr = second.communicate(timeout=120)
     assert second.returncode == 4, stderr
-    assert "slow: its worker died or was lost; it is started again" in stderr
+    assert "slow: its worker died or was lost; the run is started again" in stderr
     assert "broken: error:" in stderr
     documents = {run["name"]: run for run in json.loads(stdout)["runs"]}
     assert {name for name, run in documents.items() if run["exit_code"]} == {"broken"}
@@ -128,9 +128,9 @@ def test_workers_that_differ_are_refused(tmp_path):
     (tmp_path / "token").touch()
     here = tool_versions()["mapmore"]
     Shared(tmp_path / "token", here, {}).check()
-    with pytest.raises(WriteError, match="does not see this folder"):
+    with pytest.raises(WriteError, match="does not see the same folder"):
         Shared(tmp_path / "missing", here, {}).check()
-    with pytest.raises(UsageError, match=r"has mapmore .*, and 0\.0 is here"):
+    with pytest.raises(UsageError, match=r"has mapmore .*, but this computer has 0\.0"):
         Shared(tmp_path / "token", "0.0", {}).check()
 
 
@@ -141,7 +141,7 @@ def test_a_cluster_that_is_not_there(tmp_path, monkeypatch):
     monkeypatch.setattr("mapmore_cli.annexes.campaigns.cluster.CONNECT", "50ms")
     for scheduler, words in (
         ("tcp://127.0.0.1:9", "no Dask scheduler"),
-        (tmp_path / "none.json", "no such file"),
+        (tmp_path / "none.json", "does not exist"),
     ):
         with pytest.raises(UsageError, match=words):
             next(run_on_cluster({}, scheduler, tmp_path / "runs", silent, silent))

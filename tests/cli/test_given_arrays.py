@@ -197,7 +197,9 @@ BERLIN = timezone(timedelta(hours=1))
 def test_clocks_are_seconds_and_nothing_else(values, seconds):
     np.testing.assert_array_equal(read(values, "time", "s"), seconds)
     np.testing.assert_allclose(read(values, "time", "ms"), 1000 * np.array(seconds))
-    with pytest.raises(DataError, match=r"`time` may have|column `time` alone|cannot be converted"):
+    with pytest.raises(
+        DataError, match=r"`time` may contain|column `time` alone|cannot be converted"
+    ):
         read(values)
 
 
@@ -292,7 +294,7 @@ class Levels(list):
         (Frame({}, Levels([("a", "force")])), "MultiIndex"),
         (
             Frame(TABLE, [*TABLE, "force"]),
-            "'force' is there more than once",
+            "'force' exists more than once",
         ),
         ({**TABLE, "pressure": P[:, None]}, "has the shape"),
         (

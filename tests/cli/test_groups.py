@@ -100,11 +100,12 @@ def of_sessions(folder, split, groups):
 def test_a_group_without_training_samples_has_no_offset(sessions, mapmore):
     groups, runs = "groups: {of: specimen, offset: true}", sessions / "runs"
     spec = of_sessions(sessions, "  split: {leave_one_group_out: true}", groups)
-    mapmore("validate", spec, "--runs", runs, "-q", code=3, says="left out is not known")
+    mapmore("validate", spec, "--runs", runs, "-q", code=3, says="left-out group is not known")
     of_sessions(sessions, "  split: {validate: {specimen: [2]}}", groups)
     mapmore("validate", spec, "--runs", runs, "-q", code=0)
     assert any(
-        "none is known of 2" in note for note in RunFiles(runs / "specimens").dataset().notes
+        "for 2, which is held out completely, the offset is not known" in note
+        for note in RunFiles(runs / "specimens").dataset().notes
     )
 
 
@@ -146,8 +147,9 @@ def test_effects_are_taken_off_and_told():
     assert of.taken_off(curve, "y").columns["y"].tolist() == [1.0, 10.0, 9.0]
     assert curve.columns["y"].tolist() == [5.0, 7.0, 9.0]
     assert list(of.describe("y", "N")) == [
-        "gains of g, by which y is divided: 1: 2; 5, held out whole, counts as 1",
-        "offsets of g [N] taken off y: 1: +3, 2: -3; none is known of 5, held out whole",
+        "gains of g, by which y is divided: 1: 2; 5 is held out completely and gets a gain of 1",
+        "offsets of g [N], which are subtracted from y: 1: +3, 2: -3; "
+        "for 5, which is held out completely, the offset is not known",
     ]
 
 
@@ -177,7 +179,7 @@ def test_what_goes_with_the_group_is_no_offset():
     group = np.repeat([1.0, 2.0], 50)
     # varies within a group, and tells nothing
     x = np.where(group == 1, 0.0, 1.0) + np.tile(np.linspace(0, 1e-9, 50), 2)
-    with pytest.raises(DataError, match="cannot be told"):
+    with pytest.raises(DataError, match="cannot be separated"):
         effects(x, group=group, x=x, offset=True)
 
 

@@ -46,7 +46,7 @@ def test_models_over_time_have_no_levels_to_leave_out(study, mapmore):
     study.write_text(
         text.split("dictionary:")[0] + "dictionary: [{lags: {of: [strain], steps: [1]}}]\n"
     )
-    mapmore("run", study, code=3, says="neither a model with memory nor a sum")
+    mapmore("run", study, code=3, says="a model with memory or a sum cannot be fitted")
 
 
 @pytest.mark.parametrize(
@@ -54,11 +54,11 @@ def test_models_over_time_have_no_levels_to_leave_out(study, mapmore):
     [
         (
             ["segment={strain: {method: optimal, count: 2}}"],
-            "`optimal` ones depend on the backbone",
+            "`optimal` segments depend on the backbone",
         ),
         (
             ["dictionary=[{lags: {of: [force], steps: [1], order: 1}}]", "segment={}"],
-            "a model with memory has none",
+            "not possible with memory",
         ),
     ],
 )

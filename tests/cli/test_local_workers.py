@@ -47,7 +47,7 @@ def test_a_worker_that_dies_costs_its_job_one_start(once, tmp_path):
     assert set(ended) == set(jobs)
     assert isinstance(ended.pop(0), int if once else MapmoreError)
     assert all(isinstance(outcome, int) for outcome in ended.values())
-    assert told[0] == (0, "a worker process died; it is started again")
+    assert told[0] == (0, "its worker process died; the run is started again")
 
 
 def test_a_job_that_fails_is_not_started_again(tmp_path):
@@ -114,7 +114,7 @@ except WriteError as told:
     print(told, told.remedy)
 """
     ended = python(code)
-    assert "no worker process can be started: File too large" in ended.stdout, ended.stderr
+    assert "a worker process cannot be started: File too large" in ended.stdout, ended.stderr
     assert "/dev/shm" in ended.stdout
 
 
@@ -123,5 +123,5 @@ def test_where_the_system_has_no_locks_no_worker_starts(monkeypatch):
     monkeypatch.setattr(process, "_system_limits_checked", False)
     monkeypatch.setattr(process, "_system_limited", None)
     monkeypatch.setitem(sys.modules, "multiprocessing.synchronize", None)
-    with pytest.raises(WriteError, match="no worker process can be started"):
+    with pytest.raises(WriteError, match="a worker process cannot be started"):
         list(in_processes(abs, {1: 1, 2: 2}, 2, print))

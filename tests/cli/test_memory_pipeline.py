@@ -207,7 +207,7 @@ def test_a_dictionary_beyond_memory_is_refused_with_numbers(family, finished, tm
         f"dictionary=[{{{family}}}]",
         code=4,
     )
-    assert re.search("GB of memory for their products alone; .* may be used", result.stderr)
+    assert re.search("GB of memory; .* may be used", result.stderr)
     assert not (tmp_path / "play" / "fit.h5").exists()
 
 

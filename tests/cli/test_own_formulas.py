@@ -96,12 +96,12 @@ def test_a_changed_file_makes_the_fits_stale(tmp_path):
     [
         ({"expression": "a1*pressure +"}, "the expression ends"),
         ({"expression": "__import__('os').system('x')"}, "unexpected character"),
-        ({"expression": "a1*pressure[k-1] + a2 + a3 + a4 + a5 + a6"}, "state with memory"),
+        ({"expression": "a1*pressure[k-1] + a2 + a3 + a4 + a5 + a6"}, "has memory"),
         ({"parameters": {**SAROSI["parameters"], "a3": {}}}, "nonlinear"),
         ({"parameters": {**SAROSI["parameters"], "b": {}}}, "names in the text"),
         (
             {"parameters": {**SAROSI["parameters"], "a3": {"bounds": [3, 1]}}},
-            "put the lower one first",
+            "put the lower bound first",
         ),
         ({"name": "sarosi"}, "already"),
         ({"name": "a b"}, "name"),

@@ -69,9 +69,7 @@ def test_the_specs_show_the_numbers_of_the_published_tables(file):
 
 
 def test_the_command_that_there_was_says_what_to_do_instead(mapmore):
-    mapmore(
-        "paper", "x.yaml", "--json", "-q", code=2, says=["has left the program", "`make paper`"]
-    )
+    mapmore("paper", "x.yaml", "--json", "-q", code=2, says=["no longer exists", "`make paper`"])
     assert " paper " not in mapmore("--help", code=0).stdout
 
 

@@ -4,6 +4,8 @@ behind.
 
 import json
 import tempfile
+from itertools import count
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -143,6 +145,31 @@ def test_canonical_names_need_no_columns():
     assert mm.fit(frame, **sections).scores.of_model()["r2"] > 0.98
 
 
+HALVES = slice(None, 100), slice(100, None)
+
+
+def test_partial_columns_leave_canonical_names_to_the_frame():
+    """What is derived, and what one of the frames lacks, is not taken from a column."""
+    frame = {"pressure": 100 * BAR, "strain": EPS, "F": FRAME["F"], "length": 1 - EPS}
+    sections = {**SECTIONS, "columns": {"force": "F"}}
+    one, other = ({key: values[half] for key, values in frame.items()} for half in HALVES)
+    found = mm.fit([one, {**other, "time": np.arange(100.0)}], **sections)
+    assert {*found.spec.data.columns} == {"force", "pressure", "strain", "length"}
+    found = mm.fit(frame, **sections, derive={"strain": "1 - length"})
+    assert {*found.spec.data.columns} == {"force", "pressure", "length"}
+
+
+@pytest.mark.parametrize(
+    ("wanted", "seconds", "shown"), [(None, 3, 1), (None, 0, 0), (False, 3, 0)]
+)
+def test_long_fits_show_a_bar_in_a_terminal(wanted, seconds, shown, monkeypatch, capsys):
+    monkeypatch.setenv("FORCE_COLOR", "1")  # as in a terminal
+    now = count(0, seconds)
+    monkeypatch.setattr("mapmore_cli.api.fitted.time", SimpleNamespace(monotonic=lambda: next(now)))
+    mm.fit(FRAME, **SECTIONS, progress=wanted)
+    assert ("segments" in capsys.readouterr().err) == shown
+
+
 def test_a_target_by_its_label_takes_all_columns_by_theirs():
     motor = np.linspace(0, 1, 50)
     terms = [{"polynomial": {"of": ["motor"], "order": 2}}]
@@ -226,7 +253,7 @@ def test_nothing_is_written_but_progress(tmp_path, monkeypatch, capsys):
     assert not list(tmp_path.iterdir())
     output = capsys.readouterr()
     assert output.out == ""
-    assert "\rsegments: 4 of 4" in output.err
+    assert "segments: 4 of 4\n" in output.err
 
 
 def test_it_shows_itself(fitted):
@@ -288,7 +315,7 @@ def test_a_summary_has_what_a_regression_table_has():
             "the frame, row 17 .from 0., column 'eps': the value of strain is missing",
         ),
         ({"columns": {"force": {"column": "G"}}}, DataError, "no column 'G'"),
-        ({"columns": {"force": {"unit": "N"}}}, SpecError, "names no column"),
+        ({"columns": {"force": {"unit": "N"}}}, SpecError, "does not name its column"),
         ({"split": {"validate": {"pressure": [1000]}}}, DataError, "no level"),
     ],
 )

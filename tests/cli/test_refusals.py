@@ -20,24 +20,24 @@ LINES = """
 3  run none.yaml                             none.yaml
 2  batch SPEC --jobs 0                       greater than or equal to 1
 2  batch SPEC --cluster tcp://host:1 --cluster-file x.json  exclude each other
-2  simulate rig.yaml                         has left the program
+2  simulate rig.yaml                         no longer exists
 7  example .                                 is not an empty folder
-4  freeze . --tag x --archive archive        is no finished run
-2  freeze RUN --tag ../x --archive archive   cannot be a tag
+4  freeze . --tag x --archive archive        is not a finished run
+2  freeze RUN --tag ../x --archive archive   cannot be used as a tag
 2  tune SPEC --runs RUNS --over fit.max_terms  not of the form KEY=V1,V2
 2  tune SPEC --runs RUNS --over fit.max_terms=  not of the form KEY=V1,V2
 2  tune SPEC --runs RUNS --over 'fit.max_terms=[1'  --over fit.max_terms
 2  tune SPEC --runs RUNS --over fit.max_terms=1 --over fit.max_terms=2  given twice
 2  tune SPEC --runs RUNS --over data.levels.within=1,2  changes the data
 3  tune SPEC --runs RUNS --over fit.max_termz=1,2  max_terms
-2  tune SPEC --runs RUNS --over fit.max_terms=1,2 -o x.jpeg  neither a figure nor a table
+2  tune SPEC --runs RUNS --over fit.max_terms=1,2 -o x.jpeg  cannot have this file ending
 2  tune SPEC --runs RUNS -o x.svg            a search has no figure
-2  tune SPEC --runs RUNS --over fit.max_terms=1,2 --budget 5s  give one of both
-2  plan SPEC --runs RUNS --until much        is no size
-2  plan SPEC --runs RUNS --until -1%         is no size
-2  plan SPEC --runs RUNS --cost pressure     is no price
-2  plan SPEC --runs RUNS --cost force=3      the plan does not set it
-2  plan SPEC --runs RUNS -o plan.doc         neither a figure nor a table
+2  tune SPEC --runs RUNS --over fit.max_terms=1,2 --budget 5s  give one of the two
+2  plan SPEC --runs RUNS --until much        is not a half width
+2  plan SPEC --runs RUNS --until -1%         is not a half width
+2  plan SPEC --runs RUNS --cost pressure     is not of the form
+2  plan SPEC --runs RUNS --cost force=3      the plan does not choose this
+2  plan SPEC --runs RUNS -o plan.doc         cannot have this file ending
 2  plan SPEC --runs RUNS --points 0          greater than or equal to 1
 2  figure RUN fat -o x.pdf                   choose one of data, fit
 2  figure RUN fit -o x.docx                  choose .svg
@@ -46,7 +46,7 @@ LINES = """
 2  figure RUN fit -o x.svg --models plane,parrot  no model called 'parrot'
 2  figure RUN fit -o x.svg --set fit.max_terms=1  set a key of report.style
 3  figure RUN fit -o x.svg --set report.style.widht=80mm  did you mean `width`
-4  figure no-run fit -o x.pdf --runs .       holds no finished run
+4  figure no-run fit -o x.pdf --runs .       does not contain a finished run
 2  export MODEL -o out --to py --float       --float is for C alone
 2  export MODEL -o out --to fmu --float      --float is for C alone
 2  export MODEL -o out --to csv              --grid goes with --to csv
@@ -57,7 +57,7 @@ LINES = """
 7  export MODEL -o t.csv/out --to fmu        cannot be written
 7  export MODEL -o t.csv/out --to py         cannot be written
 2  compare bench --runs RUNS                 needs two models
-4  compare bench fourth --runs RUNS          there is no model of this name
+4  compare bench fourth --runs RUNS          there is no model with this name
 2  compare bench bench --runs RUNS --fail-on drift  neither `changed`
 2  compare bench bench --runs RUNS --figure x.docx  .svg
 2  predict MODEL                             either a TABLE or --grid

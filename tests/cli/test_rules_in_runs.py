@@ -13,7 +13,7 @@ from mapmore_cli.pipeline.runner import bring_up_to_date
 from mapmore_cli.study.loader import load
 
 PER_CENT = ("--set", "data.columns.strain.scale=100")
-SIGN = "its sign looks turned"
+SIGN = "its sign seems to be inverted"
 TURNED = ("--set", "data.columns.force.scale=-1")
 
 
@@ -22,7 +22,7 @@ def test_an_error_of_check_ends_a_run_with_its_place_and_its_code(
 ):
     runs = tmp_path / "runs"
     for command in ("run", "segment", "fit", "batch", "run"):  # again and again
-        ended = mapmore(command, study, *PER_CENT, code=3, says="looks like per cent")
+        ended = mapmore(command, study, *PER_CENT, code=3, says="probably in per cent")
         assert "bench.yaml:" in ended.stderr or command == "batch"
     assert not (runs / "bench" / "model.h5").exists()
     mapmore("ingest", study, *PER_CENT, code=0)
@@ -30,7 +30,7 @@ def test_an_error_of_check_ends_a_run_with_its_place_and_its_code(
     assert ["per cent" in warning for warning in told] == [True]
     assert page_of().count('">strain reaches') == 1
     # what went on once is no permission
-    mapmore("run", study, *PER_CENT, code=3, says="looks like per cent")
+    mapmore("run", study, *PER_CENT, code=3, says="probably in per cent")
 
 
 def test_a_constant_target_is_wrong_data(study, mapmore):
@@ -79,7 +79,7 @@ def test_what_made_levels_impossible_is_told(study, mapmore):
         "data.split={}",
         "segment={}",
     )
-    mapmore("run", study, *by_strain, code=4, says="looks like per cent")
+    mapmore("run", study, *by_strain, code=4, says="probably in per cent")
 
 
 def arrays(scale):

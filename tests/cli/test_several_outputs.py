@@ -107,12 +107,12 @@ def test_a_table_has_a_column_for_each_and_python_and_c_say_the_same(lever, tmp_
     ]
     assert {row["outside_range"] for row in table} == {"true", "false"}
     model = mm.load_model(place)
-    with pytest.warns(UserWarning, match="outside of the training range"):
+    with pytest.warns(UserWarning, match="outside the training range"):
         said = model(**given)
     for name in NAMES:
         column = [float(row[f"{name}_predicted"]) for row in table]
         np.testing.assert_allclose(column, said[name], rtol=1e-11)
-        with pytest.warns(UserWarning, match="outside of the training range"):
+        with pytest.warns(UserWarning, match="outside the training range"):
             np.testing.assert_array_equal(model.of(name)(**given), said[name])
     assert repr(model) == "<model lever-tip: tip_x [mm], tip_y [mm] of force [N], pressure [kPa]>"
     if shutil.which("cc") is None:
@@ -163,8 +163,8 @@ def test_units_and_limits_are_of_each_output(slow, mapmore, document):
         found = [file[f"body/fits/{name}/body/held_out"].attrs["unit"] for name in "xy"]
     assert found == ["mm", "N"]
     pairs = [
-        ("{rmse: 1}", 3, "one for each"),
-        ("{rmse: {z: 1 mm}}", 3, "one for each"),
+        ("{rmse: 1}", 3, "one number for each"),
+        ("{rmse: {z: 1 mm}}", 3, "one number for each"),
         ("{rmse: {y: 1 mm}}", 3, "unit 'mm' (a length) cannot be converted to 'N'"),
         ("{n: {y: 1e9}}", 6, "n of mapmore (y) on the validate rows"),
     ]
@@ -172,7 +172,7 @@ def test_units_and_limits_are_of_each_output(slow, mapmore, document):
         settings = options(f"validate.require={limits}")
         mapmore("validate", slow, "-q", "--runs", "runs", *settings, code=code, says=words)
     alone = options("target=x", "validate.require={rmse: {x: 1}}")
-    mapmore("validate", slow, "-q", *alone, code=3, says="one for each")
+    mapmore("validate", slow, "-q", *alone, code=3, says="one number for each")
 
 
 @pytest.mark.parametrize(
@@ -188,15 +188,18 @@ def test_units_and_limits_are_of_each_output(slow, mapmore, document):
                 "segment=null",
                 "fit=null",
             ),
-            "`type` is about one target, and there are several",
+            "`type` works for one target only, and there are several",
         ),
-        (("model={backbone: sarosi}",), "`backbone` is about one target"),
-        (("segment.force={method: gradient, count: 2}",), "`gradient` is about one target"),
-        (("fit.shape={pressure: increasing}",), "`shape` is about one target"),
-        (("validate.intervals=true",), "`intervals` is about one target"),
-        (("validate.as=force",), "`as` is about one target"),
-        (("data.split={leave_one_level_out: true}",), "`leave_one_level_out` is about one target"),
-        (("dictionary=[{terms: [tip_y]}]",), "a term is of the target `tip_y`"),
+        (("model={backbone: sarosi}",), "`backbone` works for one target only"),
+        (("segment.force={method: gradient, count: 2}",), "`gradient` works for one target only"),
+        (("fit.shape={pressure: increasing}",), "`shape` works for one target only"),
+        (("validate.intervals=true",), "`intervals` works for one target only"),
+        (("validate.as=force",), "`as` works for one target only"),
+        (
+            ("data.split={leave_one_level_out: true}",),
+            "`leave_one_level_out` works for one target only",
+        ),
+        (("dictionary=[{terms: [tip_y]}]",), "a term contains the target `tip_y`"),
         (
             ("dictionary=[{terms: [force], sign: negative}]",),
             "`sign` and `bounds` are",
@@ -210,4 +213,11 @@ def test_kinds_of_one_target_are_refused(settings, words, mapmore):
 
 def test_open_numbers_are_refused(slow, mapmore):
     terms = options("dictionary=[{slow: {of: [u]}}]")
-    mapmore("fit", slow, "-q", *terms, code=4, says="write the numbers, as `slow(pressure, 0.3)`")
+    mapmore(
+        "fit",
+        slow,
+        "-q",
+        *terms,
+        code=4,
+        says="write the numbers, for example `slow(pressure, 0.3)`",
+    )

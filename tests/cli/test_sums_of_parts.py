@@ -85,12 +85,12 @@ def joint(folder, summands, against=""):
         ),
         (
             RUNS.replace("model: flexor.yaml", "formula: chou_hannaford"),
-            ["of models or of formulas"],
+            ["mixes models and formulas"],
         ),
         ("", ["at least 1"]),
         (
             FORMULAS.replace("sign: -1", "tendon: {stiffness: 1 N/mm}"),
-            ["a formula is not fitted behind a tendon"],
+            ["a formula cannot be fitted behind a tendon"],
         ),
         (RUNS.replace("sign: -1", "tendon: {stiffness: -1 N/mm}"), ["stiffness"]),
         (RUNS.replace("sign: -1", "tendon: {stiffness: 1 kg}"), ["N/m"]),
@@ -103,7 +103,7 @@ def test_wrong_sums(summands, words, tmp_path, mapmore):
 
 def test_a_muscle_without_length_has_no_tendon(tmp_path, mapmore):
     spec = joint(tmp_path, RUNS.replace("sign: -1", "tendon: {stiffness: 1 N/mm}"))
-    mapmore("validate", spec, code=3, says="is no function of `length`")
+    mapmore("validate", spec, code=3, says="does not depend on `length`")
 
 
 def test_two_runs_whose_pressures_have_one_name_are_refused(tmp_path, mapmore):

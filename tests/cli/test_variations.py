@@ -110,7 +110,7 @@ def test_show_says_what_is_older_than_its_sources(pair, mapmore, document):
     mapmore("run", bench, "-q", code=0)
     assert "out of date" not in mapmore("show", run).stdout
     mapmore("fit", bench, "-q", "--set", "fit.max_terms=2", code=0)
-    assert "fuse is out of date: fit was done again since" in mapmore("show", run).stdout
+    assert "fuse is out of date, because fit was repeated since" in mapmore("show", run).stdout
     assert "fuse is out of date" in mapmore("show", run / "model.h5").stdout
     assert document("show", run)["stale"] == ["fuse", "validate", "report"]
 
@@ -125,8 +125,8 @@ def test_another_spec_of_the_same_name_is_refused(tmp_path, mapmore):
     mapmore("ingest", tmp_path / "spring" / "bench.yaml", "-q", code=0)
     result = mapmore("ingest", tmp_path / "autumn" / "bench.yaml", "-q", code=7)
     assert (
-        "holds the run 'bench' of ../../spring/bench.yaml; this is a run of ../../autumn/bench.yaml"
-        in result.stderr
+        "contains the run 'bench' of ../../spring/bench.yaml, "
+        "but this is a run of ../../autumn/bench.yaml" in result.stderr
     )
     (tmp_path / "spring" / "bench.yaml").unlink()
     mapmore("ingest", tmp_path / "autumn" / "bench.yaml", "-q", code=0)
@@ -145,16 +145,16 @@ def test_runs_that_are_built_on_each_other_are_refused(pair, tmp_path, mapmore):
     ("entry", "words"),
     rows_of(
         """
-{set: {fit.max_terms: 2}}                                   need a name | as: one_term
+{set: {fit.max_terms: 2}}                                   needs a name | as: one_term
 {set: {fit.max_terms: 2}, as: two, method: levenberg_marquardt}  method
-{set: {fit.max_terms: 2}, as: two, model: sarosi}           keys `set`
-{set: {fit.max_terms: 2}, as: repeatability}                named `repeatability`
+{set: {fit.max_terms: 2}, as: two, model: sarosi}           `set` (this spec with other settings)
+{set: {fit.max_terms: 2}, as: repeatability}                the name `repeatability`
 {set: {fit.max_term: 2}, as: two}  \
-    as `two` | max_term | did you mean `max_terms`?
+    competitor `two` | max_term | did you mean `max_terms`?
 {set: {segment.strain.count: 500}, as: two}                 bench.two: ingest
 {run: nowhere.yaml}                                         nowhere.yaml
-{run: rival_base.yaml, model: sarosi}                       a `model`, a `run`
-{as: nothing}                                               a `model`, a `run`
+{run: rival_base.yaml, model: sarosi}                       `model`, `run`
+{as: nothing}                                               `model`, `run`
 {run: rival_base.yaml, method: levenberg_marquardt}         method
 """,
         parts,

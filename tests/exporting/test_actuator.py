@@ -123,14 +123,14 @@ def test_what_cannot_be_joined_is_refused():
     force = pieces()
     needing_rate = replace(force, signals=(Signal("pressure_rate", "rate", "pressure"),))
     for one, other, words in (
-        (formula("reynolds"), lag(), "no function of pressure"),
+        (formula("reynolds"), lag(), "does not depend on pressure"),
         (
             replace(force, inputs=(Quantity("pressure", "bar"), force.inputs[1])),
             lag(),
-            "no function of pressure in kPa",
+            "does not depend on pressure in kPa",
         ),
         (needing_rate, lag(), "needs pressure_rate"),
-        (force, delayed("pressure[k-1]", "input"), "goes on from measured pressure"),
+        (force, delayed("pressure[k-1]", "input"), "continues from the measured pressure"),
         (
             replace(force, inputs=(*force.inputs, Quantity("input", "mV"))),
             lag(),

@@ -136,7 +136,7 @@ def test_the_header_has_names_and_units_in_the_order_of_the_inputs():
 
 
 def test_a_formula_that_is_no_expression_is_refused():
-    with pytest.raises(DataError, match="no closed expression"):
+    with pytest.raises(DataError, match="not a closed expression"):
         c_source(formula("sarosi_hysteresis_loss"))
 
 

@@ -121,7 +121,7 @@ def test_coefficients_that_multiply_to_no_number_are_told(to):
     )
     body = replace(model.body, curves=(replace(curve, segments=(huge, *rest)), *others))
     with pytest.raises(
-        DataError, match=r"dmsp-20 cannot be written out: -?inf is not a finite number"
+        DataError, match=r"dmsp-20 cannot be written as equations: -?inf is not a finite number"
     ):
         exported(replace(model, body=body), to)
 

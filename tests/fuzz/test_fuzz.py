@@ -132,7 +132,9 @@ def test_ctrl_c_keeps_what_was_found(tmp_path, monkeypatch):
 
 def test_what_is_too_long_when_it_is_written_out_is_refused():
     """Accepted, its model would have a term that cannot be read again."""
-    with pytest.raises(terms.ExpressionError, match=r"11997 characters when it is written out"):
+    with pytest.raises(
+        terms.ExpressionError, match=r"11997 characters when its powers are written out"
+    ):
         terms.parse("+".join(["x1", "x2"] * 1200))
 
 

@@ -59,7 +59,7 @@ def test_samples_between_levels_are_counted(ingest):
     dataset = ingest(
         {"a.csv": text}, levels={"of": "pressure", "at": [150.0, 80.0], "within": 10.0}
     )
-    assert dict(dataset.recordings[0].dropped) == {"no level within 10 of pressure": 3}
+    assert dict(dataset.recordings[0].dropped) == {"not within 10 of any level of pressure": 3}
     assert [curve.size for curve in dataset.curves] == [2, 2]
 
 
@@ -144,7 +144,7 @@ BROKEN = {
         ["files: '*_3.csv' matches nothing", "80_1.csv"],
     ),
     "no such recording": (held(recordings=["x*"]), ["recordings: 'x*' matches nothing", "80_1"]),
-    "nothing left": (held(files=["*.csv"]), ["none is left to train on"]),
+    "nothing left": (held(files=["*.csv"]), ["none is left for training"]),
     "nothing in both": (held(recordings=["80_1"], pressure=[150.0]), ["no sample fulfils all"]),
     "empty level": (
         {"levels": {"of": "pressure", "at": [80.0, 500.0]}},
@@ -161,7 +161,7 @@ def test_choices_that_the_data_cannot_fulfil(ingest, case):
 
 
 def test_sweep_has_no_levels_to_find(ingest):
-    with pytest.raises(DataError, match="strain is nowhere held constant"):
+    with pytest.raises(DataError, match="strain is never held constant"):
         ingest({"a.csv": steps(80, 500)}, levels={"of": "strain", "at": "auto"})
 
 
@@ -255,7 +255,7 @@ def test_a_level_goes_by_the_number_that_a_person_writes(ingest, levels):
     files = {f"{level}.csv": steps(level, 40) for level in (84, 154, 254)}
     dataset = ingest(files, levels=levels, **held(pressure=[150.0]))
     assert validating(dataset) == {"pressure=154": 40}
-    assert "split.validate: pressure 150 is taken as the level 154" in dataset.notes
+    assert "split.validate: for pressure 150, the level 154 is held out" in dataset.notes
     with pytest.raises(DataError, match="there is no level pressure=120"):
         ingest(files, levels=levels, **held(pressure=[120.0]))
 

@@ -65,17 +65,18 @@ def test_units_that_mean_the_same_or_that_a_scale_explains(ingest, units, spec):
         (
             {"P": "bar"},
             {"pressure": {"unit": "kPa"}},
-            "a.h5: 'P' is in bar, says the file, but is read as pressure in kPa\n  say `unit: bar`",
+            "a.h5: 'P' is in bar according to the file, but is read as pressure in kPa\n"
+            "  write `unit: bar`",
         ),
         ({"P": "bar"}, {}, "'P' is in bar"),
-        ({"P": "Bar"}, {"pressure": {"scale": -1}}, "say `unit: bar`"),
-        ({"P": "psi (gauge)"}, {}, "say `unit: psi`"),
-        ({"P": "V"}, {}, "by `scale` how the numbers become kPa"),
+        ({"P": "Bar"}, {"pressure": {"scale": -1}}, "write `unit: bar`"),
+        ({"P": "psi (gauge)"}, {}, "write `unit: psi`"),
+        ({"P": "V"}, {}, "set `scale` to the factor from the numbers to kPa"),
         ({"F": "kg"}, {}, "'F' is in kg"),
-        ({"F": "kN"}, {"force": {"offset": 3.0}}, "say `unit: kN`"),
+        ({"F": "kN"}, {"force": {"offset": 3.0}}, "write `unit: kN`"),
         ({"eps": "%"}, {}, "'eps' is in %"),
         ({"t": "ms"}, {}, "'t' is in ms"),
-        ({"t": "days since 2020-01-01"}, {}, "say `unit: days`"),
+        ({"t": "days since 2020-01-01"}, {}, "write `unit: days`"),
     ],
     ids=str,
 )
@@ -87,7 +88,7 @@ def test_units_that_the_file_contradicts(ingest, units, spec, told):
 @pytest.mark.parametrize("word", ["counts", "a.u.", "Messwert", "m**9**9**9"])
 def test_words_that_nobody_knows_are_told(ingest, word):
     assert read(ingest, hdf5(F=word), columns=columns())[1] == [
-        f"a.h5: 'F' is in '{word}', says the file, and is read in N"
+        f"a.h5: 'F' is in '{word}' according to the file, but is read in N"
     ]
 
 
@@ -96,7 +97,7 @@ def test_a_factor_of_the_file_and_one_of_the_spec(ingest):
     with h5py.File(stream, "a") as file:
         file["F"].attrs["scale_factor"] = 0.1
     _, warnings = read(ingest, stream.getvalue(), columns=columns(force={"scale": 0.1}))
-    assert warnings == ["a.h5: 'F' is scaled as the file says, and `scale: 0.1` scales it again"]
+    assert warnings == ["a.h5: 'F' is scaled by the file itself, and `scale: 0.1` scales it again"]
 
 
 def test_units_by_meaning():
@@ -181,7 +182,7 @@ def test_a_sample_time_that_the_file_contradicts(ingest):
     with pytest.raises(
         DataError,
         match=(
-            r"one sample every 0\.01 s, and the spec every 0\.001 s\n  say `sample_time: "
+            r"one sample every 0\.01 s, but the spec every 0\.001 s\n  write `sample_time: "
             r"0\.01 s`"
         ),
     ):
@@ -204,8 +205,8 @@ def test_a_second_is_what_labview_notes_where_nobody_says(ingest):
         warnings=warnings,
     )
     assert warnings == [
-        "a.tdms: the file says one sample every 1 s, and the spec every 0.001 s, which is "
-        "believed: LabVIEW notes 1 s where nobody says"
+        "a.tdms: the file gives one sample every 1 s, but the spec every 0.001 s, which is "
+        "used: LabVIEW writes 1 s if nobody has set a rate"
     ]
 
 

@@ -62,9 +62,9 @@ def test_entries_carry_constants_and_an_id(tree):
         (
             ["../b/*.csv", "../*/run_10.csv"],
             DataError,
-            ["../b/run_10.csv: named twice", "../b/*.csv", "../*/run_10.csv"],
+            ["../b/run_10.csv: is named twice", "../b/*.csv", "../*/run_10.csv"],
         ),
-        (["here.csv", "../spec/here.csv"], DataError, ["here.csv: named twice"]),
+        (["here.csv", "../spec/here.csv"], DataError, ["here.csv: is named twice"]),
         ([FileEntry(path="../b/*.csv", id="b")], SpecError, ["id 'b' is given to 2 files"]),
         (
             [FileEntry(path="here.csv", id="run_10"), "../b/run_10.csv"],
@@ -102,5 +102,5 @@ def test_globs_that_lead_through_a_whole_computer(tree, monkeypatch):
     assert len(find_sources([deep], tree)) == 4
     monkeypatch.setattr("mapmore_cli.ingestion.files.MOST_FOLDERS", 2)
     for pattern in (deep, "../**/*.csv"):
-        with refused(f"{pattern}: leads through more than 2 folders", "`measured/*/*.csv`"):
+        with refused(f"{pattern}: matches paths through more than 2 folders", "`measured/*/*.csv`"):
             find_sources([pattern], tree)

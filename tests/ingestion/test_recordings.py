@@ -264,7 +264,10 @@ BROKEN = {
     "repeated time": (
         ROW + ROW,
         {},
-        ["a.csv:row 3: the time 0 stands twice (1 stamps repeat)", "repeated_time: average"],
+        [
+            "a.csv:row 3: the time 0 occurs twice (1 repeated time stamps in all)",
+            "repeated_time: average",
+        ],
     ),
     "division by zero": (ROW, {"derive": {"x": "force/time"}}, ["a.csv:row 2: derive.x gives inf"]),
     "narrow window": (
@@ -277,7 +280,7 @@ WRONG_SPECS = {
     "given twice": (
         ROW,
         {"files": [{"path": "a.csv", "set": {"strain": 0.1}}]},
-        ["'strain' is set for a file and measured"],
+        ["'strain' is set for a file, and is also measured"],
     ),
     "set for some": (
         ROW,

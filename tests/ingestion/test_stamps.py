@@ -77,24 +77,24 @@ def test_a_clock_that_was_set_back_is_none_that_begins_anew(ingest, cells):
     [
         (
             {"columns": {**COLUMNS, "force": {"column": "F", "format": "%H:%M:%S"}}},
-            "belong to `time`",
+            "for `time` only",
         ),
-        ({"columns": {**COLUMNS, "force": {"column": "F", "unwrap": True}}}, "belong to `time`"),
+        ({"columns": {**COLUMNS, "force": {"column": "F", "unwrap": True}}}, "for `time` only"),
         *(
             ({"columns": {**COLUMNS, "time": {"column": "t", "format": text}}}, told)
             for text, told in (
-                ("%Q", "no format of stamps"),
+                ("%Q", "not a format of time stamps"),
                 ("%I:%M:%S", "AM or PM"),
                 ("%H:%M:%S %p", "AM or PM"),
                 ("%d.%m. %H:%M:%S", "a day its year"),
-                ("", "has codes"),
+                ("", "needs codes"),
             )
         ),
-        ({"thousands": ","}, "between thousands"),
-        ({"thousands": ".", "delimiter": ";"}, "between thousands"),
-        ({"thousands": " ", "delimiter": "whitespace"}, "between thousands"),
+        ({"thousands": ","}, "separator of thousands"),
+        ({"thousands": ".", "delimiter": ";"}, "separator of thousands"),
+        ({"thousands": " ", "delimiter": "whitespace"}, "separator of thousands"),
         ({"thousands": "x"}, "thousands"),
-        ({"thousands": "'", "reader": "xlsx"}, "no use for `thousands`"),
+        ({"thousands": "'", "reader": "xlsx"}, "cannot use `thousands`"),
     ],
 )
 def test_keys_that_cannot_be_meant(changes, part):

@@ -112,7 +112,7 @@ def test_a_given_plateau_takes_the_place_of_the_found_one(tmp_path):
         (
             step(200.0),
             {"plateau": [7.0, 8.0]},
-            ["a.csv", "no sample from 7 s to 8 s", "runs from 0 s to 2.995 s"],
+            ["a.csv", "no sample from 7 s to 8 s", "covers 0 s to 2.995 s"],
         ),
     ],
     ids=["triangle", "constant", "beyond the end"],
@@ -125,8 +125,8 @@ def test_a_recording_without_a_plateau_is_refused(recording, data, words, tmp_pa
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
-        ({"output": Quantity("force", "kN")}, "force in kN, not of force in N"),
-        ({"output": Quantity("displacement", "m")}, "displacement in m, not of force in N"),
+        ({"output": Quantity("force", "kN")}, "force in kN, not force in N"),
+        ({"output": Quantity("displacement", "m")}, "displacement in m, not force in N"),
         (
             {"inputs": (Quantity("pressure", "bar"), Quantity("strain", "1"))},
             "pressure in bar; this study has it in kPa",
@@ -139,13 +139,13 @@ def test_a_recording_without_a_plateau_is_refused(recording, data, words, tmp_pa
                     Quantity("strain", "1"),
                 )
             },
-            "length in m; this study has it not at all",
+            "length in m; this study lacks it",
         ),
     ],
     ids=["unit", "quantity", "unit of an input", "absent input"],
 )
 def test_a_static_model_of_another_unit_or_quantity_is_refused(changes, words, tmp_path):
-    with refused("needs.static: the model of s is", words, error=SpecError):
+    with refused("needs.static: the model of s ", words, error=SpecError):
         ingest(tmp_path, {"a.csv": step(200.0)}, sarosi_model(**changes))
 
 

@@ -188,7 +188,7 @@ def test_an_error_that_the_spec_can_mend_is_said_in_the_draft(tmp_path):
     isobaric(tmp_path, percent=100)
     draft = drafted(tmp_path)
     assert "# CHECK: `check` finds an error: strain reaches 15" in draft.text()
-    assert 'say `unit: "%"`' in draft.open["target",].why
+    assert 'write `unit: "%"`' in draft.open["target",].why
 
 
 # Names and text

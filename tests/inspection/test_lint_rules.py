@@ -255,7 +255,7 @@ FINE = [{"set": {"segment.strain.count": 30}, "as": "fine"}]
             "warning",
             lambda _, c: {**c, "F": np.where(np.arange(60) % 7, -900, 0.9)},
             {"segment": {}},
-            ["hardly ever positive (it runs from -900 to 0.9)", "`scale: -1`"],
+            ["almost never positive (it goes from -900 to 0.9)", "`scale: -1`"],
         ),  # noise of a slack muscle
         (
             "force-never-positive",
@@ -269,7 +269,7 @@ FINE = [{"set": {"segment.strain.count": 30}, "as": "fine"}]
             "warning",
             at(300, lambda _, c: {**c, "F": 0.5 - np.abs(c["F"])}),
             {"segment": {}},
-            ["level_300.csv: the force", "as in no other recording"],
+            ["level_300.csv: the force", "unlike in "],
         ),
         ("cycles-of-nothing", "error", jittered(0.3), cycles("pressure"), ["`cycles: {over: str"]),
         ("cycles-of-nothing", "error", rippled, cycles("pressure"), ["level_100.csv and 3 more"]),
@@ -278,7 +278,7 @@ FINE = [{"set": {"segment.strain.count": 30}, "as": "fine"}]
             "warning",
             at(300, lambda _, c: {**c, "eps": 0.1 + 1e-4 * np.resize([0, 1, 0, -1], 60)}),
             cycles("strain"),
-            ["strain is held in level_300.csv"],
+            ["strain is constant in level_300.csv"],
         ),
         (
             "header-of-numbers",
@@ -306,14 +306,14 @@ FINE = [{"set": {"segment.strain.count": 30}, "as": "fine"}]
             "error",
             first_rows(6),
             {"segment": {}, "validate": {"against": ["polynomial_5"]}},
-            ["polynomial_5 has 21 parameters, and there are 18 training samples"],
+            ["polynomial_5 has 21 parameters, but there are only 18 training samples"],
         ),
         (
             "few-for-formula",
             "error",
             first_rows(4),
             {"segment": {}, "fit": {"max_terms": 1}, "model": {"backbone": "sarosi_hinged"}},
-            ["there are 12 training samples"],
+            ["there are only 12 training samples"],
         ),
         (
             "shape",
@@ -390,25 +390,25 @@ FINE = [{"set": {"segment.strain.count": 30}, "as": "fine"}]
             "hint",
             at_most("F", 900),
             VOLUME,
-            ["a limit that it has", "keep them"],
+            ["has a physical limit", "keep the samples"],
         ),  # a tank may be full
         (
             "not-single-valued",
             "hint",
             looped(lambda _: 60),
             {},
-            ["does better than 4.6 % at pressure=100, 4.5 % at", "cycles: {over: strain}"],
+            ["can reach an error below 4.6 % at pressure=100, 4.5 % at", "cycles: {over: strain}"],
         ),
         (
             *("not-single-valued", "hint", looped(lambda _: 60), VOLUME),
-            ["no model without memory does better than 4.6 % at pressure=100"],
+            ["no model without memory can reach an error below 4.6 % at pressure=100"],
         ),
         (
             "spike",
             "warning",
             with_spike(30),
             {},
-            ["level_100.csv:row 32 (time 3 s): force is 9000 for one sample, between "],
+            ["level_100.csv:row 32 (time 3 s): force is 9000 in one sample only, between "],
         ),
         (
             "below-vacuum",
@@ -438,7 +438,7 @@ FINE = [{"set": {"segment.strain.count": 30}, "as": "fine"}]
                 lambda level, c: {**c, "F": 7 * c["eps"] + level},
                 {"segment": {}},
             ),
-            ["force is 7 times strain, plus a constant of each recording"],
+            ["force equals 7 times strain plus a constant for each recording"],
         ),
         (
             *(
@@ -447,7 +447,7 @@ FINE = [{"set": {"segment.strain.count": 30}, "as": "fine"}]
                 lambda level, _: {**table(200), "P": np.full(60, 200.0), "F": table(level)["F"]},
                 SAME_INPUTS,
             ),
-            ["level_400.csv has the same strain as level_100.csv, and force differs by 0.66 of "],
+            ["level_400.csv has the same strain as level_100.csv, but force differs by 0.66 of "],
         ),
     ],
 )
@@ -630,7 +630,7 @@ def with_unit_line(folder, units):
 
 def test_a_line_of_units_is_read(tmp_path):
     issue = only(with_unit_line(tmp_path, "s,kPa,-,[kN]"), "unit-line")
-    assert "column 'F' is read in N, but the line under its name says kN" in issue.message
+    assert "column 'F' is read in N, but the line below its name gives the unit kN" in issue.message
     assert found(with_unit_line(tmp_path, "s,kPa,-,N")) == set()
 
 
@@ -701,9 +701,12 @@ def test_a_difference_between_sessions_is_told_with_what_explains_it(tmp_path, e
         return {**columns, "F": effect(force) if level > 200 else force}
 
     issue = only(inspected(tmp_path, session, **SAME_INPUTS), "untold-difference")
-    assert (f"say `data.groups: {line}` with `set: {{session: 1}}`" in issue.remedy) == bool(line)
+    assert (f"write `data.groups: {line}` and `set: {{session: 1}}`" in issue.remedy) == bool(line)
     assert ("groups" in issue.remedy) == bool(line)
-    assert re.search(r"a factor explains \d+% of it, an offset \d+%, both \d+%", issue.message)
+    assert re.search(
+        r"a factor between the two explains \d+% of the difference, an offset \d+%, both ",
+        issue.message,
+    )
     told = {"files": [{"path": f"level_{level:g}.csv", "set": {"session": int(level > 200)}}
         for level in LEVELS]}  # fmt: skip
     spec = {**SAME_INPUTS, "data": {**SAME_INPUTS["data"], **told}}

@@ -153,7 +153,7 @@ class TestCompare:
     @pytest.mark.parametrize(
         ("other", "words"),
         [
-            (replace(muscle("b"), output=Quantity("force", "kN")), "other quantities"),
+            (replace(muscle("b"), output=Quantity("force", "kN")), "different quantities"),
             (muscle("b", levels=(900.0, 950.0)), "0 curves in common"),
             (muscle("b", levels=(100.0,)), "1 curves in common"),
         ],

@@ -168,9 +168,9 @@ def test_the_middle_of_the_widest_gap_comes_first():
     assert "from 400 to 700" in note
     assert (forecast, shown.places["pressure"].tolist()) == (None, [100, 200, 300, 400, 700])
     assert len(planning._of_levels("a", at_levels(100.0, 200.0), {})[0]) == 1
-    with refused("a single level of pressure"):
+    with refused("only one level of pressure"):
         planning._of_levels("a", at_levels(100.0), {})
-    with refused("--cost strain: the plan does not set it", error=UsageError):
+    with refused("--cost strain: the plan does not choose this quantity", error=UsageError):
         planning._of_levels("a", given, {"pressure": 3.0, "strain": 1.0})
 
 
@@ -178,7 +178,7 @@ def test_a_wanted_half_width_is_a_share_or_a_number():
     assert planning._size_of(" 2% ", 400.0) == 8.0
     assert planning._size_of("2", 400.0) == 2.0
     for text in ("0", "-1%", "inf", "nan", "two", ""):
-        with refused("is no size", error=UsageError):
+        with refused("is not a half width", error=UsageError):
             planning._size_of(text, 400.0)
 
 

@@ -50,8 +50,8 @@ def test_first_run_and_second_run(folder):
     assert outcome.name == "demo"
     assert outcome.run_dir == folder / "runs" / "demo"
     assert outcome.stages == dict.fromkeys(ALL, "done")
-    assert outcome.reasons == dict.fromkeys(ALL, "never ran")
-    assert told == [(stage, "never ran") for stage in ALL]
+    assert outcome.reasons == dict.fromkeys(ALL, "first time")
+    assert told == [(stage, "first time") for stage in ALL]
     before = {
         path: path.stat().st_mtime_ns for path in outcome.run_dir.rglob("*") if path.name != ".lock"
     }
@@ -145,7 +145,7 @@ def test_what_explain_says_is_what_happens(change, expected, folder):
 
 
 def test_explain_writes_nothing(folder):
-    assert reasons(study(folder), until="fuse") == [(stage, "never ran") for stage in ALL[:3]]
+    assert reasons(study(folder), until="fuse") == [(stage, "first time") for stage in ALL[:3]]
     assert not (folder / "runs").exists()
 
 
@@ -326,7 +326,7 @@ def test_damaged_record_counts_as_absent(text, folder):
     run_dir = run(study(folder)).run_dir
     (run_dir / "run.json").write_text(text)
     warnings = []
-    assert run(study(folder), warn=warnings.append).reasons == dict.fromkeys(ALL, "never ran")
+    assert run(study(folder), warn=warnings.append).reasons == dict.fromkeys(ALL, "first time")
     assert len(warnings) == 1
     assert "run.json" in warnings[0]
     assert_settled(folder)

@@ -52,7 +52,7 @@ def model(tmp_path):
         (put(f"{SEGMENT}/stop", "\x1b[31m"), "stop, has control characters or line breaks"),
         (put("name", 'a\n"""'), "name, has control characters or line breaks"),
         (put("output/unit", "N*\\\n/"), "unit, has control characters or line breaks"),
-        (put(f"{SEGMENT}/terms", ["strain", "__import__('os')"]), "terms/001, is no term"),
+        (put(f"{SEGMENT}/terms", ["strain", "__import__('os')"]), "terms/001, is not a valid term"),
         (put("notes", ["fine", "a\u2028b"]), "notes/001, has control characters or line breaks"),
         (put("body/kind", "oracle"), "of the kind 'oracle'"),
         (put("body/fusion/extrapolation/strain", ["guess", 0.0]), "is none of continue"),

@@ -50,7 +50,9 @@ def test_variables_stand_in_paths_alone(tmp_path, monkeypatch, text):
     monkeypatch.setenv("MAPMORE_TERMS", "3")
     monkeypatch.setenv("MAPMORE_KEY", "secret")
     message = refusal(tmp_path, FORMULA + text)
-    assert "in a text that is no path: variables are expanded in paths alone" in message
+    assert (
+        "in a text that is not a path: environment variables are replaced only in paths" in message
+    )
     assert "secret" not in message
 
 
@@ -58,7 +60,7 @@ def test_only_variables_of_ours_are_read(tmp_path, monkeypatch):
     monkeypatch.setenv("AWS_SECRET_ACCESS_KEY", "secret")
     text = FORMULA.replace("[a.csv]", '["${AWS_SECRET_ACCESS_KEY:-x}/a.csv"]')
     message = refusal(tmp_path, text)
-    assert "spec.yaml:2:16: environment variable AWS_SECRET_ACCESS_KEY is not read" in message
+    assert "spec.yaml:2:16: the environment variable AWS_SECRET_ACCESS_KEY is not read" in message
     assert "secret" not in message
     monkeypatch.setenv("MAPMORE_ENV", "LAB,AWS_SECRET_ACCESS_KEY")
     assert load_text(tmp_path, text).spec.data.files == ["secret/a.csv"]
@@ -68,7 +70,7 @@ def test_an_unset_variable_is_an_error_at_its_place_and_hides_no_other(tmp_path,
     monkeypatch.delenv("MAPMORE_NOWHERE", raising=False)
     text = FORMULA.replace("[a.csv]", '["${MAPMORE_NOWHERE}/a.csv"]') + "fit:\n  stpo: bic\n"
     message = refusal(tmp_path, text)
-    assert "spec.yaml:2:16: environment variable MAPMORE_NOWHERE is not set" in message
+    assert "spec.yaml:2:16: the environment variable MAPMORE_NOWHERE is not set" in message
     assert "${NAME:-default}" in message
     assert "spec.yaml:6:3: unknown key `stpo`" in message
     assert message.count("spec.yaml:") == 2
@@ -187,7 +189,7 @@ def test_a_mistake_in_an_inherited_file_is_shown_there(family):
     [
         ("extends: spec.yaml\n", ["spec.yaml:1:10", "in a circle: spec.yaml -> spec.yaml"]),
         ("name: a\nextends: none.yaml\n", ["spec.yaml:2:10: there is no file", "none.yaml"]),
-        ("extends: [a.yaml]\n", ["spec.yaml:1:10: `extends` names no file"]),
+        ("extends: [a.yaml]\n", ["spec.yaml:1:10: `extends` does not name a file"]),
         ("extends: .\n", ["there is no file"]),
     ],
 )
@@ -250,7 +252,7 @@ fit.max_term=2  \
     --set fit.max_term=2: unknown key `max_term` in `fit` | did you mean `max_terms`?
 fit.max_terms=two           --set fit.max_terms=two: `fit.max_terms` should be a whole number
 fit.max_terms.deep=2  \
-    --set fit.max_terms.deep=2: `deep` leads into a value that has no keys
+    --set fit.max_terms.deep=2: `deep` does not exist: 1 is a plain value
 data.levels.at.4=2  \
     --set data.levels.at.4=2: there is no item `4` in a list of 4 | from 0
 data.levels.at.-1=2         there is no item `-1`
@@ -259,7 +261,7 @@ data.levels.of=presure      --set data.levels.of=presure: there is no quantity `
 fit.max_terms=[1            --set fit.max_terms=[1: not valid YAML
 extends=other.yaml          --set extends=other.yaml: unknown key `extends`
 data.files.0=${MAPMORE_NO}  \
-    --set data.files.0=${MAPMORE_NO}: environment variable MAPMORE_NO is not set
+    --set data.files.0=${MAPMORE_NO}: the environment variable MAPMORE_NO is not set
 """,
         parts,
     ),

@@ -46,19 +46,19 @@ class Shared:
     environment: Mapping[str, str]
 
     def check(self) -> None:
-        """Raise WriteError where this process does not see what the client wrote, UsageError where
+        """Raise WriteError if this process does not see what the client wrote, UsageError if
         it has another version.
         """
         if tool_versions()["mapmore"] != self.version:
             raise UsageError(
-                f"a worker of the cluster has mapmore {tool_versions()['mapmore']}, and "
-                f"{self.version} is here",
-                "install one version everywhere",
+                f"a worker of the cluster has mapmore {tool_versions()['mapmore']}, but "
+                f"this computer has {self.version}",
+                "install the same version everywhere",
             )
         if not self.token.is_file():
             raise WriteError(
-                f"{self.token.parent}: a worker of the cluster does not see this folder as "
-                "the command does",
+                f"{self.token.parent}: a worker of the cluster does not see the same folder "
+                "as this computer",
                 "choose a folder with --runs that the workers share with this computer, at "
                 "the same path",
             )
@@ -99,7 +99,7 @@ def run_on_cluster(
     def count(event: tuple[Any, Any]) -> None:  # called by a thread of the client
         begun[event[1]] += 1
         if begun[event[1]] > 1:
-            tell(event[1], "its worker died or was lost; it is started again")
+            tell(event[1], "its worker died or was lost; the run is started again")
 
     with shared_folder(runs) as shared, _connected(scheduler) as client:
         client.subscribe_topic(shared.token.name, count)
@@ -122,8 +122,8 @@ def run_on_cluster(
 
 
 def _checked_workers(client: Client, shared: Shared) -> int:
-    """Return how many workers there are; raises UsageError where they cannot run the jobs,
-    WriteError where they do not see the folder of runs.
+    """Return how many workers there are; raises UsageError if they cannot run the jobs,
+    WriteError if they do not see the folder of runs.
     """
     try:
         return len(client.run(shared.check))
@@ -139,7 +139,7 @@ def _checked_workers(client: Client, shared: Shared) -> int:
 
 
 def _connected(scheduler: str | Path) -> Client:
-    """Return a client; UsageError where there is no library for it, or no scheduler."""
+    """Return a client; UsageError if there is no library for it, or no scheduler."""
     try:
         from distributed import Client
     except ImportError:
@@ -152,7 +152,7 @@ def _connected(scheduler: str | Path) -> Client:
         where = {"scheduler_file": str(scheduler)}
         if not scheduler.is_file():  # the client would wait for it
             raise UsageError(
-                f"{scheduler}: there is no such file of a scheduler",
+                f"{scheduler}: this scheduler file does not exist",
                 "start one with `dask scheduler --scheduler-file FILE`",
             )
     try:

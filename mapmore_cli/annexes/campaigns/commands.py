@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from typer import Argument, Exit, Option
 
+from mapmore_cli.cli.annotations import annotate
 from mapmore_cli.cli.console import (
     NONE,
     RUNS,
@@ -30,7 +31,7 @@ from mapmore_cli.cli.console import (
     write_ci_files,
 )
 from mapmore_cli.cli.progress import Reporter
-from mapmore_cli.domain.errors import LimitMissed, RunWarning, UsageError
+from mapmore_cli.domain.errors import LimitMissed, RunWarning, UsageError, error_text
 
 if TYPE_CHECKING:
     from mapmore_cli.pipeline.jobs import Finished
@@ -52,13 +53,15 @@ def batch(
         Option(
             "--cluster",
             metavar="ADDRESS",
-            help="Scheduler of a Dask cluster to run on, as tcp://host:8786.",
+            help="Address of the Dask scheduler of a cluster, for example tcp://host:8786.",
         ),
     ] = None,
     cluster_file: Annotated[
         Path | None,
         Option(
-            "--cluster-file", metavar="FILE", help="The same, by the file that the scheduler wrote."
+            "--cluster-file",
+            metavar="FILE",
+            help="The same, given by the file that the scheduler wrote.",
         ),
     ] = None,
     overrides: Overrides = NONE,
@@ -66,7 +69,10 @@ def batch(
         bool,
         Option(
             "--no-pages",
-            help="Write no page for each run. The same command without it does that later.",
+            help=(
+                "Do not write the pages of the runs. The same command without this option "
+                "writes them later."
+            ),
         ),
     ] = False,
     force: Force = False,
@@ -96,7 +102,7 @@ def batch(
     from mapmore_cli.study.campaign import expanded
 
     if cluster is not None and cluster_file is not None:
-        raise UsageError("--cluster and --cluster-file exclude each other", "leave one of them out")
+        raise UsageError("--cluster and --cluster-file exclude each other", "leave out one of them")
     campaigns, entries = expanded(configs, overrides)
     options = Options(force, rehash, not no_check)
     until = "validate" if no_pages else "report"
@@ -170,16 +176,18 @@ def batch(
 def _tell(reporter: Reporter, name: str, result: Result, count: str) -> None:
     if isinstance(result, BaseException):
         reporter.complain(f"{name}: {message(result)}")
+        annotate("error", error_text(result))
         return
     for warning in result.warnings:
         reporter.warn(RunWarning.of(name, warning))
-    reporter.say(f"{name}: done ({count})")
+    is_new = "done" in result.stages.values()
+    reporter.say(f"{name}: {'done' if is_new else 'up to date'} ({count})")
     for limit in result.missed:
         reporter.complain(f"{name}: {message(LimitMissed(limit))}")
 
 
 def _ends(name: str, result: Result) -> list[str]:
-    """Say in a line of each output how a run ended."""
+    """Return a line for each output on how a run ended."""
     from mapmore_cli.domain.scores import OWN
     from mapmore_cli.reporting.score_tables import short_verdict
 

@@ -95,7 +95,7 @@ def _ways_made(
             files[name].append(there)
         else:
             trash = to_trash(folder, [name])
-            warn(f"{place}: was changed after the page was written; what was there is in {trash}")
+            warn(f"{place}: was changed after mapmore wrote the page; the old files are in {trash}")
     return files
 
 
@@ -192,6 +192,6 @@ def run_names(
         if first is not owner:
             raise UsageError(
                 f"{first} and {owner} have the same name, '{folder}'",
-                "give each a `name` of its own",
+                "give each run a `name` of its own",
             )
     return names

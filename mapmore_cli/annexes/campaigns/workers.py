@@ -22,7 +22,7 @@ def ended(futures: Mapping[Future[R], int]) -> Iterator[tuple[int, R | BaseExcep
         except CancelledError:
             lost = MapmoreError(
                 "the scheduler ended or dropped this run",
-                "start it again; finished runs are not done anew",
+                "start the command again; finished runs are not repeated",
             )
             yield futures[future], lost
 
@@ -35,7 +35,7 @@ def in_processes(
     *,
     again: bool = False,
 ) -> Generator[tuple[int, R | BaseException], None, None]:
-    """Do numbered jobs in `count` processes that are started anew; yield as `ended`.
+    """Do numbered jobs in `count` processes that are started again; yield as `ended`.
 
     Where a worker dies, the jobs that are at work end with it. They begin once more, one at a time,
     which `tell` is told with their numbers: another program may have filled the memory. Then the
@@ -55,7 +55,7 @@ def in_processes(
             yield number, worker_died(2)
         return
     for number in list(left)[:count]:
-        tell(number, "a worker process died; it is started again")
+        tell(number, "its worker process died; the run is started again")
         yield from in_processes(work, {number: left.pop(number)}, 1, tell, again=True)
     if left:
         yield from in_processes(work, left, count, tell)
@@ -63,7 +63,10 @@ def in_processes(
 
 def worker_died(times: int) -> MapmoreError:
     """Return what came of a job that no worker survived."""
-    remedy = "see whether the system ended it for want of memory; fewer runs at a time need less"
+    remedy = (
+        "check whether the system ended it because memory was short; use fewer runs at a time "
+        "(--jobs)"
+    )
     return MapmoreError(f"the process that worked on it died {times} times", remedy)
 
 

@@ -1,4 +1,4 @@
-"""A model of motion as data, and how it was found (P)."""
+"""The data of a state-space model of motion, and of the search that found it (P)."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ class MotionSection:
 
     @property
     def radius(self) -> float:
-        """Largest modulus of a pole; the section is stable below 1."""
+        """Largest modulus of a pole. The section is stable if it is below 1."""
         return abs(self.poles[0])
 
     @property

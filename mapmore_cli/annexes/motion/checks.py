@@ -21,7 +21,9 @@ def findings(spec: ExperimentSpec) -> Iterator[Finding]:
     model = cast(MotionSettings, spec.model)
     if model.input is None:
         yield Finding(
-            "model.type", "type `state_space` needs the `input`", "add it, as `input: pressure`"
+            "model.type",
+            "type `state_space` needs the `input`",
+            "add it, for example `input: pressure`",
         )
     if not isinstance(spec.target, TargetColumn):
         problem = (
@@ -34,8 +36,8 @@ def findings(spec: ExperimentSpec) -> Iterator[Finding]:
             if name == spec.target_quantity:
                 yield Finding(
                     f"model.{key}",
-                    f"`{name}` is the target",
-                    "name the quantity that drives it, as a pressure or a voltage",
+                    f"`{name}` is the target itself",
+                    "name the quantity that drives it, for example a pressure or a voltage",
                 )
     if not isinstance(model.sections, int) and any(
         after <= before for before, after in pairwise(model.sections)
@@ -46,26 +48,26 @@ def findings(spec: ExperimentSpec) -> Iterator[Finding]:
         )
     if model.dead_band > 0 and not (model.direction and model.switching == "bumpless"):
         problem = (
-            "a dead band goes with `direction: true` and `switching: bumpless`; other "
-            "switching goes by every change of the input"
+            "a dead band needs `direction: true` and `switching: bumpless`; with other "
+            "settings every change of the input counts"
         )
         yield Finding("model.dead_band:", problem, "remove it")
     for key in ("begin", "seed") if model.solver != "swarm" else ():
         if getattr(model, key) != getattr(MotionSettings, key):
-            problem = f"`solver: {model.solver}` has no particles, which `{key}` is for"
+            problem = f"`solver: {model.solver}` has no particles, so that `{key}` has no effect"
             yield Finding(f"model.{key}:", problem, f"remove `{key}`, or write `solver: swarm`")
     if model.mask != "input" and not model.direction:
         yield Finding(
             "model.mask:",
-            "`mask` tells rise from fall, and sections have no direction",
+            "`mask` separates rise from fall, but the sections have no direction",
             "add `direction: true`",
         )
     if model.solver == "swarm" and (
         model.offset or model.load is not None or model.switching == "bumpless"
     ):
         problem = (
-            "`solver: swarm` looks for P1, P2 and P3 alone, which an offset, a load or "
-            "bumpless switching are not"
+            "`solver: swarm` finds P1, P2 and P3 only; it cannot find an offset, a load or "
+            "bumpless switching"
         )
         yield Finding(
             "model.solver",

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 def draw(inputs: ReportInputs) -> list[Drawing]:
-    """Return a panel for each model of motion, a line for each of its sections; none where there is
+    """Return a panel for each model of motion, a line for each of its sections; none if there is
     no such model.
     """
     fits = {name: fit for name, fit in inputs.fits.items() if isinstance(fit, MotionFit)}

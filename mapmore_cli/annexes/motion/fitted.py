@@ -20,8 +20,8 @@ class MotionMaker(Maker):
     def fit(self, part: ModelChoices, given: Given) -> FitResult:
         """Fit every section to all recordings.
 
-        Raises DataError where recordings are not sampled alike, the input never changes, or a
-        section has too few samples; SpecError, FitError where the solver refuses the sections, or
+        Raises DataError if recordings are not sampled alike, the input never changes, or a
+        section has too few samples; SpecError, FitError if the solver refuses the sections, or
         finds no stable one.
         """
         curves = given.dataset.curves

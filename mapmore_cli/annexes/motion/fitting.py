@@ -60,8 +60,8 @@ def fit_motion(
     A section's samples are those at which it holds; with hard switching it runs on the whole input
     all the same.
 
-    Raises DataError where the input never changes, boundaries leave a section without samples or
-    with too few of them; SpecError, FitError where the solver refuses the sections, or finds no
+    Raises DataError if the input never changes, boundaries leave a section without samples or
+    with too few of them; SpecError, FitError if the solver refuses the sections, or finds no
     stable one.
     """
     outline = _outline(records, recipe)
@@ -84,11 +84,11 @@ def fit_motion(
         if samples <= (needed := 2 + len(outline.drives)):
             place, (low, high) = extent(outline.boundaries, section.place), outline.limits
             raise DataError(
-                f"section {section.id} ({outline.input} {place}): {samples} training sample(s), "
-                f"too few for {needed} parameters; the training input goes from {low:.6g} to "
-                f"{high:.6g}",
-                "move the boundaries of `model.sections` to where the input has been, or "
-                "train on records that go there",
+                f"section {section.id} ({outline.input} {place}): {samples} training "
+                f"sample(s), too few for {needed} parameters; the training input goes from "
+                f"{low:.6g} to {high:.6g}",
+                "move the boundaries of `model.sections` into this range, or train with "
+                "recordings that reach further",
             )
         problem = Problem(own_pieces, reach, recipe.start, (recipe.seed, number))
         solution = SOLVERS[recipe.solver](problem, recipe)
@@ -115,7 +115,7 @@ def _outline(records: Sequence[Record], recipe: MotionRecipe) -> Motion:
     if np.ptp(u) == 0:
         raise DataError(
             f"the input `{recipe.input}` is {u[0]:.6g} at all {len(u)} training samples",
-            "train on a record in which it changes",
+            "train with a recording in which it changes",
         )
     boundaries = (
         spread(u, recipe.sections) if isinstance(recipe.sections, int) else tuple(recipe.sections)
@@ -141,7 +141,7 @@ def _outline(records: Sequence[Record], recipe: MotionRecipe) -> Motion:
 def joined(motion: Motion, pieces: Sequence[Piece], reach: float) -> Motion:
     """Return the model with sections that meet, and poles refined for that.
 
-    Raises DataError where a boundary lies at an end of the training range: the section beyond it
+    Raises DataError if a boundary lies at an end of the training range: the section beyond it
     would have no width.
     """
     if np.any(np.diff(_knots(motion)[0]) <= 0):

@@ -211,7 +211,7 @@ class MotionVerbs(Verbs):
             section = m.let("section", 2 * section + _falls(m, motion, u, first))
 
         def of_section(stem: str, values: Sequence[Side]) -> Expression:
-            """Write the value of the section that holds, as `simulation.active` numbers them."""
+            """Write the output of the active section, with the numbers of `simulation.active`."""
             return m.choose(
                 stem,
                 [
@@ -231,4 +231,4 @@ class MotionVerbs(Verbs):
         """Say what of a stored model no prediction would notice."""
         motion = _motion(model)
         if len(motion.sections) != (len(motion.boundaries) + 1) * (1 + motion.directed):
-            yield "it has not as many sections as its boundaries make"
+            yield "the number of its sections does not match its boundaries"

@@ -48,7 +48,7 @@ class Bounds(Settings):
             ends = getattr(self, name)
             if ends is not None and ends[0] >= ends[1]:
                 raise Contradiction(
-                    f"`{name}` goes from {ends[0]:g} to {ends[1]:g}",
+                    f"`{name}`: the lower bound {ends[0]:g} is above the upper bound {ends[1]:g}",
                     "put the lower bound first",
                     name,
                 )
@@ -156,8 +156,8 @@ class Found(NamedTuple):
 
 
 class Problem:
-    """Error of one section's parameters: it runs on the whole input of every piece, its own samples
-    count.
+    """Error of the parameters of one section, which is simulated with the whole input of every
+    piece; only its own samples count.
 
     - `reach`: largest modulus of a pole that is looked for.
     """
@@ -225,7 +225,7 @@ class Problem:
 
 
 def _weighted(moved: Array, weights: Array) -> Array:
-    """Return `moved @ weights`, which is slow for a single column."""
+    """Return `moved @ weights`; the plain product is slow for a single column."""
     return moved[:, 0] * weights[0] if len(weights) == 1 else moved @ weights
 
 

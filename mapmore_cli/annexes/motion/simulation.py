@@ -43,7 +43,7 @@ def of_angles(angles: Array, reach: float) -> tuple[float, float]:
 
 def angles(p1: float, p2: float, reach: float, inmost: float = EDGE) -> list[float]:
     """Return the inverse of `of_angles`, of a section whose reflection coefficients are brought to
-    `inmost` at most; one with a pole outside of the circle comes to the nearest edge.
+    `inmost` at most; one with a pole outside the circle comes to the nearest edge.
     """
     k2 = min(max(-p1 / reach**2, -EDGE), EDGE)
     k1 = -p2 / reach / (1.0 + k2)
@@ -53,16 +53,16 @@ def angles(p1: float, p2: float, reach: float, inmost: float = EDGE) -> list[flo
 def spread(u: Array, count: int) -> tuple[float, ...]:
     """Return boundaries between `count` sections with equal shares of the samples u (n,).
 
-    Raises DataError where the input dwells so long at one value that a section would have no width.
+    Raises DataError if the input dwells so long at one value that a section would have no width.
     """
     boundaries = np.quantile(u, np.arange(1, count) / count)
     edges = np.array([u.min(), *boundaries, u.max()])
     if np.any(np.diff(edges) <= 0):
         raise DataError(
-            f"{count} sections with equal shares of the samples have no width everywhere: the "
-            "input dwells at "
-            f"{edges[:-1][np.diff(edges) <= 0][0]:.6g}",
-            "give the boundaries as a list, or ask for fewer sections",
+            f"{count} sections with equal shares of the samples are not possible, because "
+            f"the input stays at {edges[:-1][np.diff(edges) <= 0][0]:.6g} for too many "
+            "samples",
+            "give the boundaries as a list, or use fewer sections",
         )
     return tuple(boundaries.tolist())
 
@@ -114,16 +114,15 @@ def simulate(motion: Motion, columns: Columns) -> Array:
     Every piece begins as `motion.start` says: in the steady state of its first input, or at zero.
     The measured output is not needed.
 
-    Raises FitError where a section is unstable; AtSample where the stamps are neither the model's
+    Raises FitError if a section is unstable; AtSample where the stamps are neither the model's
     step apart nor a gap.
     """
     for section in motion.sections:
         if not stable(section.p1, section.p2):
             raise FitError(
-                f"section {section.id} of the model of `{motion.output}` is unstable: a pole "
-                f"lies at {section.radius:.6g}, outside of the "
-                "unit circle",
-                "fit it again: every solver gives stable sections",
+                f"section {section.id} of the model of `{motion.output}` is unstable: it "
+                f"has a pole at {section.radius:.6g}, outside the unit circle",
+                "fit the model again: every solver gives stable sections",
             )
     parts = uninterrupted(columns["time"], motion.step) if "time" in columns else [slice(None)]
     return np.concatenate(

@@ -54,7 +54,7 @@ def linear_start(pieces: tuple[Piece, ...], stride: int) -> tuple[float, float] 
     """Return P1 and P2 by linear regression of `y[k + 2s] = a y[k + s] + b y[k] + sum_m c_m
     d_m[k]`, its poles brought back to one sample.
 
-    Only where the section holds at all three samples; None where these are too few. Noise in y
+    Only where the section holds at all three samples; None if these are too few. Noise in y
     makes the regression wrong (it is one step ahead): it is only where to begin.
     """
     rows, targets = [], []
@@ -78,7 +78,7 @@ def linear_start(pieces: tuple[Piece, ...], stride: int) -> tuple[float, float] 
 
 PARTICLES, ITERATIONS = 50, 20
 INERTIA, OWN, COMMON = 0.9, 2.0, 2.0
-"""P's W, C1 and C2. They lie outside of the region in which a swarm settles: it needs `C1 + C2 < 24
+"""P's W, C1 and C2. They lie outside the region in which a swarm settles: it needs `C1 + C2 < 24
 (1 - W^2)/(7 - 5 W)`, here 1.8.
 """
 
@@ -123,7 +123,7 @@ def swarm(problem: Problem, recipe: MotionRecipe) -> Found:
     """Return the best P1, P2 and P3 where sections can be stable (P 2.2); an unstable
     particle costs more than any stable one.
 
-    The drive is the input alone: a spec may not say otherwise. Raises FitError where no particle
+    The drive is the input alone: a spec may not say otherwise. Raises FitError if no particle
     was stable.
     """
     walls = _walls(Bounds(), problem)

@@ -15,12 +15,13 @@ from mapmore_cli.cli.console import (
     RUNS,
     TABLE_FILES,
     AsJson,
-    Config,
     Overrides,
     Quiet,
     Runs,
+    SpecOrRun,
     print_view,
     refuse_endings,
+    spec_of,
     write_figure,
 )
 from mapmore_cli.cli.progress import Reporter
@@ -43,18 +44,20 @@ Outputs = Annotated[
 
 
 def tune(
-    config: Config,
+    config: SpecOrRun,
     over: Annotated[
         list[str],
         Option(
             "--over",
             metavar="KEY=V1,V2,...",
-            help="A setting with the values to try, as fit.max_terms=2,4,8. Repeatable.",
+            help="A setting with the values to try, for example fit.max_terms=2,4,8. Repeatable.",
         ),
     ] = NONE,
     budget: Annotated[
         str | None,
-        Option("--budget", metavar="TIME", help="Time of a search, which is without --over; 60s."),
+        Option(
+            "--budget", metavar="TIME", help="Time for a search (without --over), for example 60s."
+        ),
     ] = None,
     output: Outputs = NONE,
     runs: Runs = RUNS,
@@ -75,13 +78,14 @@ def tune(
     refuse_endings(output)
     if over and budget is not None:
         raise UsageError(
-            "--budget is the time of a search, and --over tries what it names", "give one of both"
+            "--budget limits a search, but --over tries a given list of values",
+            "give one of the two",
         )
     if not over:
         refuse_endings(output, TABLE_FILES, "a search has no figure")
     wanted, tuning = _values_of(over), None
     with Reporter(quiet) as reporter:
-        loaded = load(config, overrides)
+        loaded = load(*spec_of(config, overrides, runs))
         if over:
             tuning = planning.tune(loaded, wanted, runs, **reporter.listeners)
             view = views.of_tuning(tuning)
@@ -93,7 +97,7 @@ def tune(
 
 
 def plan(
-    config: Config,
+    config: SpecOrRun,
     points: Annotated[
         int | None,
         Option(
@@ -101,7 +105,7 @@ def plan(
             metavar="N",
             min=1,
             max=100,
-            help="Choose N points of the map in place of a level.",
+            help="Choose N points of the map instead of a level.",
         ),
     ] = None,
     until: Annotated[
@@ -109,13 +113,17 @@ def plan(
         Option(
             "--until",
             metavar="SIZE",
-            help="Also say how many more are likely needed for that half width, as 2%.",
+            help=(
+                "Also estimate how many more measurements reach this half width, for example 2%."
+            ),
         ),
     ] = None,
     cost: Annotated[
         str | None,
         Option(
-            "--cost", metavar="NAME=PRICE,...", help="What a change costs, as pressure=1,strain=20."
+            "--cost",
+            metavar="NAME=PRICE,...",
+            help="What a change costs, for example pressure=1,strain=20.",
         ),
     ] = None,
     output: Outputs = NONE,
@@ -138,7 +146,7 @@ def plan(
     prices = _prices_of(cost)
     with Reporter(quiet) as reporter:
         result = planning.plan(
-            load(config, overrides),
+            load(*spec_of(config, overrides, runs)),
             runs,
             points=points,
             until=until,
@@ -179,7 +187,7 @@ def _values_of(over: Sequence[str]) -> dict[str, list[Any]]:
         if key.strip() in values_of:
             raise UsageError(
                 f"--over {key.strip()} is given twice",
-                "name all its values at once, with commas between",
+                "give all its values at once, separated by commas",
             )
         values_of[key.strip()] = values
     return values_of
@@ -198,7 +206,7 @@ def _prices_of(text: str | None) -> dict[str, float]:
             prices[name] = -1.0
         if not 0 < prices[name] < float("inf"):
             raise UsageError(
-                f"--cost {part.strip()}: is no price",
+                f"--cost {part.strip()}: is not of the form QUANTITY=PRICE",
                 "write, for example, `--cost pressure=1,strain=20`",
             )
     return prices

@@ -46,7 +46,7 @@ def folds_of(
     Where the study holds levels out (`by_level`), training levels are left out also of pooled
     curves, and the outer ones where there are fewer than three inner ones.
 
-    Raises DataError where there are too few samples to leave a block out.
+    Raises DataError if there are too few samples to leave a block out.
     """
     scale = divisor(dataset, normaliser)
     level = dataset.level if by_level else level_of(choices.levels, choices.segment)

@@ -69,8 +69,8 @@ def tune(
     The data are ingested in the folder of the run; nothing else is written. Held-out samples are
     dropped before anything is computed.
 
-    Raises UsageError where a setting changes the data, so that errors could not be compared;
-    SpecError, DataError, FitError where the spec is wrong with some setting, or no combination can
+    Raises UsageError if a setting changes the data, so that errors could not be compared;
+    SpecError, DataError, FitError if the spec is wrong with some setting, or no combination can
     be fitted.
     """
     _of_one_target(loaded)
@@ -100,13 +100,13 @@ def _variants(
         if slice_of(spec) != slice_of(loaded.spec):
             raise UsageError(
                 f"--over {', '.join(over)}: changes the data, so that errors could not be compared",
-                "tune how the model is made of them",
+                "choose settings of the model instead",
             )
         choices = model_choices(spec)
         if choices.kind == "sum":
             raise SpecError(
                 f"{loaded.path}: a sum of other runs has no settings of its own",
-                "tune the specs that it adds up",
+                "tune the specs of its parts",
             )
         yield settings, choices
 
@@ -132,12 +132,13 @@ def _ranked(name: str, folds: Folds, trials: Sequence[Trial]) -> Tuning:
     """Return the trials with what they err beyond the best, and the simplest within one standard
     error.
 
-    Raises FitError where none of them could be fitted.
+    Raises FitError if none of them could be fitted.
     """
     usable = [number for number, trial in enumerate(trials) if trial.errors]
     if not usable:
         raise FitError(
-            f"{name}: no combination could be fitted without some of the data: {trials[0].failure}",
+            f"{name}: no combination could be fitted with a part of the data left out: "
+            f"{trials[0].failure}",
             "try simpler settings",
         )
     rank = simplest_of(
@@ -164,7 +165,7 @@ def searched(
     """Search the structure of a study, whatever its spec says of it; return what was tried, and the
     spec that was found.
 
-    Raises SpecError, DataError or FitError where the data cannot be read, or no structure can be
+    Raises SpecError, DataError or FitError if the data cannot be read, or no structure can be
     fitted.
     """
     asked: dict[str, Any] = {"model.type": AUTO}
@@ -201,7 +202,7 @@ MAP = (
     "On six measured maps, such points left 0.3 to 1.2 times the error of evenly spread ones, "
     "0.84 in the mean (docs/planning.md)."
 )
-HALVES = "Half widths are right on average; single ones miss by a factor of up to three."
+HALVES = "Half widths are right on average; a single one can be wrong by a factor of up to three."
 
 
 Planned = tuple[tuple[Candidate, ...], Picture, Until | None, tuple[str, ...]]
@@ -224,8 +225,8 @@ def plan(
     used. `until` is the wanted half width, in per cent of the largest |target| (`2%`) or in the
     target's unit; `prices` say what a change of each quantity costs.
 
-    Raises SpecError for a model that runs over time, and a sum of other runs; DataError where there
-    is nothing to plan by: a single level, or a single place; UsageError where `until` is no size or
+    Raises SpecError for a model that runs over time, and a sum of other runs; DataError if there
+    is nothing to plan by: a single level, or a single place; UsageError if `until` is no size or
     levels are planned, or a price is of a quantity that the study does not set.
     """
     searched = loaded.spec.model.type == "auto"
@@ -241,7 +242,8 @@ def plan(
     if dataset.level is not None and points is None:
         if wanted is not None:
             raise UsageError(
-                "--until: there is no forecast of levels", "add `--points 5`, or leave it out"
+                "--until: no forecast is possible for levels",
+                "add, for example, `--points 5`, or leave out --until",
             )
         planned = _of_levels(loaded.spec.name, whole, prices)
     else:
@@ -253,7 +255,7 @@ def plan(
 def _of_one_target(loaded: LoadedSpec) -> None:
     if loaded.spec.also:
         raise UsageError(
-            f"{loaded.path}: settings are tried, and measurements planned, for one target",
+            f"{loaded.path}: only specs with one target can be tuned or planned",
             f"add `--set target={loaded.spec.target_quantity}`",
         )
 
@@ -270,7 +272,7 @@ def _plannable(loaded: LoadedSpec) -> ModelChoices:
     if choices.kind == "sum":
         raise SpecError(
             f"{loaded.path}: a sum of other runs has no measurements of its own",
-            "plan with the specs that it adds up",
+            "plan with the specs of its parts",
         )
     return choices
 
@@ -286,7 +288,7 @@ def _size_of(text: str, largest: float) -> float:
         value = float("nan")
     if not 0 < value < float("inf"):
         raise UsageError(
-            f"--until {text}: is no size",
+            f"--until {text}: is not a half width",
             "write, for example, `--until 2%`, or a number in the target's unit",
         )
     return value * largest / 100 if percent else value
@@ -295,7 +297,8 @@ def _size_of(text: str, largest: float) -> float:
 def _checked(prices: Mapping[str, float], names: Sequence[str]) -> None:
     if wrong := next((name for name in prices if name not in names), None):
         raise UsageError(
-            f"--cost {wrong}: the plan does not set it", f"name one of {', '.join(names)}"
+            f"--cost {wrong}: the plan does not choose this quantity",
+            f"name one of {', '.join(names)}",
         )
 
 
@@ -308,7 +311,7 @@ def _of_levels(name: str, whole: Dataset, prices: Mapping[str, float]) -> Planne
     places = np.unique([curve.level for curve in whole.curves if curve.level is not None])
     if len(places) < 2:
         raise DataError(
-            f"{name}: there is a single level of {level}",
+            f"{name}: there is only one level of {level}",
             "measure its lowest and its highest value first",
         )
     order = np.argsort(-np.diff(places), kind="stable")
@@ -331,7 +334,7 @@ def _of_points(
     wanted: float | None,
     prices: Mapping[str, float],
 ) -> Planned:
-    """Return the next points; none lies where a sample was measured, held out or not."""
+    """Return the next points; none is a place that was measured already, held out or not."""
     name, dataset = choices.name, training_only(whole)
     columns = pooled_training(dataset.curves)
     inputs = [quantity.name for quantity in refit(choices, dataset).inputs]
@@ -342,8 +345,8 @@ def _of_points(
         )
     if len(names) > max(STEPS):
         raise SpecError(
-            f"{name}: a map of {len(names)} inputs is not planned",
-            f"plan with {max(STEPS)} inputs or fewer",
+            f"{name}: a plan is possible for few inputs only, and this map has {len(names)}",
+            f"plan with at most {max(STEPS)} inputs",
         )
     _checked(prices, names)
     x, y = spread_out(np.column_stack([columns[one] for one in names]), columns[dataset.target])
@@ -354,8 +357,8 @@ def _of_points(
     free = measured.unmeasured(places, np.column_stack(known), steps)
     if not free.any():
         raise DataError(
-            f"{name}: there are samples at every place of a grid of {steps} steps",
-            "widen a range, or measure the same places again",
+            f"{name}: all places of a grid of {steps} steps have been measured",
+            "extend a range, or measure the same places again",
         )
     formulas = formulas_of(dataset, measured, places)
 

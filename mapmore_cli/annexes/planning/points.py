@@ -136,7 +136,7 @@ class Committee:
         )
 
     def add(self, number: int) -> None:
-        """Take a place as measured, with the value that is expected there."""
+        """Treat a place as measured, with the value that is expected there."""
         expected = float(self.expected[number])
         self._own = [
             process.joined(self.scaled[number], expected - float(base[number]))

@@ -36,7 +36,7 @@ class Until:
 
     wanted: float
     widest: float  # half width now
-    more: int | None  # None where more measurements do not get there
+    more: int | None  # None if more measurements do not get there
     least: float  # what they then reach
 
 
@@ -78,7 +78,7 @@ class Trial:
     parameters: int = 0  # free numbers of its model of all training data
     errors: tuple[
         float, ...
-    ] = ()  # NRMSE on each fold of a model without it; empty where a fit failed
+    ] = ()  # NRMSE on each fold of a model without it; empty if a fit failed
     error: float = math.nan  # their geometric mean
     excess: float = math.nan  # mean over the folds of ln(error / that of the best combination)
     spread: float = math.nan  # standard error of that mean

@@ -42,7 +42,7 @@ def _sum(spec: ExperimentSpec, parts: Sequence[Summand], loc: Loc) -> Iterator[F
                 )
         for name in formula.inputs:
             if name not in part.inputs and name not in spec.quantities:
-                remedy = f"say what it is here, as `inputs: {{{name}: my_{name}}}`"
+                remedy = f"assign a quantity of the study to it: `inputs: {{{name}: my_{name}}}`"
                 yield Finding(
                     (*loc, i, "formula"), f"`{part.formula}` needs the quantity `{name}`", remedy
                 )

@@ -32,15 +32,15 @@ from mapmore_cli.study.units import convert
 def behind_tendon(muscle: Model, tendon: TendonSettings | None) -> Model:
     """Return the model of a muscle behind a tendon, where there is one.
 
-    Raises SpecError where the muscle is no function of its length, or not in units of m and N.
+    Raises SpecError if the muscle is no function of its length, or not in units of m and N.
     """
     if tendon is None:
         return muscle
     length = next((one for one in muscle.inputs if one.name == "length"), None)
     if length is None:
         raise SpecError(
-            f"{muscle.name} is no function of `length`, which a tendon changes",
-            "call the length of the muscle so where it is fitted",
+            f"{muscle.name} does not depend on `length`, which a tendon changes",
+            "name the length of the muscle `length` in the spec of its model",
         )
     stiffness = convert(tendon.stiffness, "N/m", f"{muscle.output.unit}/({length.unit})")
     body = Tendon(muscle, stiffness, convert(tendon.force, "N", muscle.output.unit))
@@ -48,8 +48,8 @@ def behind_tendon(muscle: Model, tendon: TendonSettings | None) -> Model:
 
 
 def formula_parts(summands: Sequence[Summand], joint: FormulaFit, dataset: Dataset) -> list[Part]:
-    """Return each formula of a joint fit as a model of its own inputs, with the range that they
-    trained on.
+    """Return each formula of a joint fit as a model of its own inputs, with the training ranges of
+    these.
     """
     training, parts = pooled_training(dataset.curves), []
     for number, (one, fit) in enumerate(zip(summands, split(joint, summands), strict=True), 1):
@@ -80,7 +80,7 @@ class SumMaker(Maker):
     def fit(self, part: ModelChoices, given: Given) -> FitResult:
         """Fit formulas together; nothing is fitted where the summands come from runs of their own.
 
-        Raises FitError where the formulas did not converge to anything usable.
+        Raises FitError if the formulas did not converge to anything usable.
         """
         formulas = part.model.sum or []
         if not formulas or formulas[0].formula is None:

@@ -37,7 +37,7 @@ def sum_of(
     """Return the model `output = sum_m sign_m m(inputs_m)`, a function of every quantity that its
     parts' inputs are made of.
 
-    Raises SpecError where an output is not in the unit of the sum, or an input is not among the
+    Raises SpecError if an output is not in the unit of the sum, or an input is not among the
     `quantities` in its unit.
     """
     used: set[str] = set()
@@ -45,9 +45,9 @@ def sum_of(
         model = part.model
         if model.output.unit != output.unit:
             raise SpecError(
-                f"needs: the model of {model.name} is in {model.output.unit}, the {output.name} of "
-                f"this study in {output.unit}",
-                "add up models of one unit",
+                f"needs: the model of {model.name} predicts in {model.output.unit}, but the "
+                f"{output.name} of this study is in {output.unit}",
+                "add up models with the same unit",
             )
         for quantity in model.inputs:
             source = parse(part.inputs.get(quantity.name, quantity.name))
@@ -55,13 +55,13 @@ def sum_of(
             other = quantities.get(source.name) if isinstance(source, Name) else None
             if quantity.name not in part.inputs and other != quantity:
                 raise SpecError(
-                    f"needs: the model of {model.name} is a function of {quantity.name} in "
+                    f"needs: the model of {model.name} needs {quantity.name} in "
                     f"{quantity.unit}, which this study lacks",
                     "declare its column, derive it, or set its unit under `units`",
                 )
             if other is not None and other.unit != quantity.unit:
                 raise SpecError(
-                    f"the sum: {quantity.name} of {model.name} is in {quantity.unit}, "
+                    f"the sum: {quantity.name} of {model.name} is in {quantity.unit}, but "
                     f"{other.name} in {other.unit}",
                     f"set the unit of {other.name} under `units`",
                 )
@@ -75,25 +75,28 @@ def actuator(force: Model, pressure: Model) -> Model:
     """Return a model whose input `pressure` is the output of another: from what a valve is told to
     the force.
 
-    Raises DataError where the force does not depend on the pressure, on its rate, or in another
+    Raises DataError if the force does not depend on the pressure, on its rate, or in another
     unit, where the pressure goes on from its measured past, and where both have an input of one
     name in two units.
     """
     output, needed = pressure.output, {quantity.name: quantity for quantity in force.inputs}
     if needed.pop(output.name, None) != output:
         problem = (
-            f"{force.name} is no function of {output.name} in {output.unit}, which "
+            f"{force.name} does not depend on {output.name} in {output.unit}, which "
             f"{pressure.name} predicts"
         )
-        raise DataError(problem, "fit it by that quantity, with the unit under `units`")
+        raise DataError(
+            problem, "fit it with that quantity as an input, and set the unit under `units`"
+        )
     if rates := [signal.name for signal in force.signals if signal.of == output.name]:
         raise DataError(
             f"{force.name} needs {rates[0]}, which {pressure.name} does not predict",
-            "fit the force without it",
+            "fit the force without this rate",
         )
     if kinds.fed_back(pressure):
         raise DataError(
-            f"{pressure.name} goes on from measured {output.name}", "fit it without past outputs"
+            f"{pressure.name} continues from the measured {output.name}",
+            "fit it without past outputs",
         )
     inputs = {quantity.name: quantity for quantity in pressure.inputs}
     if other := [name for name in inputs if needed.get(name, inputs[name]) != inputs[name]]:
@@ -115,7 +118,7 @@ def actuator(force: Model, pressure: Model) -> Model:
 
 
 def refuse_shared_names(inputs_of: Sequence[tuple[str, Sequence[str], Mapping[str, str]]]) -> None:
-    """Raise `SpecError` where two parts of a sum have an input of one name of which nothing is
+    """Raise `SpecError` if two parts of a sum have an input of one name of which nothing is
     said: two pressures are two quantities.
 
     `inputs_of` has for every part what it is called, its own inputs, and what is said of them.
@@ -126,10 +129,10 @@ def refuse_shared_names(inputs_of: Sequence[tuple[str, Sequence[str], Mapping[st
         ]:
             name = shared[0]
             remedy = (
-                f"write what it is for each, as `inputs: {{{name}: {name}_1}}` and `inputs: "
+                f"give each its own quantity: `inputs: {{{name}: {name}_1}}` and `inputs: "
                 f"{{{name}: {name}_2}}`"
             )
-            one = f"where it is one quantity, `inputs: {{{name}: {name}}}` for both"
+            one = f"if it is the same quantity, write `inputs: {{{name}: {name}}}` for both"
             raise SpecError(f"{first} and {second} both have an input `{name}`", f"{remedy}; {one}")
 
 
@@ -189,7 +192,7 @@ def _numbered(formula: Formula, number: int) -> Formula:
     if type(formula) is not Formula or formula.dimensions:
         raise SpecError(
             f"{formula.name} cannot be fitted within a sum",
-            "take another formula, or add up models of other runs",
+            "use another formula, or add up models of other runs",
         )
 
     def own(name: str | None) -> str:

@@ -138,7 +138,7 @@ class SumVerbs(Verbs):
         return np.asarray(np.sum(runs, axis=0))
 
     def outside_range(self, model: Model, columns: Columns) -> BoolArray:
-        """Return True where any part, or what feeds it, is beyond its training range, (n,)."""
+        """Return True if any part, or what feeds it, is beyond its training range, (n,)."""
         return _outside(_body(model).parts, columns)
 
     def equations(self, model: Model, units: Mapping[str, float]) -> tuple[Equation, ...]:
@@ -165,7 +165,7 @@ class SumVerbs(Verbs):
     def faults(self, model: Model) -> Iterator[str]:
         """Yield why a stored sum is refused."""
         if not _body(model).parts:
-            yield "it is a sum of nothing"
+            yield "the sum has no parts"
 
     def parameters(self, model: Model) -> int:
         """Return the parameters of all parts."""

@@ -45,11 +45,11 @@ class Subject:
     @property
     def dataset(self) -> Dataset:
         """The curves, for rules that need them."""
-        assert self.made is not None, "a rule of curves was given none"
+        assert self.made is not None, "the rule checks curves, but was called without any"
         return self.made
 
     def has(self, *names: str) -> bool:
-        """Return True where every recording has all these quantities."""
+        """Return True if every recording has all these quantities."""
         return all(name in recording.columns for recording in self.recordings for name in names)
 
     def pooled(self, name: str, unit: str | None = None) -> Array:

@@ -38,7 +38,7 @@ def few_samples(subject: Subject) -> Issues:
 
 
 def beyond_training(subject: Subject) -> Issues:
-    """Find held-out samples outside of the training range: they test extrapolation, which is rarely
+    """Find held-out samples outside the training range: they test extrapolation, which is rarely
     meant.
     """
     hold_out, dataset = subject.spec.data.split.hold_out, subject.dataset
@@ -71,8 +71,8 @@ def beyond_training(subject: Subject) -> Issues:
                 "warning",
                 "validation-outside",
                 place,
-                f"{share}validation samples have {name} {reached}, outside of {within}",
-                "hold out an inner value, unless extrapolation is what you test",
+                f"{share}validation samples have {name} {reached}, outside {within}",
+                "hold out a value inside the training range, unless you want to test extrapolation",
             )
 
 
@@ -138,10 +138,10 @@ def even_steps(subject: Subject) -> Issues:
             "warning",
             "memory-breaks",
             subject.where("data"),
-            f"memory begins anew at {gaps} within recordings: half of the pieces are of "
-            f"{middle} samples or less",
-            f"add `resample: {step:.6g} s` to `data`, and `gaps: {{longer_than: ..., action: "
-            f"split}}` for those too long to fill",
+            f"the memory starts again after {gaps} within recordings; half of the pieces "
+            f"have {middle} samples or fewer",
+            f"add `resample: {step:.6g} s` to `data`, and `gaps: "
+            f"{{longer_than: ..., action: split}}` for gaps that are too long to fill",
         )
 
 
@@ -173,14 +173,14 @@ def single_valued(subject: Subject) -> Issues:
     ]
     if levels:
         best = (
-            f"no model without memory does better than {', '.join(levels)} of the largest "
-            f"{dataset.target}"
+            f"no model without memory can reach an error below {', '.join(levels)} of the "
+            f"largest {dataset.target}"
         )
         yield Issue(
             "hint",
             "not-single-valued",
             subject.where("target"),
-            f"curves over {over} are not single-valued: {best}",
-            "where the muscle was loaded and unloaded, split the branches by `cycles: "
-            f"{{over: {over}}}`, or accept this floor",
+            f"curves over {over} have several values at one place: {best}",
+            "if the muscle was loaded and unloaded, separate the branches with `cycles: "
+            f"{{over: {over}}}`; otherwise accept this error as the smallest possible",
         )

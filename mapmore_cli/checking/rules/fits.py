@@ -1,5 +1,5 @@
-"""Rules about what will be fitted: enough samples for the terms of a segment and for formulas, and
-a shape that the data show.
+"""Rules about the fit: enough samples for the terms of a segment and for formulas, and a shape that
+the data support.
 """
 
 from __future__ import annotations
@@ -94,8 +94,9 @@ def few_for_formula(subject: Subject) -> Issues:
                 "error",
                 "few-for-formula",
                 subject.where(*loc),
-                f"{name} has {len(formula.fitted)} parameters, and there are {_samples(count)}",
-                "give it more training data, or leave the formula out",
+                f"{name} has {len(formula.fitted)} parameters, but there are only "
+                f"{_samples(count)}",
+                "add training data, or remove this formula",
                 "data",
             )
 

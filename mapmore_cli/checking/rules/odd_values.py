@@ -35,10 +35,11 @@ def spikes_in(subject: Subject) -> Issues:
                 "warning",
                 "spike",
                 subject.source(name),
-                f"{_first_of(subject, recording, rows)}: {name} is {values[first]:.6g} for "
-                f"one sample, {between}",
-                f"leave it out, as with `keep: [{{quantity: {name}, above: ...}}]`, or empty "
-                "its cell; where it is real, nothing is wrong",
+                f"{_first_of(subject, recording, rows)}: {name} is {values[first]:.6g} in "
+                f"one sample only, {between}",
+                "if the value is wrong, leave it out (`keep: "
+                f"[{{quantity: {name}, above: ...}}]`) or empty its cell; if it was really "
+                "measured, do nothing",
                 "data",
             )
 
@@ -53,14 +54,17 @@ def below_vacuum(subject: Subject) -> Issues:
             rows = np.flatnonzero(by_blocks(partial(np.greater, limit), values))
             if rows.size:
                 lowest = f"{recording.columns[name][rows].min():.6g} {subject.units[name]}"
-                below = f"below absolute zero ({limit:.4g} {subject.units[name]} of a gauge)"
+                below = (
+                    f"below absolute zero, which is a gauge pressure of {limit:.4g} "
+                    f"{subject.units[name]}"
+                )
                 yield Issue(
                     "warning",
                     "below-vacuum",
                     subject.source(name),
                     f"{_first_of(subject, recording, rows)}: {name} is {lowest}, {below}",
-                    "mend its `unit`, `scale` or `offset`, or leave them out, as `keep: "
-                    f"[{{quantity: {name}, above: {limit:.4g}}}]`",
+                    "correct `unit`, `scale` or `offset`, or leave these samples out: "
+                    f"`keep: [{{quantity: {name}, above: {limit:.4g}}}]`",
                     "data",
                 )
 

@@ -33,15 +33,15 @@ def computed_from(subject: Subject) -> Issues:
                 "warning",
                 "computed-from",
                 subject.source(target),
-                f"{target} is {known[0]:.6g} times {name}, plus a constant of each recording, "
-                f"to {ROUNDING:g} of its range",
-                f"was it computed from {name}? Then it is no measurement: name the column of "
-                "a sensor, or `derive` it",
+                f"{target} equals {known[0]:.6g} times {name} plus a constant for each "
+                f"recording, to within {ROUNDING:g} of its range",
+                f"if it was computed from {name}, it is not a measurement: use the column "
+                "of a sensor, or compute it with `derive`",
             )
 
 
 def _slope_of_line(x: Array, y: Array) -> float | None:
-    """Return the slope of a straight line that tells `y`; None where none does."""
+    """Return the slope of a straight line that tells `y`; None if none does."""
     if len(x) < FEWEST or not np.ptp(extremes(x)) or not np.ptp(extremes(y)):
         return None
     x, y = even_share(x), even_share(y)
@@ -62,7 +62,7 @@ def untold_difference(subject: Subject) -> Issues:
     difference = unequal(subject.recordings, sorted(filter(subject.has, inputs)), target)
     if difference is not None:
         effects = "".join(f", {effect}: true" for effect in difference.effects)
-        line = f"`data.groups: {{of: session{effects}}}` with " if effects else ""
+        line = f"`data.groups: {{of: session{effects}}}` and " if effects else ""
         severity: Severity = "warning" if difference.is_large else "hint"
         place = subject.source(target)
         yield Issue(
@@ -70,6 +70,7 @@ def untold_difference(subject: Subject) -> Issues:
             "untold-difference",
             place,
             difference.words(),
-            f"say {line}`set: {{session: 1}}` beside the files of each session, or correct a name",
+            f"write {line}`set: {{session: 1}}` beside the files of each session, or "
+            "correct a name",
             "data",
         )

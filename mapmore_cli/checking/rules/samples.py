@@ -31,8 +31,8 @@ def constant(subject: Subject) -> Issues:
                 "error" if target else "warning",
                 "constant",
                 subject.source(name),
-                f"{name} is {low:g} in every sample",
-                "name another column" if target else "name another column, or leave it out",
+                f"{name} has the same value, {low:g}, in every sample",
+                "name another column" if target else "use another column, or remove this one",
                 "data",
             )
 
@@ -56,8 +56,9 @@ def offset(subject: Subject) -> Issues:
             "hint",
             "offset",
             subject.source(name),
-            f"{name} runs from {ends}, far from zero: its NRMSE is small, whatever the model",
-            "take what it starts from off by `offset`, or say `validate: {normaliser: range}`",
+            f"{name} goes from {ends}, far from zero, so that its NRMSE is small even for a "
+            "poor model",
+            "subtract the initial value with `offset`, or write `validate: {normaliser: range}`",
         )
 
 
@@ -74,15 +75,16 @@ def same_signal(subject: Subject) -> Issues:
             "error" if target else "hint",
             "same-signal",
             subject.source(names[family[-1]]),
-            f"{signals} are one signal: each is the other times a constant, plus one "
-            f"(correlation {1 - evidence.ROUNDING:g} or more)",
-            "keep the one of them that was measured; another sensor has to tell the other quantity",
+            f"{signals} are the same signal: each is a multiple of the other plus a "
+            f"constant (correlation {1 - evidence.ROUNDING:g} or more)",
+            "keep only the column that was really measured; the other quantity needs its "
+            "own sensor",
         )
 
 
 def clipped(subject: Subject) -> Issues:
-    """Find sensors at their end: they read one number for long, where they otherwise hardly read
-    any twice.
+    """Find clipped sensors: a signal that has the value of its minimum or maximum far more often
+    than any other value.
     """
     levels = subject.spec.data.levels
     held = ("time", None if levels is None else levels.of)
@@ -109,15 +111,15 @@ def _clipped(
 ) -> Issue:
     at = f"{end:.6g} {subject.units[name]}"
     exactly = f"{count} of {recording.rows_kept} samples have {name} at exactly {at}"
-    leave_out = f"leave them out, as `keep: [{{quantity: {name}, {side}: {end:.6g}}}]`"
+    leave_out = f"leave them out: `keep: [{{quantity: {name}, {side}: {end:.6g}}}]`"
     severity: Severity = "warning" if name in FROM_SENSORS else "hint"
     return Issue(
         severity,
         "clipped",
         subject.source(name),
-        f"{recording.name}: {exactly}: clipped, or a limit that it has",
-        f"where the sensor is at its end, {leave_out}; where {name} itself stops there (a stop, a "
-        "full tank), keep them",
+        f"{recording.name}: {exactly}: the sensor is clipped, or {name} has a physical limit",
+        f"if the sensor is at its limit, {leave_out}; if {name} itself stops there (an end "
+        "stop, a full tank), keep the samples",
         "data",
     )
 
@@ -139,14 +141,16 @@ def force_never_pulls(subject: Subject) -> Issues:
     kept = [one for one in subject.recordings if one.rows_kept]
     turned = [one for one in kept if _pull(one) < PULL]
     if turned and len(turned) == len(kept):
-        ends = f"it runs from {low:.4g} to {high:.4g}"
-        yield _turned(subject, f"the force is hardly ever positive ({ends})", "")
+        ends = f"it goes from {low:.4g} to {high:.4g}"
+        yield _turned(subject, f"the force is almost never positive ({ends})", "")
         return
     largest = max(-low, high)
     for one in turned:
         least = extremes(one.columns["force"])[0]
         if -least > NOISE * largest:
-            what = f"{one.name}: the force is hardly ever positive (down to {least:.4g}), as in no "
+            what = (
+                f"{one.name}: the force is almost never positive (down to {least:.4g}), unlike in "
+            )
             yield _turned(subject, f"{what}other recording", " in a study of its own")
 
 
@@ -166,8 +170,8 @@ def _turned(subject: Subject, what: str, where: str) -> Issue:
         "warning",
         "force-never-positive",
         subject.source("force"),
-        f"{what}: its sign looks turned",
-        f"say `scale: {-scale:g}`{where}, so that pull is positive",
+        f"{what}: its sign seems to be inverted",
+        f"write `scale: {-scale:g}`{where}, so that a pulling force is positive",
     )
 
 
@@ -195,14 +199,15 @@ def still_cycles(subject: Subject) -> Issues:
             "error" if everywhere else "warning",
             "cycles-of-nothing",
             subject.where("data", "cycles"),
-            f"{cycles.over} is held in {held[0]}{others}: it has no load cycles there, only noise",
-            "name the quantity that was moved up and down, as `cycles: {over: strain}`",
+            f"{cycles.over} is constant in {held[0]}{others}: its load cycles there would "
+            "consist of noise only",
+            "name the quantity that was moved up and down, for example `cycles: {over: strain}`",
             "data",
         )
 
 
 def _is_noise(values: Array) -> bool:
-    """Tell whether neighbouring samples differ as much as any two: von Neumann's ratio is 2 of
+    """Return whether neighbouring samples differ as much as any two: von Neumann's ratio is 2 of
     noise, next to 0 of a movement.
     """
     x = values[:PART]
@@ -230,8 +235,8 @@ def recorded_twice(subject: Subject) -> Issues:
             "recorded-twice",
             recording.name,
             f"it has the same samples as {twin.name}"
-            + (", and one of them validates the other" if leak else ""),
-            "leave one of them out",
+            + (", and one of the two is held-out data while the other trains" if leak else ""),
+            "leave one of the two out",
             "data",
         )
 
@@ -258,7 +263,9 @@ def unsettled(subject: Subject) -> Issues:
             "unsettled",
             subject.where("data"),
             f"the pressure changes by more than {settling.limit:g} {unit} in "
-            f"{1 - settling.share:.0%} of the samples: hardly static",
-            f"derive `pressure_rate: {{rate_of: pressure, window: {window}, order: 2}}` and "
-            f"`keep: [{{quantity: pressure_rate, abs_below: {settling.limit:g} {unit}}}]`",
+            f"{1 - settling.share:.0%} of the samples, so that the recording is hardly "
+            "static",
+            "keep only samples at nearly constant pressure: derive `pressure_rate: "
+            f"{{rate_of: pressure, window: {window}, order: 2}}` and add `keep: "
+            f"[{{quantity: pressure_rate, abs_below: {settling.limit:g} {unit}}}]`",
         )

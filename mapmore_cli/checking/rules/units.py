@@ -24,9 +24,9 @@ def strain_in_per_cent(subject: Subject) -> Issues:
             "error",
             "strain-in-per-cent",
             subject.source("strain"),
-            f"strain reaches {largest:.3g}, which is {100 * largest:.4g} % of the length: it looks "
-            "like per cent read as a fraction",
-            'say `unit: "%"`; an elongation needs another name, or `scale: -1`',
+            f"strain reaches {largest:.3g}, which is {100 * largest:.4g} % of the length; "
+            "it is probably in per cent, but is read as a fraction",
+            'write `unit: "%"`; if it is an elongation, use another name, or `scale: -1`',
         )
 
 
@@ -43,8 +43,9 @@ def unit_in_the_name(subject: Subject) -> Issues:
                 "warning",
                 "unit-in-name",
                 subject.source(name),
-                f"column '{column.column}' is read in {declared}, but its name says {label.unit}",
-                f'say `unit: "{label.unit}"`, or rename the column',
+                f"column '{column.column}' is read in {declared}, but its name contains the "
+                f"unit {label.unit}",
+                f'write `unit: "{label.unit}"`, or rename the column',
             )
 
 
@@ -87,8 +88,9 @@ def header_of_numbers(subject: Subject) -> Issues:
                 "warning",
                 "header-of-numbers",
                 subject.where("data", "header"),
-                f"{source}: {count} of the {lines} header lines hold numbers: they are not read",
-                f"say `header: {lines - count}`, or how many lines there are before the samples",
+                f"{source}: {count} of the {lines} header lines contain numbers, which are "
+                "not read as samples",
+                f"write `header: {lines - count}`, or the number of lines before the first sample",
             )
             return
 
@@ -119,9 +121,9 @@ def _units_below(subject: Subject, names: list[str], below: list[list[str]]) -> 
                 "warning",
                 "unit-line",
                 subject.source(name),
-                f"column '{column.column}' is read in {declared}, but the line under its name "
-                f"says {unit}",
-                f'say `unit: "{unit}"`, or `scale` if the line is wrong',
+                f"column '{column.column}' is read in {declared}, but the line below its "
+                f"name gives the unit {unit}",
+                f'write `unit: "{unit}"`, or set `scale` if that line is wrong',
             )
 
 
@@ -148,7 +150,10 @@ def formulas_in_labels(subject: Subject) -> Issues:
         if fault := wrong_formula(label):
             place = subject.where("report", "style", "labels", quantity)
             message, remedy = (
-                f"report.style.labels.{quantity}: {shortened(label)!r} cannot be set ({fault})",
-                "mend the formula between the dollars, or remove the dollars",
+                (
+                    f"report.style.labels.{quantity}: {shortened(label)!r} cannot be typeset "
+                    f"({fault})"
+                ),
+                "correct the formula between the dollar signs, or remove the dollar signs",
             )
             yield Issue("error", "label", place, message, remedy)

@@ -27,10 +27,10 @@ if TYPE_CHECKING:
 
 
 def added_up(_path: str) -> Model:
-    """Refuse to fit a sum where the models of its runs are not known."""
+    """Refuse to fit a sum if the models of its runs are not known."""
     raise SpecError(
-        "a sum of the models of other runs is not fitted itself",
-        "do this with the specs that it adds up",
+        "a sum of models of other runs is not fitted itself",
+        "do this with the specs of the added models",
     )
 
 
@@ -63,7 +63,7 @@ class Maker(Protocol):
         given: Given,  # noqa: ARG002
     ) -> tuple[FitResult, ...]:
         """Return a fit for each output, in a kind whose outputs may share their terms."""
-        raise SpecError(f"a model of the kind {part.kind} has one output", "name one target")
+        raise SpecError(f"a model of type {part.kind} has one output only", "name one target")
 
 
 @runtime_checkable
@@ -87,7 +87,7 @@ class Fitted(Protocol):
 def maker_of(name: str) -> Maker:
     """Return what makes models of a kind; only what that takes is imported.
 
-    Raises NotInstalled where the kind is a part that is missing.
+    Raises NotInstalled if the kind is a part that is missing.
     """
     if name == "pieces":
         from mapmore_cli.fitting.kinds.pieces import PiecesMaker
@@ -102,13 +102,13 @@ def maker_of(name: str) -> Maker:
 
         return FormulaMaker()
     kind = kinds.named(name)
-    assert isinstance(kind, Fitted), f"nothing fits models of the kind {name}"
+    assert isinstance(kind, Fitted), f"no fit exists for models of type {name}"
     return kind.maker()
 
 
 def fit(part: ModelChoices, given: Given) -> FitResult:
     """Fit what the kind of model asks for: every segment, one model with memory, a formula, or
-    nothing where models are added up.
+    nothing if models are added up.
     """
     maker = maker_of(part.kind)
     if not given.dataset.also:

@@ -120,12 +120,12 @@ def level_of(levels: Levels | None, segment: SegmentSection) -> str | None:
 
 
 def by_trial(segment: SegmentSection) -> bool:
-    """Tell whether some boundary is placed by trying out fits."""
+    """Return whether some boundary is placed by trying out fits."""
     return any(isinstance(cut, Cuts) and cut.method == "optimal" for cut in segment.values())
 
 
 def model_choices(spec: ExperimentSpec) -> ModelChoices:
-    """Return the sections of a spec that a model is made by, as the fuse stage reads them."""
+    """Return the sections of a spec that determine the model, as the fuse stage reads them."""
     spec = with_definitions(spec)
     return ModelChoices(
         spec.data.levels,

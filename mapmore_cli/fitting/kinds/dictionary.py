@@ -55,8 +55,8 @@ def derivations_of(spec: ExperimentSpec) -> dict[str, str | Rate | Direction]:
 
 
 def units_of(spec: ExperimentSpec) -> dict[str, str]:
-    """Return the model's unit of every quantity; a rate by any name has the unit of its quantity
-    per unit of time.
+    """Return the model's unit of every quantity; a rate has the unit of its quantity per unit of
+    time, whatever its name is.
     """
     rates = {
         name: rule.rate_of for name, rule in spec.data.derive.items() if isinstance(rule, Rate)
@@ -92,7 +92,7 @@ def terms_of(dictionary: Sequence[DictionaryEntry], clock: Clock | None = None) 
     """Return the names of all candidate terms in the order of the dictionary, each once; terms with
     memory need a `clock`.
 
-    Raises SpecError where products are wanted with a term that is none of theirs; DataError where
+    Raises SpecError if products are wanted with a term that is none of theirs; DataError if
     there would be more of them than memory allows.
     """
     return tuple(
@@ -178,8 +178,8 @@ def _products(family: Products, clock: Clock | None, *, constant: bool) -> list[
     for partner in partners or ():
         if partner not in of:
             raise SpecError(
-                f"products: `{partner}` of `with` is none of the terms `of` them",
-                f"there are {', '.join(of)}",
+                f"products: `{partner}` of `with` is not one of the terms in `of`",
+                f"these are {', '.join(of)}",
             )
     return [
         to_text(term) for term in products(of, family.order, partners, family.constant and constant)

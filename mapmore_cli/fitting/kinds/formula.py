@@ -17,14 +17,14 @@ from mapmore_cli.modelling.shape.violations import verified
 def fitted(name: str, part: ModelChoices, dataset: Dataset) -> FormulaFit:
     """Return a formula fitted to all training samples of a dataset.
 
-    Raises FitError where it did not converge to anything usable: the model stands on it.
+    Raises FitError if it did not converge to anything usable: the model stands on it.
     """
     formula_fit = fit_formula(name, dataset.curves, dataset.target, None, part.lengths)
     if formula_fit.failed:
         reasons = "; ".join(formula_fit.notes) or "no finite parameters were found"
         raise FitError(
             f"the fit of {formula_fit.name} failed: {reasons}",
-            "take another formula, or build the model without one",
+            "use another formula, or build the model without one",
         )
     return formula_fit
 

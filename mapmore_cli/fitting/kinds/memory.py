@@ -83,8 +83,8 @@ class MemoryMaker(Maker):
     def fit(self, part: ModelChoices, given: Given) -> FitResult:
         """Return one model of all recordings, of what the backbone leaves where there is one.
 
-        Raises DataError where recordings are not sampled alike, or too few samples have a history;
-        FitError where the fit of the backbone failed.
+        Raises DataError if recordings are not sampled alike, or too few samples have a history;
+        FitError if the fit of the backbone failed.
         """
         dataset = given.dataset
         backbone = (

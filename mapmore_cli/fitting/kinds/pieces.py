@@ -94,7 +94,7 @@ class PiecesMaker(Maker):
 
     def fit(self, part: ModelChoices, given: Given) -> FitResult:
         """Return the terms of every segment, fitted to what the backbone leaves where there is one;
-        raises FitError where its fit failed.
+        raises FitError if its fit failed.
         """
         return self.fit_together(part, given)[0]
 

@@ -35,7 +35,7 @@ class NotFinite(DataError, ValueError):
     def __init__(self, term: str, row: int, inputs: str) -> None:
         super().__init__(
             f"the term `{term}` is not finite in row {row} ({inputs})",
-            "leave the term out of the dictionary, or keep only samples on which it is defined",
+            "remove the term from the dictionary, or keep only samples for which it is defined",
         )
         self.term = term
         self.row = row
@@ -53,12 +53,12 @@ def evaluate(expression: Expression, columns: Columns, n: int | None = None) -> 
     - `n`: number of rows; the length of the first column where it is left out.
 
     Values that are not finite (a logarithm of a negative number, a division by zero) are left in,
-    without a warning. Raises `DataError` where a column is absent or of another length.
+    without a warning. Raises `DataError` if a column is absent or of another length.
     """
     if n is None:
         n = next((len(column) for column in columns.values() if np.ndim(column)), None)
         if n is None:
-            raise DataError("the number of rows is unknown: there is no column of samples")
+            raise DataError("the number of rows is unknown, because no column of samples is given")
     values = _needed((expression,), columns, n)
     with np.errstate(all="ignore"):
         (value,) = compiled((expression,))(values)

@@ -66,17 +66,17 @@ def products(
     ['p', 'play(p, 0.1)', 'p[k-1]', 'p^2', 'p*play(p, 0.1)', 'p*p[k-1]', 'play(p, 0.1)^2',
      'p[k-1]^2']
 
-    Raises ValueError for an order outside of 0..20, a state named twice, or a partner that is none
-    of the states; DataError where there would be more of them than memory allows, before any is
+    Raises ValueError for an order outside 0..20, a state named twice, or a partner that is none
+    of the states; DataError if there would be more of them than memory allows, before any is
     built.
     """
     if not 0 <= order <= MAX_EXPONENT:
         raise ValueError(f"the order must lie in 0..{MAX_EXPONENT}, not {order}")
     if len(set(of)) < len(of):
-        raise ValueError(f"a name stands twice among {', '.join(of)}")
+        raise ValueError(f"a name is given twice among {', '.join(of)}")
     free = set(of) if partners is None else set(partners)
     if not free <= set(of):
-        raise ValueError(f"the partner {min(free - set(of))} is none of the states")
+        raise ValueError(f"the partner {min(free - set(of))} is not one of the states")
     refuse_beyond_memory(count_products(len(of), order, len(free)))
     degrees = range(0 if constant else 1, order + 1)
     chosen = [
@@ -127,7 +127,7 @@ def fits_whole(samples: int, candidates: int) -> bool:
 
 
 def refuse_beyond_memory(candidates: int) -> None:
-    """Raise DataError where so many candidates are too many even block by block, saying what they
+    """Raise DataError if so many candidates are too many even block by block, saying what they
     would need and what there is.
     """
     needed, room = products_bytes(candidates), usable_memory()
@@ -137,7 +137,8 @@ def refuse_beyond_memory(candidates: int) -> None:
             for size in (needed, room)
         ]
         raise DataError(
-            f"a dictionary of {candidates} candidates needs {sizes[0]} of memory for their "
-            f"products alone; {sizes[1]} may be used",
-            "lower the order of the products, use fewer states, or restrict the products by `with`",
+            f"the products of a dictionary with {candidates} candidates need {sizes[0]} of "
+            f"memory; {sizes[1]} may be used",
+            "lower the order of the products, use fewer states, or restrict the products "
+            "with `with`",
         )

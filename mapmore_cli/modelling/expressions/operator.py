@@ -72,7 +72,7 @@ class Arithmetic:
     """
 
     def where(self, condition: Amount, then: Amount, otherwise: Amount) -> Amount:
-        """Return `then` where the condition holds, else `otherwise`."""
+        """Return `then` if the condition holds, otherwise `otherwise`."""
         return np.where(
             condition, *(side() if callable(side) else side for side in (then, otherwise))
         )
@@ -82,7 +82,7 @@ class Arithmetic:
         return np.clip(x, low, high)
 
     def call(self, function: str, x: Amount) -> Amount:
-        """Return one of `FUNCTIONS` of x."""
+        """Return the value of one of `FUNCTIONS` at x."""
         return FUNCTIONS[function].compute(x)
 
 

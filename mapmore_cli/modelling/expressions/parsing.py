@@ -53,7 +53,7 @@ def parse(text: str, ranged: Callable[[Expression], Expression] | None = None) -
 
     Parts of it may wait for a training range where it is said what is `ranged` in their place.
 
-    Raises ExpressionError where `text` is no expression; its `position` says where.
+    Raises ExpressionError if `text` is no expression; its `position` says where.
 
     Examples
     --------
@@ -72,8 +72,8 @@ def parse(text: str, ranged: Callable[[Expression], Expression] | None = None) -
     # written out, nothing grows tenfold
     if len(text) > MAX_LENGTH // 10 and (length := len(to_text(expression))) > MAX_LENGTH:
         raise ExpressionError(
-            f"the expression has {length} characters when it is written out, more than "
-            f"{MAX_LENGTH}",
+            f"the expression has {length} characters when its powers are written out, more "
+            f"than {MAX_LENGTH}",
             len(text),
         )
     return expression
@@ -139,7 +139,9 @@ class _Parser(Tokens):
         value = float(evaluate(exponent, {}, 1)[0])
         if not abs(value) <= MAX_EXPONENT:
             raise ExpressionError(
-                f"the exponent {value:g} is beyond {MAX_EXPONENT} in magnitude", start
+                f"the exponent {value:g} is too large: at most {MAX_EXPONENT} in magnitude "
+                "is possible",
+                start,
             )
         return power(base, value)
 
@@ -154,7 +156,7 @@ class _Parser(Tokens):
         if self.next.kind == "(":
             return self._bracket()
         found = "the expression ends" if self.next.kind == "end" else f"`{self.next.text}` stands"
-        raise self._misfit(f"{found} where a number, a name or `(` should be")
+        raise self._misfit(f"{found} where a number, a name or `(` is expected")
 
     def _named(self, token: Token) -> Expression:
         if opens_state(token, self.next):
@@ -179,9 +181,7 @@ class _Parser(Tokens):
     def _enter(self, position: int) -> None:
         self._depth += 1
         if self._depth > MAX_DEPTH:
-            raise ExpressionError(
-                f"more than {MAX_DEPTH} brackets and exponents inside each other", position
-            )
+            raise ExpressionError(f"more than {MAX_DEPTH} nested brackets and exponents", position)
 
 
 def _known_function(token: Token) -> str:

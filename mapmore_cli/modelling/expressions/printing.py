@@ -41,8 +41,8 @@ def to_latex(expression: Expression, digits: int | None = None) -> str:
 
 
 def to_mathml(expression: Expression, digits: int | None = None) -> tuple[str, ...]:
-    """Presentation MathML that looks as the LaTeX: an `<mrow>` for each term of a sum, so that a
-    line may end between them.
+    """Presentation MathML with the same look as the LaTeX: an `<mrow>` for each term of a sum, so
+    that a line may end between them.
     """
     terms = expression.terms if isinstance(expression, Sum) else (expression,)
     return tuple(f"<mrow>{term}</mrow>" for term in _MathML(digits).signed(terms))
@@ -212,7 +212,7 @@ class _MathML(_Latex):
 
 
 def _sign(expression: Expression) -> tuple[Expression, bool]:
-    """Return the expression without its leading minus, and whether it had one."""
+    """Return the expression without its leading minus, and True if it had one."""
     first = expression.factors[0] if isinstance(expression, Product) else expression
     minus = isinstance(first, Number) and first.value < 0
     return (negate(expression) if minus else expression), minus
@@ -225,7 +225,7 @@ def _factors(expression: Expression) -> tuple[tuple[Expression, ...], bool]:
 
 
 def _inverse(factor: Expression) -> Expression | None:
-    """Return what `factor` divides by; None where it multiplies."""
+    """Return what `factor` divides by; None if it multiplies."""
     return (
         power(factor.base, -factor.exponent)
         if isinstance(factor, Power) and factor.exponent < 0

@@ -121,7 +121,7 @@ class Token(NamedTuple):
 
 class Tokens:
     """The tokens of a text, read one after the other; `next` is the one to be read. Raises
-    ExpressionError where none begins.
+    ExpressionError if none begins.
     """
 
     def __init__(self, text: str) -> None:
@@ -150,11 +150,11 @@ def _token(match: re.Match[str]) -> Token:
 
 @lru_cache(maxsize=4096)
 def state(text: str) -> State:
-    """Return the state that `text` names. Raises ExpressionError where it names none."""
+    """Return the state that `text` names. Raises ExpressionError if it names none."""
     tokens = Tokens(text)
     found = read_state(tokens, tokens.take())
     if tokens.next.kind != "end":
-        raise ExpressionError(f"{text!r} goes on after the name of a state", tokens.next.position)
+        raise ExpressionError(f"{text!r} continues after the name of a state", tokens.next.position)
     return found
 
 
@@ -166,15 +166,15 @@ def opens_state(name: Token, mark: Token) -> bool:
 
 
 def read_state(tokens: Tokens, name: Token, depth: int = 0) -> State:
-    """Return the state that begins with the token `name` and goes on with `tokens`; raises
-    ExpressionError at what does not fit.
+    """Return the state that begins with the token `name` and continues with `tokens`; raises
+    ExpressionError for an unexpected token.
     """
     if name.kind != "name" or name.text in FUNCTIONS:
         raise ExpressionError(
             "expected the name of a quantity or of an operator with memory", name.position
         )
     if depth > MAX_NESTING:
-        raise ExpressionError(f"more than {MAX_NESTING} operators inside each other", name.position)
+        raise ExpressionError(f"more than {MAX_NESTING} nested operators", name.position)
     source = _operated(tokens, name, depth) if tokens.skip("(") else Measured(name.text)
     start = tokens.next.position
     if not tokens.skip("["):

@@ -27,8 +27,8 @@ Operation = Callable[[Any, Operand], "Expression"]
 
 @dataclass_transform(frozen_default=True)
 def _node(cls: Class) -> Class:
-    """Return a frozen dataclass that keeps its hash: trees are looked up often, and to hash one
-    walks all of it.
+    """Return a frozen dataclass that stores its hash, because trees are looked up often and
+    computing a hash visits the whole tree.
     """
     made: Any = dataclass(frozen=True)(cls)
     walked = made.__hash__
@@ -121,9 +121,11 @@ class Name(Expression):
     def __post_init__(self) -> None:
         if not IDENTIFIER.fullmatch(self.name):
             if state(self.name).name != self.name:
-                raise ExpressionError(f"`{self.name}` is written `{state(self.name).name}`")
+                raise ExpressionError(f"`{self.name}` must be written `{state(self.name).name}`")
         elif self.name in FUNCTIONS:
-            raise ExpressionError(f"`{self.name}` cannot name a quantity in an expression")
+            raise ExpressionError(
+                f"`{self.name}` cannot be the name of a quantity in an expression"
+            )
 
 
 @_node
@@ -150,7 +152,8 @@ class Power(Expression):
     def __post_init__(self) -> None:
         if not abs(self.exponent) <= MAX_EXPONENT:
             raise ExpressionError(
-                f"the exponent {self.exponent:g} is beyond {MAX_EXPONENT} in magnitude"
+                f"the exponent {self.exponent:g} is too large: at most {MAX_EXPONENT} in "
+                "magnitude is possible"
             )
 
 
@@ -174,8 +177,8 @@ class Condition:
 
     def __bool__(self) -> bool:
         raise TypeError(
-            "a condition of a program is neither true nor false before the program runs: "
-            "branch by `where`"
+            "the condition has no value before the program runs; use the function `where` "
+            "for a branch"
         )
 
 
@@ -272,7 +275,7 @@ def with_parts(expression: Expression, change: Callable[[Expression], Expression
 
 
 def _folded(numbers: list[float]) -> list[float]:
-    """Return the product of the numbers, as none where it is one; as their magnitudes where it
+    """Return the product of the numbers, as none if it is one; as their magnitudes where it
     would overflow or lose digits.
     """
     product = math.prod(numbers)

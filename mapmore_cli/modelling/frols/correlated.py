@@ -27,7 +27,9 @@ COARSE, FINE = np.log(3.0), 0.05  # steps and tolerance of the search, of the lo
 
 @dataclass(frozen=True)
 class Noise:
-    """Variances of white noise and of a drift, and the share of it that is left after a sample."""
+    """Variances of white noise and of a drift, and the share of the drift that remains after one
+    sample.
+    """
 
     white: float
     drift: float = 0.0
@@ -129,7 +131,7 @@ class _Records:
 
     @cached_property
     def sums(self) -> Array:
-        """Sums of products of residuals at each lag."""
+        """Return the sums of products of residuals at each lag."""
         e = self.residual[:, None]
         return np.array([float(np.sum(e * _shifted(e, self.lengths, lag))) for lag in self.lags])
 

@@ -244,8 +244,8 @@ def frols(
       none.
     - `weighing`: how samples weigh, where not all alike: their uncertainty, a robust loss.
 
-    Raises DataError where `P` or `y` has a value that is not finite, with its column and row;
-    ValueError where the shapes or the names do not fit, or `max_terms` is below one.
+    Raises DataError if `P` or `y` has a value that is not finite, with its column and row;
+    ValueError if the shapes or the names do not fit, or `max_terms` is below one.
 
     >>> x = np.linspace(0, 1, 50)
     >>> P = np.column_stack([x**0, x, x**2])
@@ -261,7 +261,8 @@ def frols(
     P, y = np.asarray(P, dtype=np.float64), np.asarray(y, dtype=np.float64)
     if P.ndim != 2 or y.ndim != 1 or len(P) != len(y) or P.size == 0:
         raise ValueError(
-            f"P must be (n, M) and y (n,), neither empty; they are {P.shape} and {y.shape}"
+            "P must have the shape (n, M) and y the shape (n,), neither empty; they have "
+            f"{P.shape} and {y.shape}"
         )
     n, M = P.shape
     if len(names) not in (0, M):
@@ -321,8 +322,8 @@ def frols_together(
     `y'y`), two where squares of the values overflow or vanish, and one where a tolerance may end
     the choice.
 
-    Raises DataError where a value is not finite, with its column and its row counted over all
-    blocks; ValueError where there is no row or no column, or `max_terms` is below one.
+    Raises DataError if a value is not finite, with its column and its row counted over all
+    blocks; ValueError if there is no row or no column, or `max_terms` is below one.
     """
     stopping = Stopping(max_terms, tolerance, stop)
 

@@ -58,7 +58,7 @@ def safe_scale(squares: Array, blocks: Blocks) -> Array:
     (M+1,), left the safe range; else one.
 
     Sums are infinite or NaN where a value is not finite or its square overflows, zero where squares
-    vanish. There values are looked at one by one. Raises DataError where one is not finite, with
+    vanish. There values are looked at one by one. Raises DataError if one is not finite, with
     its column and row.
     """
     scale = np.ones(len(squares))
@@ -84,9 +84,10 @@ def _largest_values(blocks: Blocks, columns: IntArray) -> Array:
             row, place = np.argwhere(~np.isfinite(values))[0]
             at = f"is not finite at row {start + row}"
             if columns[place] == P.shape[1]:
-                raise DataError(f"y {at}", "drop or mend the sample before the fit")
+                raise DataError(f"y {at}", "remove or correct the sample before the fit")
             raise DataError(
-                f"candidate {columns[place]} {at}", "drop or mend the sample, or leave the term out"
+                f"candidate {columns[place]} {at}",
+                "remove or correct the sample, or remove the term",
             )
         np.maximum(largest, values.max(axis=0, initial=0.0), out=largest)
         start += len(y)
@@ -98,8 +99,8 @@ def gram(blocks: Blocks) -> tuple[Array, Array, int]:
     1/4 and 1, these, (M+1,), and n.
 
     One pass over the blocks; three where squares overflow or vanish: the values are then scaled
-    instead of the sums. Raises DataError where a value is not finite, with its column and row;
-    ValueError where there is no row, or no column.
+    instead of the sums. Raises DataError if a value is not finite, with its column and row;
+    ValueError if there is no row, or no column.
     """
     matrix, samples = _sum_of_products(blocks)
     scale = safe_scale(np.diag(matrix), blocks)
@@ -122,7 +123,9 @@ def _sum_of_products(blocks: Blocks) -> tuple[Array, int]:
             total[M, M] += y @ y
         samples += len(y)
     if samples == 0 or len(total) == 1:
-        raise ValueError("P must be (n, M) and y (n,), neither empty; there is no row or no column")
+        raise ValueError(
+            "P must have the shape (n, M) and y the shape (n,); P has no row or no column"
+        )
     total[:-1, -1] = total[-1, :-1]
     return total, samples
 
@@ -170,7 +173,7 @@ def standard(blocks: Blocks) -> Standard:
     """Return mean and standard deviation over all rows, in one pass; in three where squares
     overflow or vanish.
 
-    Raises DataError where a value is not finite, with its column and row; ValueError where there is
+    Raises DataError if a value is not finite, with its column and row; ValueError if there is
     no row.
     """
     first, shift, variance = _mean_and_variance(blocks)
@@ -199,7 +202,7 @@ def _mean_and_variance(blocks: Blocks) -> tuple[Array, Array, Array]:
                 sums, squares = sums + Z.sum(axis=0), squares + np.einsum("ij,ij->j", Z, Z)
             samples += len(y)
         if samples == 0:
-            raise ValueError("there is no row to standardise")
+            raise ValueError("there are no rows to standardise")
         shift = sums / samples
         return origin, shift, squares / samples - shift**2
 

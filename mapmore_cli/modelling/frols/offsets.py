@@ -34,9 +34,9 @@ def far_from_zero(pieces: Sequence[SegmentFit], samples: Mapping[str, Array]) ->
         mean, spread = float(np.mean(x)), float(np.std(x))
         if several and 0 < FAR * spread < abs(mean):
             notes.append(
-                f"{name} stands {abs(mean) / spread:.2g} times its spread from zero, so that terms "
-                f"of it are the same but for rounding: give it less {mean:.6g} (`derive`), or "
-                "write `fit: {scaling: unit_square}`, with memory `range`"
+                f"the mean of {name} is {abs(mean) / spread:.2g} times its spread away from "
+                f"zero, so that its terms differ only by rounding; subtract {mean:.6g} "
+                f"(`derive`), or write `fit: {{scaling: unit_square}}` (with memory `range`)"
             )
     return notes
 
@@ -47,6 +47,8 @@ def constant_alone(fit: FitResult) -> list[str]:
         return []
     left = max(one.selection.sse / one.selection.yy for one in fit.pieces)
     return [
-        "the constant alone is the model: it explains "
-        f"all but {left:.2g} of the sum of squares, and nothing of what changes"
+        (
+            f"the model is the constant only: it explains all but {left:.2g} of the sum of "
+            "squares, but none of the variation"
+        )
     ]

@@ -45,7 +45,9 @@ class Stopping:
         if self.max_terms is not None and self.max_terms < 1:
             raise ValueError(f"max_terms is {self.max_terms}; it must be at least 1")
         if self.criterion not in CRITERIA:
-            raise ValueError(f"unknown stop rule {self.criterion!r}: {', '.join(CRITERIA)}")
+            raise ValueError(
+                f"unknown stop rule {self.criterion!r}; there are {', '.join(CRITERIA)}"
+            )
 
     def limit(self, n: int, M: int) -> int:
         """Return the most terms that n samples and M candidates allow."""
@@ -161,7 +163,7 @@ def greedy(
 
 
 def _highest(err: Array) -> IntArray:
-    """Return the candidates of the highest ERR that tie; none where every ERR is NaN."""
+    """Return the candidates of the highest ERR that tie; none if every ERR is NaN."""
     return np.flatnonzero(
         err >= np.max(err, initial=-np.inf, where=~np.isnan(err)) * (1 - TIE_TOLERANCE)
     )
@@ -317,8 +319,8 @@ def in_units(found: Selection, scale: Array) -> Selection:
 
 
 def widened(found: Selection, among: IntArray, M: int) -> Selection:
-    """Return a selection of the candidates `among`, (m,), as one of all M; the tables are NaN for
-    the others.
+    """Return the selection from the candidates `among`, (m,), as a selection from all M candidates;
+    tables are NaN for the others.
     """
     tables = np.full((2, len(found.chosen), M), np.nan)
     tables[:, :, among] = found.g_all, found.err_all

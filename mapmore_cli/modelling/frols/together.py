@@ -1,4 +1,4 @@
-"""The choice of terms that several outputs share, by the sum of their error reduction ratios."""
+"""Choose the terms that several outputs share, by the sum of their error reduction ratios."""
 
 from __future__ import annotations
 

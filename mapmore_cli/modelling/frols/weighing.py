@@ -57,7 +57,7 @@ class Weighing:
 
     @cached_property
     def sigma(self) -> Array | None:
-        """What rows are divided by, (n,); None where all samples count alike. Weights have the mean
+        """What rows are divided by, (n,); None if all samples count alike. Weights have the mean
         one, so that weighted squares keep the unit of the target.
         """
         sigma = self.uncertainty
@@ -73,7 +73,7 @@ class Weighing:
         return (1.0 if self.sigma is None else self.sigma) / np.sqrt(weights)
 
     def in_unit(self, unit: float) -> Weighing:
-        """Return the same for a target that is divided by a unit."""
+        """Return the same weights for a target that is divided by a unit."""
         return self if self.scale is None else replace(self, scale=self.scale / unit)
 
     def rows(self, blocks: Blocks) -> Blocks:
@@ -120,8 +120,8 @@ class Weighing:
         return replace(found, theta_error=errors, curves=count)
 
     def _along(self, blocks: Blocks, theta: Array, recorded: IntArray) -> tuple[Array, float]:
-        """Return standard errors by what goes together along recordings, (k,), and what the
-        samples are worth.
+        """Return standard errors that allow for correlated residuals along recordings, (k,), and
+        the number of independent samples.
         """
         P, y = map(np.concatenate, zip(*blocks(), strict=True))
         labels = np.zeros(len(y), dtype=np.int64) if self.curves is None else self.curves
@@ -177,7 +177,7 @@ def loss_weights(loss: str, residual: Array) -> Array:
 
 
 def numbered_curves(labels: IntArray | None, terms: int) -> IntArray | None:
-    """Return the curve of each sample from 0, (n,), by its label, (n,); None where curves are too
+    """Return the curve of each sample from 0, (n,), by its label, (n,); None if curves are too
     few for sums over them: below `FEW`, or no more than the terms.
     """
     if labels is None:
@@ -198,7 +198,7 @@ def sandwich_errors(
     `sum psi^2 / (n-k) / m^2 (P'P)^-1` (Huber 1981, eq 7.6.2).
 
     - `blocks`: the k chosen columns and the target, in units of the uncertainty.
-    - `curves`: the curve of each row, from 0, (n,); None where residuals are independent.
+    - `curves`: the curve of each row, from 0, (n,); None if residuals are independent.
     - `weights`: those of the `loss`, (n,); None for squares.
     """
     count, k, n, square = 1 if curves is None else int(curves.max()) + 1, len(theta), 0, 0.0

@@ -58,7 +58,7 @@ def names() -> tuple[str, ...]:
 
 
 def get(name: str) -> Formula:
-    """Return the formula called `name`, or defined by it; raises KeyError where there is none."""
+    """Return the formula called `name`, or defined by it; raises KeyError if there is none."""
     if is_family(name):
         from mapmore_cli.modelling.literature.family import family_of
 

@@ -56,7 +56,7 @@ WITHIN = (0.3, 3.0)
 
 @lru_cache(maxsize=64)
 def family_of(text: str) -> Family:
-    """Return the family of a definition; ValueError where it defines none."""
+    """Return the family of a definition; ValueError if it defines none."""
     try:
         document = dict(json.loads(text)["family"])
         metres = float(document.pop("metres"))
@@ -103,13 +103,13 @@ class Family(Formula):
         """Fit the scales of all specimens and their common function; standard errors are those of
         the function.
 
-        Raises DataError where all samples are of one specimen.
+        Raises DataError if all samples are of one specimen.
         """
         of = self.settings.of
         which, number = np.unique(columns[of], return_inverse=True)
         if len(which) < 2:
             raise DataError(
-                f"a family of one: {of} is {which[0]:g} in all training data",
+                f"a family needs several specimens, but {of} is {which[0]:g} in all training data",
                 "add recordings of another specimen",
             )
         ends = np.array([_slack_and_largest(y[number == i]) for i in range(len(which))])
@@ -123,7 +123,10 @@ class Family(Formula):
         ratios = ", ".join(
             f"{of} {one:g}: {force:.4g}" for one, force in zip(which, largest, strict=True)
         )
-        notes = (f"learnt from {len(which)} specimens; largest force by {ratios}", *shape.notes)
+        notes = (
+            f"learnt from {len(which)} specimens; ratios of the largest forces: {ratios}",
+            *shape.notes,
+        )
         return replace(
             shape,
             name=NAME,
@@ -219,6 +222,6 @@ def adapted(
         condition=1.0,
         sse=float(residual @ residual),
         samples=n,
-        notes=(*fit.notes[:1], f"adapted by {n} samples"),
+        notes=(*fit.notes[:1], f"adapted with {n} samples"),
         definition=made,
     )

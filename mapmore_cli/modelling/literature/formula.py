@@ -100,7 +100,7 @@ class Formula:
         """Return the formula with the dimensions of a muscle, in m, those that it needs among
         `lengths`.
 
-        Raises `SpecError` where one of them is not known.
+        Raises `SpecError` if one of them is not known.
         """
         for name in self.dimensions:
             if not lengths.get(name):
@@ -112,7 +112,7 @@ class Formula:
         return replace(self, given=given)
 
     def checked(self) -> Self:
-        """Return the formula; raises ValueError where its text is not what it declares."""
+        """Return the formula; raises ValueError if its text is not what it declares."""
         if self.expression.names != {*self.inputs, *self.parameters}:
             raise ValueError(
                 f"{self.name}: the names in the text are not the inputs and parameters"
@@ -181,7 +181,7 @@ class Formula:
             raise ValueError(f"unknown method `{method}`; there are {', '.join(solvers.METHODS)}")
         if self.start != RANDOM and method != solvers.LEVENBERG_MARQUARDT:
             raise SpecError(
-                f"the method {method} takes no starting values",
+                f"the method {method} does not use starting values",
                 f"write `method: {solvers.LEVENBERG_MARQUARDT}` beside `starts`",
             )
         problem = self.problem(columns, y)
@@ -212,7 +212,7 @@ class Formula:
             raise DataError(
                 f"{self.name} has {len(self.fitted)} parameters, but there are only "
                 f"{len(target)} samples to fit them to",
-                "give it more training data, or leave the formula out",
+                "add training data, or remove this formula",
             )
         expression = with_numbers(self._fitted_expression, self.of_muscle(self.given).given)
         names = (*self.linear, *(parameter.name for parameter in self.nonlinear))
@@ -233,7 +233,7 @@ class Formula:
         unknown, status = dict.fromkeys(self.parameters, float("nan")), solution.status
         failed = not np.isfinite(list(values.values())).all()
         if failed and status != "failed":
-            notes = (*notes, "the printed parameters have no finite value")
+            notes = (*notes, "the formula has no finite value with its published parameters")
         fit = FormulaFit(
             *(self.name, unknown, unknown, "failed", solution.method, 0, np.nan, np.nan, samples),
             notes=notes,
@@ -258,7 +258,7 @@ class Formula:
             held = problem.at_levels.columns
             _, least, _ = linear.parameter_errors(self._jacobian(values, held, samples), 0.0)
             if least < count:
-                decided = "how measured values scatter about these levels decided"
+                decided = "the choice depends on how the measured values scatter about these levels"
                 notes = (*notes, dependence(least, count, held, decided))
         weak = [
             name

@@ -121,7 +121,7 @@ def fit_hinge(columns: Columns, y: Array) -> FormulaFit:
     matter. Above some thousand samples the search goes over means of neighbouring ones
     (`problem.condensed`).
 
-    Raises FitError where the formula has no finite value at any start.
+    Raises FitError if the formula has no finite value at any start.
     """
     inputs = columns["pressure"], columns["strain"], y
     scales = [float(np.abs(column).max()) or 1.0 for column in inputs]
@@ -131,7 +131,7 @@ def fit_hinge(columns: Columns, y: Array) -> FormulaFit:
     if not ends:
         raise FitError(
             "the formula has no finite value at any start of its fit",
-            "look at the units of its quantities",
+            "check the units of its quantities",
         )
     best = min(ends, key=lambda end: end.cost)
     if not best.converged:
@@ -150,9 +150,9 @@ def fit_hinge(columns: Columns, y: Array) -> FormulaFit:
     levels = _strain_levels(columns["strain"])
     if levels <= FEW_LEVELS:
         notes.append(
-            f"with {levels} strain level{'s' * (levels > 1)} any curvature fits: a3 is left to "
-            f"its prior, {problem.centre[A3]:.3g}/max|strain|, and values between the levels "
-            "depend on it"
+            f"with {levels} strain level{'s' * (levels > 1)} every curvature fits, so that "
+            f"a3 keeps its prior value, {problem.centre[A3]:.3g}/max|strain|; values "
+            "between the levels depend on it"
         )
     notes += [f"{NAMES[i]} ends at its bound" for i in touched]
     status = "at_bound" if touched and best.converged else best.status

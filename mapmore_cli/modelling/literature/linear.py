@@ -22,7 +22,7 @@ class LinearFit(NamedTuple):
 
     - `beta`: `(m,)`, in the units of the given columns.
     - `basis`: `(n, m)` orthonormal basis of the columns' space, zero beyond the rank.
-    - `residual`: `(n,)`, `Phi beta - y`, taken as the part of -y outside of the basis.
+    - `residual`: `(n,)`, `Phi beta - y`, taken as the part of -y outside the basis.
     """
 
     beta: Array

@@ -89,21 +89,21 @@ def formula_value(
 ) -> Expression:
     """Write a fitted formula; zero where there is none.
 
-    Raises DataError where the fit failed, or the formula is no closed expression.
+    Raises DataError if the fit failed, or the formula is no closed expression.
     """
     if fit is None:
         return Number(0.0)
     if fit.failed:
         raise DataError(
-            f"the fit of {fit.name} failed: there is no formula to export",
+            f"the fit of {fit.name} failed, so that there is no formula to export",
             "fit it to other data, or choose another formula",
         )
     model = literature.of(fit)
     if model.fitted_to == literature.LOAD_CYCLES:
         raise DataError(
-            f"{fit.name} searches for the free strain at every sample, which is no closed "
-            "expression: it cannot be exported",
-            "export the models that it is compared with, or a formula of the damping force itself",
+            f"{fit.name} searches for the free strain at every sample, which is not a "
+            "closed expression and cannot be exported",
+            "export one of the models that it is compared with, or a formula of the damping force",
         )
     return m.let("formula", substitute(with_numbers(model.expression, fit.parameters), inputs))
 

@@ -62,7 +62,7 @@ def definition(
     bounds: dict[str, tuple[float, float] | None],
     units: dict[str, str],
 ) -> str:
-    """Return the definition as canonical JSON: `bounds` are of every parameter, None where the
+    """Return the definition as canonical JSON: `bounds` are of every parameter, None if the
     formula is linear in it.
     """
     document = {

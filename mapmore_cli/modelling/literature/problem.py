@@ -61,7 +61,7 @@ class LeastSquares:
     - `gradient`: derivative of the formula for every parameter, linear and nonlinear; those for
       `linear` are the regressors.
     - `columns`, `y`: the inputs and the target, each `(n,)`.
-    - `counts`: number of samples that each row stands for, `(n,)`; None where each is one.
+    - `counts`: number of samples that each row stands for, `(n,)`; None if each is one.
     - `start`: a published value to start from for every parameter, where one is asked for.
 
     Every residual and regressor is times the roots of the counts.
@@ -223,14 +223,13 @@ def dependence(rank: int, count: int, inputs: Columns, choice: str) -> str:
     """Return the note for data that leave parameters undetermined, and what was chosen then."""
     distinct = ", ".join(f"{len(np.unique(column))} of {name}" for name, column in inputs.items())
     return (
-        f"rank {rank} of {count}: the data do not tell all parameters apart (distinct values: "
-        f"{distinct}); "
-        f"{choice}, and values between the training levels are not to be trusted"
+        f"rank {rank} of {count}: the data do not determine all parameters (distinct "
+        f"values: {distinct}); {choice}; do not trust values between the training levels"
     )
 
 
 def finite(name: str, columns: Columns) -> Array:
-    """Return the column `name`; raises `DataError` where it is absent, and with the first row in
+    """Return the column `name`; raises `DataError` if it is absent, and with the first row in
     which it is not finite.
     """
     if name not in columns:
@@ -242,6 +241,6 @@ def finite(name: str, columns: Columns) -> Array:
     for row in np.flatnonzero(~np.isfinite(values))[:1]:
         raise DataError(
             f"{name} is not finite in row {row}: {values[row]}",
-            "drop the sample (`missing: drop`) or mend the recording",
+            "remove the sample (`missing: drop`) or correct the recording",
         )
     return values

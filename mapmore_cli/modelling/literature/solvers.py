@@ -145,7 +145,7 @@ DISTINCT = 1e-3  # relative difference between sums of squares of minima that ar
 def agreement(ends: Sequence[End], best: End, starts: int) -> str:
     """Return the note on how many of so many starts came to the best end."""
     agreeing = sum(end.cost <= (1 + AGREEMENT) * best.cost + 1e-20 for end in ends)
-    return f"{agreeing} of {starts} starts agree on the sum of squares"
+    return f"{agreeing} of {starts} starts found the same sum of squares"
 
 
 def rivals(ends: Sequence[End], best: End) -> list[End]:
@@ -201,7 +201,10 @@ def variable_projection(problem: LeastSquares) -> Solution:
     if not searches:
         places = np.concatenate(_grids(problem))
         c = places[[np.argmin(np.abs(np.log(np.abs(places))))]]
-        note = f"{problem.nonlinear[0].name} is arbitrary: every value fits these data equally well"
+        note = (
+            f"{problem.nonlinear[0].name} is arbitrary, because every value fits these data "
+            "equally well"
+        )
         return Solution(_projected(problem, c).beta, c, "converged", METHOD, (note,))
     ends = [
         (end, within)
@@ -218,7 +221,7 @@ def variable_projection(problem: LeastSquares) -> Solution:
     for i in touched:
         parameter = problem.nonlinear[i]
         limit = parameter.written(c[i])
-        notes.append(f"{parameter.name} runs to the limit of what is sought, {limit}")
+        notes.append(f"{parameter.name} went to the limit of its search, {limit}")
     status = "at_bound" if touched else finished[0].status
     others = tuple((_projected(problem, end.x).beta, end.x) for end in rivals(reached, best))
     return Solution(_projected(problem, c).beta, c, status, METHOD, tuple(notes), others)
@@ -226,7 +229,7 @@ def variable_projection(problem: LeastSquares) -> Solution:
 
 def _valleys(problem: LeastSquares) -> list[tuple[tuple[Array, Array], list[Array]]]:
     """Scan the only nonlinear parameter; return every interval with the places of least sums of
-    squares in it, nothing where all places are equally good.
+    squares in it, nothing if all places are equally good.
     """
     grids = _grids(problem)
     sse = np.array([[_projected_sse(problem, c) for c in grid] for grid in grids])
@@ -356,7 +359,7 @@ def _best_solution(
         return failure(problem, method)
     m = len(problem.linear)
     allowed = [end for end in ends if problem.allows(end.x[m:])]
-    notes = ["every start ended at a sign that the source does not have"] * (not allowed)
+    notes = ["every start ended with a sign that the source excludes"] * (not allowed)
     ends = allowed or ends
     best = min(ends, key=_cost)
     notes += [agreement(ends, best, starts)] * (starts > 1)

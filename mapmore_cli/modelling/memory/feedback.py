@@ -38,7 +38,7 @@ class StateWriter:
     """Writes the states of one sample, each once.
 
     - `seen`: the number of samples before this one, by which operators know that they begin; None
-      where all past values are known.
+      if all past values are known.
     - `queues`: by what they hold, the names of the queues of past values.
     - `rules`: where all past values are known, operators are functions of the program; their
       rules by the names of these.
@@ -54,7 +54,9 @@ class StateWriter:
         self.rules: dict[str, Callable[..., Any]] = {}
 
     def scaled(self, name: str) -> Expression:
-        """Write a state as terms have it, scaled as `states.evaluate_states` does."""
+        """Write a state in the scaled form in which terms use it, as `states.evaluate_states`
+        computes it.
+        """
         states, value = self.states, self.value(state(name))
         if not states.scaled:
             return value
@@ -228,8 +230,8 @@ def fed_back_states(states: StateSet, output: str) -> dict[str, int]:
             continue
         if not looks_back(one):
             raise DataError(
-                f"the state `{name}` depends on the output {output} as it is now",
-                f"let it look back: operators of the output work on {output}[k-1]",
+                f"the state `{name}` uses the present value of the output {output}",
+                f"use the value one sample before: operators of the output need {output}[k-1]",
             )
         lags[name] = one.lag
     return lags
@@ -245,7 +247,7 @@ def looks_back(one: State) -> bool:
 def parted(term: Expression, fed_back: Container[str]) -> tuple[Expression, Expression]:
     """Return a term as (part of fed-back states) times (part of inputs).
 
-    Raises DataError where one factor has both: its value at every sample could not be prepared.
+    Raises DataError if one factor has both: its value at every sample could not be prepared.
     """
     fed: list[Expression] = []
     inputs: list[Expression] = []
@@ -253,9 +255,10 @@ def parted(term: Expression, fed_back: Container[str]) -> tuple[Expression, Expr
         own = [name for name in factor.names if name in fed_back]
         if own and len(own) < len(factor.names):
             raise DataError(
-                f"the term `{to_text(term)}` has delayed outputs and inputs in one factor, "
-                f"`{to_text(factor)}`",
-                "write it as a product of a part with delayed outputs and a part with inputs",
+                f"in the term `{to_text(term)}`, the factor `{to_text(factor)}` mixes "
+                "delayed outputs and inputs",
+                "write the term as a product of one factor with delayed outputs and one "
+                "factor with inputs",
             )
         (fed if own else inputs).append(factor)
     return multiply(*fed), multiply(*inputs)

@@ -42,15 +42,15 @@ def fit_with_memory(
     minimise the error in free run. `progress` is told how many numbers of terms were tried in free
     run, and how many will be.
 
-    Raises DataError where a quantity is missing, no sample has enough history, a state cannot be
+    Raises DataError if a quantity is missing, no sample has enough history, a state cannot be
     fed back, the dictionary needs more memory than there is, or no model's free run stays finite.
     """
     numbers = left_open(records, recipe.dictionary, recipe.step)
     if numbers.states and recipe.loss != "squares":
         raise DataError(
-            f"{numbers.states[0].name}: its numbers are found by squares, and the loss is "
-            f"`{recipe.loss}`",
-            "write the numbers, as `slow(pressure, 0.3)`, or remove `fit.loss`",
+            f"{numbers.states[0].name}: its open numbers can be found with `loss: squares` "
+            f"only, not with `{recipe.loss}`",
+            "write the numbers, for example `slow(pressure, 0.3)`, or remove `fit.loss`",
         )
     start = _start(records, recipe, numbers) if numbers.states else np.empty(0)
     training, held_out = TrainingData(records, recipe, numbers.numbers(start)), None
@@ -88,9 +88,10 @@ def fit_outputs(records: Sequence[Record], recipes: Sequence[MemoryRecipe]) -> l
     """
     if numbers := left_open(records, recipes[0].dictionary, recipes[0].step).states:
         raise DataError(
-            f"{numbers[0].name}: its numbers are found for one output, and the target is "
-            f"{', '.join(one.target for one in recipes)}",
-            "write the numbers, as `slow(pressure, 0.3)`, or a spec for each target",
+            f"{numbers[0].name}: its open numbers can be found for one target only, and "
+            f"this spec has {', '.join(one.target for one in recipes)}",
+            "write the numbers, for example `slow(pressure, 0.3)`, or a separate spec for "
+            "each target",
         )
     trained = [TrainingData(records, one) for one in recipes]
     recipe = recipes[0]
@@ -172,8 +173,8 @@ def _sized_in_free_run(
         progress(terms, len(early.selector.sizes))
     if not np.isfinite(errors).any():
         raise DataError(
-            "the free run of every model diverges, or has no history, on the last quarter of "
-            "the training samples",
+            "the free run of every candidate model diverges, or has no history, on the "
+            "last quarter of the training samples",
             DIVERGES,
         )
     return sizes[int(np.argmin(errors))], np.array(errors)

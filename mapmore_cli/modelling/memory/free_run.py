@@ -27,7 +27,7 @@ class Along:
     """A model with memory along one recording, block after block: simulated from the first measured
     outputs, or one step `ahead` of the measured past.
 
-    Memory starts anew at gaps of `time` (s), where that runs backwards, and after empty inputs. A
+    Memory starts again at gaps of `time` (s), where that runs backwards, and after empty inputs. A
     model without delayed outputs needs none: its free run is its one-step-ahead prediction.
     Otherwise the output must be measured at the beginning of every piece, over the longest delay;
     measured outputs after that are not used.
@@ -52,7 +52,7 @@ class Along:
     def __call__(self, columns: Columns) -> SimulatedRun:
         """Return the next rows, (n,); `columns` as for `kinds.simulate`.
 
-        Raises DataError where an input is missing; as `AtSample` where a first output is, or
+        Raises DataError if an input is missing; as `AtSample` where a first output is, or
         samples are not at the model's time steps.
         """
         values = np.full(row_count(columns), np.nan)
@@ -133,7 +133,7 @@ def _refuse_other_steps(time: Array, rows: IntArray, step: float) -> None:
     if (usual := float(np.quantile(distances, 0.5, method="lower"))) > longest:
         raise AtSample(
             int(neighbours[np.argmax(distances > longest)]) + 1,
-            f"{usual:.6g} s after the one before, as most are; the model was trained on steps "
-            f"of {step:.6g} s: its memory counts samples",
-            f"bring the recording onto even steps of {step:.6g} s",
+            f"{usual:.6g} s after the previous sample, as most samples are, but the model "
+            f"was trained with steps of {step:.6g} s, and its memory counts samples",
+            f"resample the recording to even steps of {step:.6g} s",
         )

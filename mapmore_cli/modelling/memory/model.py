@@ -162,7 +162,7 @@ class MemoryVerbs(Verbs):
         """Return the output where the inputs stand still, (n,): a fed-back one by Steffensen's
         method.
 
-        Coefficients are (k,), or (k, n): others at each place. Raises FitError where the output
+        Coefficients are (k,), or (k, n): others at each place. Raises FitError if the output
         comes to no rest.
         """
         from scipy.optimize import fixed_point
@@ -181,8 +181,8 @@ class MemoryVerbs(Verbs):
             if (np.clip(rest, *divergence_bounds(memory.limits)) == rest).all():
                 return base + rest
         raise FitError(
-            "fit.shape: with inputs that stand still, the fitted model comes to no rest",
-            "use fewer delays of the output, or remove it",
+            "fit.shape: with constant inputs, the output of the fitted model does not settle",
+            "use fewer delays of the output, or remove `fit.shape`",
         )
 
     def equations(self, model: Model, units: Mapping[str, float]) -> tuple[Equation, ...]:
@@ -201,14 +201,14 @@ class MemoryVerbs(Verbs):
         body = model.body_of(Memory)
         memory = body.model
         if body.backbone is not None:
-            yield f"{model.output.name} is {body.backbone.name} plus what has memory."
+            yield f"{model.output.name} is {body.backbone.name} plus terms with memory."
         most = max(fed_back_states(memory.states, memory.output).values(), default=0)
         first = f"the first {most} measured samples" if most > 1 else "the first measured sample"
         start = f"from {first} of {memory.output}" if most else f"without measured {memory.output}"
-        steps = f"at steps of {memory.states.step:.6g} s"
+        steps = f"with steps of {memory.states.step:.6g} s"
         if memory.states.ordered:
             steps = "sample by sample, whatever the time between them"
-        yield f"Runs free {start}, {steps}."
+        yield f"It runs free {start}, {steps}."
 
     def parameters(self, model: Model) -> int:
         """Return the coefficients of the terms, with the model's own constant where it has one, and
@@ -238,4 +238,4 @@ class MemoryVerbs(Verbs):
         if memory.output != model.output.name or not all(
             parse(text).names <= {*memory.states.names} for text in memory.terms
         ):
-            yield "its terms are of other states than it has"
+            yield "its terms use states that it does not have"

@@ -73,10 +73,9 @@ def uninterrupted(time: Array, step: float) -> list[slice]:
         first = int(early[0])
         raise AtSample(
             first + 1,
-            f"only {time[first + 1] - time[first]:.6g} s after the one before; "
-            "a model with memory needs "
-            f"even steps of {step:.6g} s",
-            f"bring the recording onto even steps of {step:.6g} s",
+            f"only {time[first + 1] - time[first]:.6g} s after the previous sample, but a "
+            f"model with memory needs even steps of {step:.6g} s",
+            f"resample the recording to even steps of {step:.6g} s",
         )
     breaks = steps_where(time, lambda steps: (steps > step + slack) | (steps < 0))
     return cut_after(len(time), breaks)
@@ -85,7 +84,7 @@ def uninterrupted(time: Array, step: float) -> list[slice]:
 def time_step(curves: Sequence[Curve]) -> float:
     """Return the time between samples that all curves have in common, s: the median.
 
-    Raises DataError where a curve has another one: lags count samples, so all recordings must be
+    Raises DataError if a curve has another one: lags count samples, so all recordings must be
     sampled alike.
     """
     steps = {curve.id: typical_step(curve.columns["time"]) for curve in curves if curve.size > 1}
@@ -93,14 +92,14 @@ def time_step(curves: Sequence[Curve]) -> float:
     for name, step in steps.items():
         if not abs(step - usual) <= UNEVEN * usual:
             raise DataError(
-                f"{name}: its samples are {step:.6g} s apart, those of other recordings "
+                f"{name}: its samples are {step:.6g} s apart, but those of other recordings "
                 f"{usual:.6g} s",
-                "bring all recordings onto the same time steps with `resample`",
+                "resample all recordings to the same time step with `resample`",
             )
     if not usual > 0:
         raise DataError(
-            "there is no time step: models with memory need samples in order of time",
-            "name a column of stamps, `time`",
+            "the time step is unknown, but a model with memory needs samples in the order of time",
+            "name the column of time stamps: `time`",
         )
     return usual
 
@@ -129,7 +128,7 @@ def records_of(curves: Sequence[Curve], step: float) -> tuple[Record, ...]:
     """Return the recordings of all curves cut into uninterrupted pieces; samples that are held out,
     or at rest, do not train.
 
-    Raises DataError where samples are not at even time steps.
+    Raises DataError if samples are not at even time steps.
     """
     records: list[Record] = []
     for curve in curves:
@@ -141,8 +140,8 @@ def records_of(curves: Sequence[Curve], step: float) -> tuple[Record, ...]:
             except AtSample as error:
                 raise DataError(
                     f"{name}: sample {error.sample} (at {time[error.sample]:.9g} s): {error.fault}",
-                    f"add `resample: {step:.6g} s` to `data`, with `gaps: {{longer_than: ..., "
-                    f"action: split}}` where recordings break off",
+                    f"add `resample: {step:.6g} s` to `data`, and `gaps: "
+                    f"{{longer_than: ..., action: split}}` if recordings are interrupted",
                 ) from error
             records += [
                 Record({name: x[part] for name, x in columns.items()}, training[part])

@@ -2,7 +2,7 @@
 
 One step ahead, coefficients are biased by the noise of the outputs that they are given. In free run
 there is none, but the error is no longer quadratic, and far from its least a run may explode. Runs
-that begin anew from measured outputs every few samples are nearly as tame as one step ahead; each
+that begin again from measured outputs every few samples are nearly as tame as one step ahead; each
 horizon starts from the coefficients of the one before.
 
 The sensitivities of a run follow from the derivatives of one sample's statements: a value moves by

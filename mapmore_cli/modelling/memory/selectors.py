@@ -58,7 +58,7 @@ def regressors(
 ) -> Regressors:
     """Return the training samples of all pieces on which every state has a value.
 
-    Raises DataError where there are none, or the output is missing.
+    Raises DataError if there are none, or the output is missing.
     """
     parts: list[tuple[Columns, Array]] = []
     unsure, sigma = uncertainty_of(target), list[Array]()
@@ -80,7 +80,7 @@ def regressors(
     y = np.concatenate([output for _, output in parts])
     if not len(y):
         raise DataError(
-            "no training sample has a history as long as the delays ask for",
+            "no training sample has a history as long as the longest delay",
             "use fewer steps of delay, or longer recordings",
         )
     lengths = tuple(len(output) for _, output in parts if len(output))
@@ -135,8 +135,8 @@ class _Plain:
         return [largest.forward[: size + 1] for size in range(len(largest.forward))]
 
     def among(self, chosen: IntArray, stop: str) -> TermChoice:
-        """Return the model of these candidates, in the order of their error reduction; `stop` says
-        why it has so many.
+        """Return the model with these candidates, in the order of their error reduction; `stop` is
+        the reason for their number.
         """
         choice = self._selected(chosen, len(chosen))
         return replace(choice, selection=replace(choice.selection, stop=stop))
@@ -165,7 +165,7 @@ class _Ridged:
     block.
 
     Its methods are those of `_Plain`. The ridge is chosen here where the recipe leaves that open.
-    Raises DataError where no candidate explains anything.
+    Raises DataError if no candidate explains anything.
     """
 
     def __init__(self, data: Regressors, recipe: MemoryRecipe) -> None:
@@ -183,8 +183,8 @@ class _Ridged:
         self.data = Regularised(total.covariance, total.samples, ridge)
         self.forward = select(self.data, recipe.forward_terms).chosen
         if not len(self.forward):
-            remedy = "look whether the output and the inputs vary in the training samples"
-            raise DataError("no candidate explains anything of the output", remedy)
+            remedy = "check that the output and the inputs vary in the training samples"
+            raise DataError("no candidate term explains any part of the output", remedy)
         self.sizes = prune(self.data, self.forward)[: recipe.max_terms]
 
     def best(self) -> TermChoice:

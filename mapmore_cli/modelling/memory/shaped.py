@@ -29,8 +29,8 @@ from mapmore_cli.modelling.shape.stencils import asked_of
 from mapmore_cli.modelling.shape.violations import verified, with_shape
 
 REMEDY = (
-    "use operators with numbers in place of delays of the output and of open numbers, and no "
-    "`ridge`: coefficients are then found under the sign; or remove it"
+    "coefficients can be found under this condition only without delays of the output, "
+    "open numbers and `ridge`: use operators with given numbers, or remove the condition"
 )
 
 
@@ -43,7 +43,7 @@ def with_signed_gain(
 ) -> Model:
     """Return the model with static gains of the signs that the recipe asks for.
 
-    `records` are those that the fit was made of. Raises FitError where no coefficients of the
+    `records` are those that the fit was made of. Raises FitError if no coefficients of the
     chosen terms have the signs, or where they are not found under them and have others.
     """
     memory, body = fit.model, model.body_of(Memory)

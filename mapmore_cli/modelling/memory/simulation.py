@@ -24,7 +24,7 @@ DIVERGED = 100.0
 
 @dataclass(frozen=True)
 class Trajectory:
-    """A run, and where in it the run began anew.
+    """A run, and where in it the run began again.
 
     - `values`: (q, n) the output, and what else the model recalls; fewer samples than the piece
       has where the run left all bounds.
@@ -77,7 +77,7 @@ class ReadyPiece:
 
     @cached_property
     def restarts(self) -> BoolArray:
-        """(n,) whether a run may begin anew at a sample: everything before it is known."""
+        """(n,) whether a run may begin again at a sample: everything before it is known."""
         known = np.isfinite(self.measured) & np.isfinite(self.history).all(axis=0)
         back = np.concatenate([[0], np.cumsum(~known)])
         rows = np.arange(self.start, self.start + self.size)
@@ -100,7 +100,7 @@ class ReadyPiece:
         horizon: int | None = None,
         before: Array | None = None,
     ) -> Trajectory:
-        """Simulate with the coefficients `theta` (k,), beginning anew from measured outputs after
+        """Simulate with the coefficients `theta` (k,), beginning again from measured outputs after
         every `horizon` samples; from what came `before`, (q, depth), where the piece goes on.
 
         It ends at the first sample that leaves the `bounds`, which is left out.
@@ -136,7 +136,9 @@ class ReadyPiece:
         return Trajectory(np.concatenate(parts, axis=1), begins[:done])
 
     def recalled_at(self, sample: int) -> Array:
-        """Return what the model recalls at a sample along the measured output, (q, depth)."""
+        """Return the past values of the measured output that the model uses at a sample, (q,
+        depth).
+        """
         back = np.arange(-self.feedback.depth, 0) + self.start + sample
         return self.history[:, np.maximum(back, 0)]
 
@@ -164,9 +166,10 @@ def refuse_unknown_beginning(piece: ReadyPiece) -> None:
         output = piece.feedback.output
         raise AtSample(
             first + int(np.argmin(known)),
-            f"{output} is missing where a free run begins: the model goes on from measured outputs",
-            f"give the column {output} with values in the first {piece.start} samples of "
-            "every recording, and after every gap",
+            f"{output} is missing at the start of a free run, which continues from measured "
+            "outputs",
+            f"give the column {output} values in the first {piece.start} samples of every "
+            "recording, and after every gap",
         )
 
 

@@ -35,7 +35,7 @@ def evaluate_states(
     NaN before there is history. With a `past` it goes on from there, and leaves its own. Where all
     stand `still`, each row is a piece of its own, whose quantities have always been the same.
 
-    Raises DataError where a quantity is missing.
+    Raises DataError if a quantity is missing.
     """
     known: dict[str, Array] = {}
     values = {
@@ -136,7 +136,7 @@ def resolve_states(
 
     `resonance` without numbers is the oscillator that explains most of the recipe's target.
 
-    Raises DataError where a quantity is missing, or no training sample has a value of every state.
+    Raises DataError if a quantity is missing, or no training sample has a value of every state.
     """
     ranges: dict[str, tuple[float, float]] = {}
     found_already = dict(resonances)
@@ -227,9 +227,10 @@ def find_resonance(
     frequencies = [frequency for frequency in FREQUENCIES if frequency * step <= 0.2]
     if not frequencies:
         raise DataError(
-            f"no resonance can be seen with {step:g} s between samples: the lowest that is "
-            f"looked for has {FREQUENCIES[0]:g} Hz",
-            "give frequency and damping, as resonance(pressure, 0.1, 0.3), or sample faster",
+            f"with {step:g} s between samples, no resonance can be found: the lowest "
+            f"frequency of the search is {FREQUENCIES[0]:g} Hz",
+            "give frequency and damping, for example resonance(pressure, 0.1, 0.3), or "
+            "sample faster",
         )
 
     def pooled(operator: str, *numbers: float) -> Array:

@@ -183,7 +183,7 @@ class TrainingData:
     """One set of training samples, and the `numbers` of operators that the recipe's dictionary
     leaves open.
 
-    Raises DataError where a quantity is missing, too few samples have a history, or a state cannot
+    Raises DataError if a quantity is missing, too few samples have a history, or a state cannot
     be fed back.
     """
 
@@ -202,8 +202,8 @@ class TrainingData:
         self.data = regressors(records, self.states, self.terms, recipe.target)
         if len(self.data.y) <= recipe.max_terms:
             raise DataError(
-                f"{len(self.data.y)} training sample(s) with a history, too few for "
-                f"{recipe.max_terms} term(s)",
+                f"{len(self.data.y)} training sample(s) have a complete history, too few "
+                f"for {recipe.max_terms} term(s)",
                 "keep more samples, or lower fit.max_terms",
             )
         self.limits = extremes(self.data.y)
@@ -273,7 +273,7 @@ class TrainingData:
 
         `search` says whether the numbers that they leave open are to be searched as well.
 
-        Raises DataError where no sample has a history, or a first output is missing.
+        Raises DataError if no sample has a history, or a first output is missing.
         """
         wanted = [record.training for record in self.records] if counted is None else counted
         parts = []  # a run goes on to the last wanted sample

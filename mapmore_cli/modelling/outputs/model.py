@@ -39,15 +39,15 @@ class OutputsVerbs(Verbs):
     """What a model of several outputs does; it refuses to stand for one number."""
 
     def simulate(self, model: Model, columns: Columns) -> SimulatedRun:
-        """Predict the one output; UsageError where there are several."""
+        """Predict the one output; UsageError if there are several."""
         return kinds.simulate(kinds.alone(model), columns)
 
     def write(self, m: Writer, model: Model, inputs: Inputs) -> Expression:
-        """Write the one output; UsageError where there are several."""
+        """Write the one output; UsageError if there are several."""
         return kinds.verbs_of(model).write(m, kinds.alone(model), inputs)
 
     def outside_range(self, model: Model, columns: Columns) -> BoolArray:
-        """Return True where an input is beyond the training range of any output, (n,)."""
+        """Return True if an input is beyond the training range of any output, (n,)."""
         beyond: BoolArray = np.logical_or.reduce(
             [kinds.outside_range(one, columns) for one in model.each]
         )

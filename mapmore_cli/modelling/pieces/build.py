@@ -86,7 +86,7 @@ def segment(
     segments would leave; of several outputs, `also` others, by the sum of what they leave, each in
     its range.
 
-    Raises DataError where a segment holds no sample, or a curve has too few for the cut.
+    Raises DataError if a segment holds no sample, or a curve has too few for the cut.
     """
     terms = [candidate(text) for text in recipe.dictionary]
     # losses that leave samples out do not compare
@@ -122,7 +122,7 @@ def fit(
     """Fit every segment of every training curve, to what the backbone leaves where there is one;
     the fits of the target, then those of `also` others. `tick` is called after each segment.
 
-    Raises DataError where a segment has too few samples, or a term is not finite on its samples.
+    Raises DataError if a segment has too few samples, or a term is not finite on its samples.
     """
     fitted = {
         curve.id: residual_of(curve, recipe.target, backbone)
@@ -145,7 +145,7 @@ def _labels_of_curves(
     rows: Rows, curves: Sequence[Curve], curve: Curve, pooled: bool
 ) -> IntArray | None:
     """Return which residuals go together, (n,): those of a curve where several are pooled, else
-    those of a recording; None where all are of one.
+    those of a recording; None if all are of one.
     """
     if pooled:
         ends = np.cumsum([one.size for one in curves])
@@ -173,11 +173,11 @@ def fit_together(
     most = min(recipe.fit.max_terms, len(terms))
     if n <= most:
         ways = (
-            f"use fewer segments, join them by `min_samples: {most + 1}`, keep more samples "
-            "of this curve"
+            f"use fewer segments, join small ones with `min_samples: {most + 1}`, keep more "
+            "samples of this curve"
         )
         what = f"segment {segment.id}: {n} training sample(s), too few for {most} term(s)"
-        raise DataError(what, f"{ways}, or set fit.max_terms below {max(2, n)}")
+        raise DataError(what, f"{ways}, or set fit.max_terms to less than {max(2, n)}")
     variables = quantities_in(terms)
     outputs = [_samples_of(segment, columns, variables, one, origin) for one in recipes]
     robust = recipe.fit.loss != "squares"
@@ -202,8 +202,8 @@ def fit_together(
                 selections = _selected_terms(candidates, scalings, outputs, recipe)
         except NotFinite as error:
             remedy = (
-                "terms are evaluated in the segment's scaled coordinates; set fit.scaling: "
-                "none, or leave the term out"
+                "terms are evaluated in the scaled coordinates of a segment; set "
+                "fit.scaling: none, or remove the term"
             )
             raise DataError(f"segment {segment.id}: {error}", remedy) from error
         left = sum(getattr(selection, missed) for selection in selections)

@@ -8,7 +8,7 @@ share g that left-out blocks support.
 
 A backbone is chosen among every static formula of the study's inputs, and none. Each inner level
 (of one surface: each inner block along every input) is left out in turn, and everything is done
-anew without it: formula, cuts, terms, and then the share of the residual that serves best. The
+again without it: formula, cuts, terms, and then the share of the residual that serves best. The
 outermost ones are no part of the choice, for there a model extrapolates. With three training levels
 or fewer the choice would be chance (on measured muscles it took Sárosi's formula where the hinged
 one has a tenth of its error). There `FEW` is taken, which keeps to the plain formula where data
@@ -85,7 +85,7 @@ def leave_out(
 ) -> LeftOutErrors:
     """Predictions of left-out training data by models of the rest, backbone included.
 
-    Raises FitError where the backbone cannot be fitted without some of the data.
+    Raises FitError if the backbone cannot be fitted without some of the data.
     """
     parts = []
     for left_out in folds:
@@ -110,7 +110,8 @@ def _of_fold(
     formula = None if backbone is None else fit_formula(backbone, training, recipe.target)
     if formula is not None and formula.failed:
         raise FitError(
-            f"the fit of {formula.name} failed without some of the data", "take another backbone"
+            f"the fit of {formula.name} failed with a part of the data left out",
+            "take another backbone",
         )
     model = build("fold", training, _of_fewer_samples(recipe), quantities, formula)
     rows = pooled(list(zip(curves, left_out, strict=True)))
@@ -180,8 +181,8 @@ def _folds_along(curves: Sequence[Curve], recipe: Recipe) -> list[Folds]:
 def in_curve(
     curves: Sequence[Curve], segmented: Sequence[str], target: str, level: str | None
 ) -> str:
-    """Return the quantity along which curves are cut into blocks: the first segmented one, else the
-    first by name that varies in them.
+    """Return the quantity along which curves are cut into blocks: the first segmented one,
+    otherwise the first by name that varies in them.
     """
     known = curves[0].columns
     return next(
@@ -239,32 +240,32 @@ def with_trusted_residual(
     left_out = leave_out(curves, recipe, quantities, body.backbone.formula, folds, progress)
     share, without, whole = left_out.share, left_out.rmse(0.0), left_out.rmse(1.0)
     errors = (
-        f"on {left_out.folds} left-out part(s) it errs by {without:.4g} {unit} alone, by "
-        f"{whole:.4g} {unit} with all of the residual, by {left_out.rmse(share):.4g} {unit} with "
-        f"{share:.0%} of it"
+        f"on {left_out.folds} left-out part(s) its error is {without:.4g} {unit} alone, "
+        f"{whole:.4g} {unit} with the whole residual, {left_out.rmse(share):.4g} {unit} "
+        f"with {share:.0%} of the residual"
     )
     as_good = f"`model: {{type: literature, name: {name}}}` is as good"
     shares, note = {BACKBONE: 0.0, RESIDUAL: 1.0}, ""
     if inner_level_count(curves, recipe):
         shares[SHRUNKEN] = share
         body = body.joined(shrink=share)
-        note = f"midway between levels, {share:.0%} of the residual on {name} is carried: {errors}"
+        note = f"midway between levels, {share:.0%} of the residual on {name} is used: {errors}"
         if share == 0:
             note = (
-                f"the residual on {name} is not carried between levels, where {as_good}: {errors}"
+                f"between levels, the residual on {name} is not used, because {as_good}: {errors}"
             )
     elif body.level is None and share > 0:
         shares[SHRUNKEN] = share
         body = _times(body, share)
-        note = f"the pieces on {name} count by {share:.0%}: {errors}"
+        note = f"the pieces on {name} are used with {share:.0%} of their value: {errors}"
     elif body.level is None or not whole < without:
         body = _times(body, 0.0)
-        note = f"the pieces on {name} are left out, {as_good}: {errors}"
+        note = f"the pieces on {name} are left out, because {as_good}: {errors}"
     elif len(body.curves) == 2:
         body = body.joined(shrink=0.0)
         note = (
-            f"midway between the two levels {name} stands alone: measure a level between them, "
-            "which says how its residual runs there"
+            f"midway between the two levels only {name} is used; measure a level between "
+            "them to learn how its residual changes there"
         )
     tried = tuple(
         FoldError(choice, left_out.rmse(share), left_out.folds) for choice, share in shares.items()
@@ -323,8 +324,8 @@ def choose_backbone(
     count = len(folds) if recipe.level is None else inner_level_count(curves, recipe)
     if count < FEWEST_FOLDS:
         taken = FEW if FEW in names else None
-        note = f"{count} inner training {part}(s) are too few to choose a backbone by; "
-        return BackboneChoice(taken, f"{note}{taken or 'none'} is taken")
+        note = f"{count} inner training {part}(s) are too few to choose a backbone; "
+        return BackboneChoice(taken, f"{note}{taken or 'none'} is used")
     thinned = [thin(curve, next(iter(recipe.cuts), None)) for curve in curves]
     folds = inner_folds(thinned, recipe)
     errors: dict[str | None, float] = {}
@@ -336,16 +337,19 @@ def choose_backbone(
     errors = {name: error for name, error in errors.items() if np.isfinite(error)}
     if not errors:
         return BackboneChoice(
-            None, "no backbone: no formula could be fitted without a level, nor pieces alone"
+            None,
+            "no backbone is used: no formula and no model of pieces could be fitted with a "
+            "level left out",
         )
     chosen = simplest_backbone(errors)
     unit = quantities[recipe.target].unit
     others = sorted(errors.keys() - {chosen}, key=lambda name: errors[name])
     beside = ", ".join(f"{name or 'none'} {errors[name]:.4g}" for name in others)
     note = (
-        f"backbone {chosen or 'none'} is chosen, with the fewest parameters within {MARGIN:.0%} of "
-        f"the least error: with each of {count} inner training {part}s left out in turn, the fused "
-        f"model errs by {errors[chosen]:.4g} {unit} ({beside})"
+        f"backbone {chosen or 'none'} is chosen: it has the fewest parameters of those "
+        f"within {MARGIN:.0%} of the least error. With each of {count} inner training "
+        f"{part}s left out in turn, the error of the whole model is {errors[chosen]:.4g} "
+        f"{unit} ({beside})"
     )
     return BackboneChoice(chosen, note)
 

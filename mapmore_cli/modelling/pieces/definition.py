@@ -339,7 +339,7 @@ def zones(boundaries: Array, fusion: Fusion) -> tuple[Array, Array]:
 
 
 def zones_of(curve: CurveFunction, body: Pieces) -> dict[str, tuple[Array, Array]]:
-    """Return the zones of a curve along each segmented variable, (count - 1,) each."""
+    """Return the transition zones of a curve along each segmented variable, (count - 1,) each."""
     return {
         name: zones(boundaries, body.fusion)
         for name, boundaries in zip(body.variables, curve.boundaries, strict=True)

@@ -107,7 +107,9 @@ class PiecesVerbs(Verbs):
         return *formula_equations(body.backbone, units), *pieces
 
     def rules(self, model: Model) -> Iterator[str]:
-        """Yield how the pieces are put together, and what holds beyond the limits (M2 eq 9-12)."""
+        """Yield sentences on how the pieces are joined, and what holds beyond the limits (M2 eq
+        9-12).
+        """
         body = model.body_of(Pieces)
         level = body.level
         if not body.segments:
@@ -162,9 +164,9 @@ class PiecesVerbs(Verbs):
         if model.level is not None and not (
             np.isfinite(levels).all() and (np.diff(levels) > 0).all()
         ):
-            yield "the levels of its curves do not ascend"
+            yield "the levels of its curves do not increase"
         for segment in model.body_of(Pieces).segments:
             if not frozenset().union(*(parse(text).names for text in segment.terms)) <= {
                 *segment.scaling.variables
             }:
-                yield f"the terms of {segment.id} are of other quantities than its scaling"
+                yield f"the terms of {segment.id} use other quantities than its scaling"

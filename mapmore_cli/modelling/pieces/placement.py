@@ -19,7 +19,8 @@ from mapmore_cli.modelling.signals.sampling import even_share
 END_FRACTION, FEWEST = 0.05, 3
 # variables for which all `2^v` corners are tried as origins; beyond, only all-left and all-right
 EVERY_CORNER_UP_TO = 3
-# directions in which samples near the anchor vary by less than this part of the largest are none
+# directions in which samples near the anchor vary by less than this share of the largest variation
+# are ignored
 FLAT = 1e-3
 # weights that differ by less than this part are alike; samples more than these where they do not
 ALIKE, EXTRA = 1e-12, 1
@@ -43,7 +44,7 @@ def placements(
     - `max_abs`: division by the largest magnitude, no offset.
     - `none`: data as they are.
 
-    `weights` of the samples, (n,), decide about the anchor (`end_of_trend`); None where all are
+    `weights` of the samples, (n,), decide about the anchor (`end_of_trend`); None if all are
     alike.
     """
     names, count = tuple(variables), len(variables)

@@ -77,12 +77,14 @@ class Cuts(Settings):
         if getattr(self, needed) is None:
             example = "count: 4" if needed == "count" else "at: [0.05, 0.1]"
             raise Contradiction(
-                f"method `{self.method}` needs `{needed}`", f"add it, as `{example}`", "method"
+                f"method `{self.method}` needs `{needed}`",
+                f"add it, for example `{example}`",
+                "method",
             )
         for other in fields(self)[1:]:
             if other.name not in USES[self.method] and getattr(self, other.name) is not None:
                 raise Contradiction(
-                    f"method `{self.method}` has no use for `{other.name}`",
+                    f"method `{self.method}` does not use `{other.name}`",
                     f"remove `{other.name}`",
                     other.name,
                 )
@@ -143,7 +145,7 @@ class Fuse(Joining):
     ) = None
 
     def beyond(self, name: str) -> tuple[Beyond | float | None, Beyond | float | None]:
-        """Return the extrapolation of a variable below and above its limits; None where nothing is
+        """Return the extrapolation of a variable below and above its limits; None if nothing is
         said.
         """
         said = (

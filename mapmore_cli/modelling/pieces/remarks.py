@@ -35,16 +35,20 @@ def beyond_remarks(model: Model, curves: Sequence[Curve], recipe: Recipe) -> tup
         )
         along = ", ".join(name for name in going if name != body.level)
         return (
-            f"the polynomials continue beyond their data along {along} and explode on "
-            f"{', '.join(exploding)}: write `saturate`, which holds them there "
-            "(fuse.extrapolation)",
+            (
+                f"beyond the data, the polynomials along {along} go on and become very large on "
+                f"{', '.join(exploding)}; write `fuse: {{extrapolation: saturate}}`, which "
+                "keeps the output constant there"
+            ),
         )
     said = (side for quantity in model.inputs for side in recipe.fuse.beyond(quantity.name))
     if None not in said:
         return ()
     return (
-        "segments have several terms, so that each curve is held at the ends of its own range, "
-        "as `fuse.extrapolation` does not say otherwise",
+        (
+            "outside the range of a curve the output is kept constant (`fuse.extrapolation: "
+            "saturate`), because segments have more than one term"
+        ),
     )
 
 

@@ -97,7 +97,7 @@ def optimal_partition(
     cost: Callable[[int, int], float], cells: int, count: int
 ) -> tuple[int, ...] | None:
     """Inner boundaries that cut cells 0..cells-1 into `count` intervals of least summed cost; None
-    where every partition costs infinity.
+    if every partition costs infinity.
 
     With `best_k(j)` the least cost of the first j cells in k intervals, `best_k(j) = min_i
     best_{k-1}(i) + cost(i, j)` (Bellman 1961): at most `cells (cells + 1) / 2` costs are asked for
@@ -155,7 +155,7 @@ def cut_points(
     """Segment locations `seg_i` of one variable over the range of the samples that train, both ends
     included, (count + 1,).
 
-    Given breakpoints that lie outside of the curve's own range are left out: a low-pressure curve
+    Given breakpoints that lie outside the curve's own range are left out: a low-pressure curve
     ends at a smaller strain.
     """
     if isinstance(cut, CutByDirection):
@@ -273,7 +273,7 @@ def segment_curve(
 
     A sample on a boundary belongs to both segments, since segments include both ends.
 
-    Raises DataError where a segment holds no sample, or the curve has too few for the cut.
+    Raises DataError if a segment holds no sample, or the curve has too few for the cut.
     """
     training = curve.training
     boundaries = {
@@ -295,7 +295,7 @@ def segment_curve(
         segments.append(Segment(segment_id(curve.id, tuple(cuts), place), curve.id, place, rows))
     if empty := [segment.id for segment in segments if not len(segment.rows)]:
         remedy = "use fewer segments, move the breakpoints, or keep more samples of this curve"
-        raise DataError(f"segment {empty[0]}: no training sample lies in it", remedy)
+        raise DataError(f"segment {empty[0]}: contains no training sample", remedy)
     limits = {name: curve.limits(name) for name in curve.columns}
     return SegmentedCurve(
         curve.id, curve.level, limits, tuple(cuts), tuple(boundaries.values()), tuple(segments)

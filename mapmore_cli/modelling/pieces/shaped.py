@@ -30,7 +30,7 @@ from mapmore_cli.modelling.shape.stencils import asked_of
 from mapmore_cli.modelling.shape.support import refuse_unsupported
 from mapmore_cli.modelling.shape.violations import verified, with_shape
 
-# step of a coefficient for a derivative (`Exchange`)
+# step of a coefficient for numerical derivatives (`Exchange`)
 STEPS = {"linear": 1.0, "pchip": 1e-4}
 
 
@@ -40,7 +40,7 @@ def shaped(
     """Return the fused model with coefficients that keep what the recipe says of them and of the
     shape; the model itself where it says nothing.
 
-    Raises FitError where no coefficients of the chosen terms do.
+    Raises FitError if no coefficients of the chosen terms do.
     """
     body, asked = model.body_of(Pieces), asked_of(recipe.fit)
     if not body.segments:  # the backbone stands alone

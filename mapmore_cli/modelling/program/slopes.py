@@ -37,7 +37,7 @@ def with_slopes(model: Program) -> Program:
     if model.step is not None:
         raise DataError(
             "a model with memory has no derivative at a point: its output depends on the past",
-            "differentiate along a run",
+            "differentiate its output along a simulated run",
         )
     body = _with_slopes(model.body, [f"{INPUT}{name}" for name in model.inputs])
     return pruned(replace(model, functions=functions_with_slopes(model.functions), body=body))
@@ -73,7 +73,7 @@ def _with_slopes(block: Block, names: Sequence[str]) -> Block:
 
 def _block_with_slopes(block: Block, slopes: dict[str, Slopes], count: int) -> Block:
     """Return the block with the derivatives of its results behind them; `slopes` are those of the
-    names known outside of it.
+    names known outside it.
     """
     known, statements = dict(slopes), list[Statement]()
     for statement in block.statements:

@@ -40,7 +40,7 @@ COMPARE: Mapping[str, Callable[[Value, Value], BoolArray]] = {
 
 Values = dict[str, Value]
 Run = Callable[[Values, int], list[Value]]
-"""The results of a block, given what is known outside of it and the number of rows n: (n,) each, or
+"""The results of a block, given what is known outside it and the number of rows n: (n,) each, or
 one number for all rows.
 """
 
@@ -226,7 +226,7 @@ MANY = 16
 def _places_along(choice: Choose, known: Known) -> Places | None:
     """Return the rows of each case where many cases compare one value with numbers, by bisection:
     to ask one condition after the other takes the square of the number of levels for all curves.
-    None where the cases are few or others.
+    None if the cases are few or others.
 
     Of the cases with one comparison, the first that holds is the first whose number, or a greater
     (with `>` a smaller) one before it, is beyond the value.

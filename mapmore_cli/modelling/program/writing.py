@@ -142,8 +142,8 @@ class Writer:
         self.statements.append(Keep(name.name, expression(value)))
 
     def program(self, inputs: Sequence[str], *values: Expression) -> Program:
-        """Return the program of the named inputs whose outputs are the values, without what nothing
-        follows from.
+        """Return the program with the named inputs and the given outputs, without statements that
+        no output needs.
         """
         knots = {name: tuple(sorted(places)) for name, places in self.knots.items()}
         body = Block(tuple(self.statements), values)
@@ -249,7 +249,7 @@ def names_used_in(block: Block) -> Set[str]:
 
 
 def _used(statement: Statement, used: Set[str]) -> Statement | None:
-    """Return the part of a statement that is used; None where nothing is."""
+    """Return the part of a statement that is used; None if nothing is."""
     match statement:
         case Let(name) | Recall(name):
             return statement if name in used else None

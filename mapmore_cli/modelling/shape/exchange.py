@@ -29,7 +29,7 @@ ROUNDS, ADDED = 60, 200
 # a fall by this share of the range of the training output, from node to node, is none
 ROUNDING = 1e-11
 # root of a ridge, as a part of each column, for terms that the data do not tell apart; it pulls to
-# the unconstrained start, and is so small that ill-conditioned terms do not feel it
+# the unconstrained start; it is so small that it does not change ill-conditioned terms
 RIDGE = 1e-11
 # coefficients whose derivatives are computed together
 TOGETHER = 16
@@ -73,17 +73,17 @@ class Exchange:
         self._solve()
 
     def _solve(self) -> None:
-        """Solve, with the inequalities as they are; raise FitError where they contradict."""
+        """Solve, with the inequalities as they are; raise FitError if they contradict."""
         solution = least_squares_under(self.R, self.f, self.D, self.d)
         kept = (self.D @ self.start >= self.d).all()
         self.theta, self.force = self.start if kept else solution.theta, solution.force
         if not solution.met:
             places = dict.fromkeys(one.told for one in self.binding())
             raise FitError(
-                "fit.shape: no coefficients of the chosen terms keep it: "
+                "fit.shape: no coefficients of the chosen terms fulfil it: "
                 f"{'; '.join([*places][:3]) or 'bounds of coefficients'}",
-                "allow more terms or others (fit.max_terms, dictionary), raise fit.slack, or ask "
-                "for less",
+                "allow more or other terms (fit.max_terms, dictionary), raise fit.slack, "
+                "or relax the shape",
             )
 
     def binding(self) -> list[Stencils]:
@@ -153,8 +153,8 @@ class Exchange:
                 return
             self._solve()
         raise FitError(
-            f"fit.shape: no coefficients that keep it were found, {violated[0].told}",
-            "interpolate linearly (`fuse: {levels: linear}`), or ask for less",
+            f"fit.shape: no coefficients that fulfil it were found: {violated[0].told}",
+            "interpolate linearly (`fuse: {levels: linear}`), or relax the shape",
         )
 
     def _at_nodes(self, every: Sequence[Stencils], of: Callable[[Columns], Array]) -> list[Array]:

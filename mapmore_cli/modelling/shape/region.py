@@ -1,4 +1,4 @@
-"""Where a shape is asked: within each curve's own range, outside of the slack foot."""
+"""Where a shape is asked: within each curve's own range, outside the slack foot."""
 
 from __future__ import annotations
 
@@ -138,7 +138,7 @@ class Region:
 
 
 def region_of(model: Model, curves: Sequence[Curve], fit: Fit) -> Region | None:
-    """Return the region of a model in which training `curves` vary; None where nothing does, or the
+    """Return the region of a model in which training `curves` vary; None if nothing does, or the
     model does not know its range.
     """
     ranges = tuple(limits(getattr(model.body, "ranges", ()), model.level))

@@ -59,16 +59,15 @@ def refuse_unsupported(
     *,
     over_time: bool = False,
 ) -> None:
-    """Raise FitError for a quantity of `fit.shape` that does not vary, and for a sign that training
-    data contradict beyond their noise, or of which they have fewer than the `fewest` differences;
-    with 0, as for a part of the data, only for the contradiction.
+    """Raise FitError for a quantity of `fit.shape` that does not vary, and for a sign that the
+    training data contradict or do not support.
 
     It needs no model, so that `check` and a run say the same. Differences are of the interpolated
     training output, between neighbouring values of the quantity, at the values of the other inputs.
 
     - `curves`: those of the dataset, with their training samples.
     - `target`, `inputs`: names of the output, and of what the model is a function of.
-    - `level`: the quantity whose curves are interpolated; None where they are pooled.
+    - `level`: the quantity whose curves are interpolated; None if they are pooled.
     - `over_time`: whether the model has memory: differences then say nothing of the output at rest,
       and are not asked.
     """
@@ -78,7 +77,8 @@ def refuse_unsupported(
     known = [] if region is None else region.asks(asked)
     if fewest and (unknown := [one.quantity for one in asked if one not in known]):
         raise FitError(
-            f"fit.shape: `{unknown[0]}` is no input of the model that varies in training",
+            f"fit.shape: `{unknown[0]}` is not an input of the model that varies in the "
+            "training data",
             f"name one of {', '.join(region.names if region else ())}",
         )
     if region is None or over_time:
@@ -96,10 +96,10 @@ def refuse_unsupported(
         if count < fewest or against is not None:
             told = "" if against is None else against.told
             raise FitError(
-                f"fit.shape: `{one.quantity}: {one.word}` rests on {count} differences of the "
-                f"training data, of which {wrong} contradict it{told}",
-                f"a sign needs {FEWEST}, and data that do not contradict it by more than their "
-                "noise: remove it, or raise `fit.slack`",
+                f"fit.shape: `{one.quantity}: {one.word}` is supported by {count} "
+                f"differences of the training data, of which {wrong} contradict it{told}",
+                f"a sign needs at least {FEWEST} differences, and data that contradict it "
+                "by no more than their noise: remove it, or raise `fit.slack`",
             )
 
 
@@ -141,8 +141,8 @@ class _Against(NamedTuple):
     def told(self) -> str:
         """In words."""
         return (
-            f", by {self.amount:.3g} in the mean over a stretch, which is {self.errors:.3g} times "
-            f"what their noise explains, most for {self.place.told}"
+            f", by {self.amount:.3g} on average over a stretch, which is {self.errors:.3g} "
+            f"times what their noise explains; the largest is at {self.place.told}"
         )
 
 

@@ -109,8 +109,10 @@ def with_shape(
     notes, unit = model.notes, model.output.unit
     if with_it[0] > CLEARLY * without[0]:
         notes += (
-            f"the shape costs: the training error is {with_it[0]:.4g} {unit} with it, "
-            f"{without[0]:.4g} {unit} without",
+            (
+                f"the shape increases the training error from {without[0]:.4g} {unit} to "
+                f"{with_it[0]:.4g} {unit}"
+            ),
         )
     shape = Shape(kept, fit.slack, fit.beyond, *with_it, *without)
     return replace(model, shape=shape, notes=notes)
@@ -134,10 +136,10 @@ def verified(
     curves: Sequence[Curve],
     fit: Fit,
     what: str = "formula",
-    remedy: str = "give its parameters bounds that imply the shape, or take another formula",
+    remedy: str = "give its parameters bounds that imply the shape, or use another formula",
 ) -> Model:
-    """Return a model with the shape that it keeps by itself, as a formula by the bounds of its
-    parameters; raises FitError, with what to do, where it does not.
+    """Return the model with a note of its shape, which it must keep without constraints, for
+    example by bounds of the parameters of a formula; raises FitError if it does not.
     """
     asked = asked_of(fit)
     region = region_of(model, curves, fit) if asked else None
@@ -146,7 +148,7 @@ def verified(
     if wrong := [one for one in violations(model, asked, region) if one.amount]:
         raise FitError(
             f"fit.shape: the fitted {what} violates it by {wrong[0].amount:.3g} "
-            f"{model.output.unit}, most for {wrong[0].place}",
+            f"{model.output.unit}, most at {wrong[0].place}",
             remedy,
         )
     return with_shape(model, model, curves, region, fit)

@@ -50,17 +50,17 @@ def split_cycles(over: Array, columns: Columns, samples: int) -> Branches:
     between the mean positions of its bins: the result does not depend on how fast the cycle was
     run.
 
-    Raises DataError where there is no full cycle, or too few samples on a branch.
+    Raises DataError if there is no full cycle, or too few samples on a branch.
     """
     runs = _trimmed_runs(over)
     for direction, name in ((1, "contraction"), (-1, "extension")):
         if not runs[direction]:
-            raise DataError(f"there is no full load cycle: the {name} branch is missing")
+            raise DataError(f"there is no full load cycle, because the {name} branch is missing")
     rising, falling = np.concatenate(runs[1]), np.concatenate(runs[-1])
     low = max(over[rising].min(), over[falling].min())
     high = min(over[rising].max(), over[falling].max())
     if not low < high:
-        raise DataError("contraction and extension have no range in common")
+        raise DataError("contraction and extension have no common range")
     edges = np.linspace(low, high, samples + 1)
     means = [
         bin_means(over[rows], {n: v[rows] for n, v in columns.items()}, edges)
@@ -83,7 +83,7 @@ def turning_points(values: Array, swing: float) -> IntArray:
     """Return the rows at which `values` `(n,)` reverse, alternately minima and maxima, both ends of
     the movement included.
 
-    A reversal counts once the values have come back from the extreme by `swing`; empty where they
+    A reversal counts once the values have come back from the extreme by `swing`; empty if they
     never move so far.
     """
     series = values.tolist()
@@ -139,7 +139,7 @@ def _trimmed_runs(over: Array) -> Mapping[int, list[IntArray]]:
 
 
 def cycle_starts(x: Array) -> IntArray:
-    """Row at which each cycle of `x` (n,) begins: the last at rest before it rises; empty where x
+    """Row at which each cycle of `x` (n,) begins: the last at rest before it rises; empty if x
     never moves.
 
     A cycle is a rise by at least 0.4 of the range of x; rest is within 0.05 of it from the lowest
@@ -159,14 +159,14 @@ def last_cycles(x: Array, share: float) -> BoolArray:
     """Return the samples of the last `share` of the cycles of `x` (n,), rounded down to whole
     cycles, without the rest before them.
 
-    Raises DataError where there are fewer than two cycles, or a share of none or all of them.
+    Raises DataError if there are fewer than two cycles, or a share of none or all of them.
     """
     starts = cycle_starts(x)
     first = math.ceil((1 - share) * len(starts) - 1e-9)
     if not 0 < first < len(starts):
         raise DataError(
-            f"{len(starts)} cycle(s) were found; the last {share:g} of them cannot be held "
-            "out while others train",
-            "hold out a share of the samples instead, as `last: 0.5`",
+            f"{len(starts)} cycle(s) were found, so that the last {share:g} of them cannot "
+            "be held out while others train",
+            "hold out a share of the samples instead, for example `last: 0.5`",
         )
     return np.asarray(np.arange(len(x)) >= starts[first])

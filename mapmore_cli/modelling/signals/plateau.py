@@ -66,19 +66,19 @@ def match_levels(values: Array, levels: Array, within: float) -> IntArray:
     order = np.argsort(levels, kind="stable")
     middles = (levels[order][1:] + levels[order][:-1]) / 2
     nearest = order[np.searchsorted(middles, values, side="left")]
-    # the tolerance lets a value that is exactly `within` away match, however it was rounded
+    # with this tolerance, a value at exactly the distance `within` matches, however it was rounded
     reach = within * (1 + 1e-9) + 1e-12 * np.abs(values)
     return np.where(np.abs(values - levels[nearest]) <= reach, nearest, -1)
 
 
-# a signal has settled where it stays within this share of its span around its final value
+# a signal has settled when it stays within this share of its span around its final value
 BAND = 0.05
 RISEN = 0.9  # share of its span at which the pressure has risen
 NOISE_SPANS = 20  # a pressure whose span is less than this many times its noise never rises
-# least duration of a plateau as a share of the rise before it: the top of a triangle is none
+# shortest plateau as a share of the rise before it, so that the top of a triangle is not a plateau
 SHORTEST = 0.5
 
-REMEDY = "give the plateau, as `plateau: [2 s, 3 s]`, or leave the recording out"
+REMEDY = "give the plateau, for example `plateau: [2 s, 3 s]`, or leave the recording out"
 
 
 def find_plateau(time: Array, pressure: Array, others: Mapping[str, Array]) -> tuple[float, float]:
@@ -90,7 +90,7 @@ def find_plateau(time: Array, pressure: Array, others: Mapping[str, Array]) -> t
 
     - `pressure`, `others`: `(n,)` each; the pressure rises once and may fall again.
 
-    Raises DataError where the pressure never rises, or nothing rests after it has.
+    Raises DataError if the pressure never rises, or nothing rests after it has.
     """
     low, high_end = extremes(pressure)
     upper = pressure > (low + high_end) / 2
@@ -101,7 +101,7 @@ def find_plateau(time: Array, pressure: Array, others: Mapping[str, Array]) -> t
     span = float(np.median(pressure[upper])) - base if upper.any() else 0.0
     if span <= NOISE_SPANS * noise or span == 0.0:
         raise DataError(
-            f"the pressure never rises: it stays between {low:g} and {high_end:g}", REMEDY
+            f"the pressure never rises; it stays between {low:g} and {high_end:g}", REMEDY
         )
     high = np.flatnonzero(pressure >= base + RISEN * span)
     later = high[len(high) // 2 :]
@@ -115,7 +115,8 @@ def find_plateau(time: Array, pressure: Array, others: Mapping[str, Array]) -> t
         rest = max(0.0, float(time[end] - time[min(start, end)]))
         names = " and ".join(["pressure", *others])
         raise DataError(
-            f"there is no plateau: {names} rest for {rest:.3g} s after a rise of {rise:.3g} s",
+            f"no plateau was found: {names} must stay constant for {rest:.3g} s after a "
+            f"rise that takes {rise:.3g} s",
             REMEDY,
         )
     return float(time[start]), float(time[end])

@@ -1,5 +1,5 @@
-"""Rates, directions of motion, and other quantities that follow from measured ones over time;
-curves freed from noise and spikes.
+"""Compute rates, directions of motion and other quantities that follow from measured ones over
+time, and remove noise and spikes.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ def rate(time: Array, values: Array, window: float, order: int) -> Array:
     - `time`, `values`: `(n,)`; seconds, never decreasing, and any unit.
     - `window`: width in seconds, ends included.
 
-    Raises DataError where a window holds fewer than `order + 1` different stamps.
+    Raises DataError if a window holds fewer than `order + 1` different stamps.
     """
     # a stamp on the edge is inside, however it was rounded
     slack = 1e-9 * window + 4 * np.finfo(float).eps * float(np.abs(time).max())
@@ -97,7 +97,7 @@ def _slopes(
     order + 1` sums over the window fill it.
     """
     places = start[:, None] + np.arange((stop - start).max())
-    power = (places < stop[:, None]).astype(float)  # t^0, zero outside of the window
+    power = (places < stop[:, None]).astype(float)  # t^0, zero outside the window
     places = np.minimum(places, len(time) - 1)
     t = (time[places] - at[:, None]) / window
     y = values[places] - values[start][:, None]  # a large offset would cost digits
@@ -140,7 +140,7 @@ def signal_values(signal: Signal, columns: Columns) -> Array:
     """Return a signal over one recording, `(n,)`, from the quantity that it follows from and, for a
     rate, the `time`.
 
-    Raises DataError where the window of a rate holds too few samples.
+    Raises DataError if the window of a rate holds too few samples.
     """
     source = columns[signal.of]
     if signal.kind == "direction":

@@ -208,7 +208,7 @@ def align(stamps: Array, time: Array, values: Array, max_gap: float | None) -> A
     """Return `values` `(m,)`, logged at the increasing stamps `time` `(m,)`, interpolated linearly
     at `stamps` `(n,)`, in any order.
 
-    NaN where a stamp lies outside of the log, or between two of its samples more than `max_gap`
+    NaN where a stamp lies outside the log, or between two of its samples more than `max_gap`
     apart (None: any distance will do), or is NaN itself. A stamp that is one of the log's own gets
     the value as logged.
     """

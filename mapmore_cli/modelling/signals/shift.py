@@ -40,7 +40,7 @@ class Shift:
     - `step`: the coarser of the two records' typical steps.
     - `correlation`: of the changes in both records at this shift; negative where one falls when the
       other rises.
-    - `next_best`: the absolute correlation of the next peak, of the shift `rival`; 0 and None where
+    - `next_best`: the absolute correlation of the next peak, of the shift `rival`; 0 and None if
       there is none.
     - `sigmas`: how far the peak stands out of noise.
     """
@@ -77,7 +77,7 @@ def find_shift(
     *,
     same_sign: bool = False,
 ) -> Shift | None:
-    """Find the shift of a second log; None where nothing changes in one of the records, or no shift
+    """Find the shift of a second log; None if nothing changes in one of the records, or no shift
     makes them overlap.
 
     - `time`, `first`: stamps `(n,)`, strictly increasing, and values `(n,)` of the first log;
@@ -114,7 +114,7 @@ def _peak(
     step: float,
     same_sign: bool,
 ) -> Shift | None:
-    """Return the best shift by changes over `width` samples; None where there are none."""
+    """Return the best shift by changes over `width` samples; None if there are none."""
     if min(len(one), len(other)) <= 4 * width:
         return None
     u, v = changes(one, width), changes(other, width)

@@ -77,7 +77,7 @@ class TendonVerbs(Verbs):
         return SimulatedRun(_force(model, columns), ())
 
     def outside_range(self, model: Model, columns: Columns) -> BoolArray:
-        """Return True where the muscle itself is beyond its training range, (n,)."""
+        """Return True if the muscle itself is beyond its training range, (n,)."""
         body = model.body_of(Tendon)
         own = muscle_columns(columns, _force(model, columns), body.stiffness, body.force)
         return kinds.outside_range(body.muscle, own)
@@ -97,7 +97,7 @@ class TendonVerbs(Verbs):
     def write(self, m: Writer, model: Model, inputs: Inputs) -> Expression:  # noqa: ARG002
         """Refuse: the force is the root of an equation at every sample, which no program solves."""
         raise DataError(
-            f"{model.name}: a force behind a tendon is the root of an equation at every sample, "
-            "which no exported program solves",
-            f"export the muscle alone, {model.body_of(Tendon).muscle.name}",
+            f"{model.name}: the force behind a tendon is found by solving an equation at "
+            "every sample, which an exported program cannot do",
+            f"export the muscle without its tendon, {model.body_of(Tendon).muscle.name}",
         )

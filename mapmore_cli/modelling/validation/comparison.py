@@ -80,7 +80,7 @@ class CurveChange:
 
 @dataclass(frozen=True)
 class TermChange:
-    """A term of one segment in both models; None where it was not chosen. Coefficients are in the
+    """A term of one segment in both models; None if it was not chosen. Coefficients are in the
     unit of the output.
 
     `error` is the root of the sum of squares of the standard errors, NaN where one of the two is
@@ -113,7 +113,7 @@ class Comparison:
     `ratio` is the factor that turns the earlier output into the later one over all curves, by least
     squares: the mean of the curves' own, weighted by the squares of the output. `interval` is its
     t-interval with K - 1 degrees of freedom for K curves, `p` is of the test that it is one, and
-    `p_permutation` of the signs of the curves' changes in every combination, None where K is too
+    `p_permutation` of the signs of the curves' changes in every combination, None if K is too
     small for a small p. `narrow` is the interval of the level `EQUIVALENCE`. `resolution` is the
     smallest relative change that these curves tell from none: half of the interval, and no less
     than the uncertainty of the models where they are interpolated to a level of the other.
@@ -172,12 +172,13 @@ class Comparison:
 def compare(before: Model, after: Model, margin: float = MARGIN) -> Comparison:
     """Compare two models on the curves that both were trained on.
 
-    Raises ValueError where they are of other quantities, or have fewer than two curves in common;
+    Raises ValueError if they are of other quantities, or have fewer than two curves in common;
     the message says which.
     """
     if before.output != after.output or set(before.inputs) != set(after.inputs):
         raise ValueError(
-            f"{before.name} and {after.name} are models of other quantities, or in other units"
+            f"{before.name} and {after.name} have different quantities or units, so that "
+            "they cannot be compared"
         )
     curves = tuple(_change(before, after, place) for place in common_curves(before, after))
     ratios, weights = (
@@ -237,7 +238,7 @@ def common_curves(before: Model, after: Model) -> list[CurvePlace]:
     first, second = _ranges(before), _ranges(after)
     if before.level != after.level:
         raise ValueError(
-            f"the curves of {before.name} and {after.name} are at levels of different quantities"
+            f"the curves of {before.name} and of {after.name} have levels of different quantities"
         )
     if before.level is None:
         names = {one.curve for one in second}
@@ -278,7 +279,7 @@ def _ranges(model: Model) -> tuple[CurveRange, ...]:
     ranges: tuple[CurveRange, ...] = getattr(model.body, "ranges", ())
     if not ranges or model.memories:
         raise ValueError(
-            f"{model.name} has no curves to compare: it runs along recordings, or is a sum"
+            f"{model.name} has no curves to compare, because it runs along recordings or is a sum"
         )
     return ranges
 
@@ -287,7 +288,7 @@ def grid(before: Model, after: Model, place: CurvePlace) -> dict[str, Array]:
     """Points inside of the ranges of both models by input: evenly spread along every one that
     varies, in every combination, (m,) each.
 
-    Raises ValueError where the ranges do not overlap.
+    Raises ValueError if the ranges do not overlap.
     """
     first, second = (_limits_at(model, place) for model in (before, after))
     ends = {
@@ -375,7 +376,7 @@ def reference_points(models: Sequence[Model]) -> list[ReferencePoint]:
 
 def term_changes(before: Model, after: Model) -> tuple[TermChange, ...]:
     """Every term of every segment that both models have, with its coefficients `y_slope theta`;
-    none where one has no segments.
+    none if one has no segments.
 
     Scalings differ from fit to fit by their ranges, so that a coefficient also moves with the ends
     of its segment.

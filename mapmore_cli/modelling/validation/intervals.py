@@ -84,8 +84,9 @@ the model's; and how often chance alone may exceed it, where repeats tell what c
 BLOCKS = 4  # stretches of a recording whose means are compared with those of its repeats
 
 SAME_RECORDINGS = (
-    "blocks of the same recordings were left out: the intervals hold for these recordings, and not "
-    "what differs from one recording to the next. Record three or more"
+    "parts of the same recordings were left out, so that the intervals hold for these "
+    "recordings only; they do not contain the variation from one recording to the next. "
+    "Record three or more"
 )
 
 ASTRAY = 0.25
@@ -100,14 +101,14 @@ def left_out_summary(
     """Return what intervals need of the residuals (measured minus predicted) of each left-out part,
     where so many `curves` train.
 
-    Raises FitError where a model of the rest has no prediction for a part, as where its free run
+    Raises FitError if a model of the rest has no prediction for a part, as where its free run
     diverges.
     """
     joined = {part: np.concatenate(list(arrays)) for part, arrays in residuals.items()}
     for part, values in joined.items():
         if not len(values) or not np.isfinite(values).all():
             raise FitError(
-                f"without {part}, the model of the rest has no prediction for it",
+                f"without {part}, the model of the other data has no prediction for it",
                 "leave out `validate.intervals`",
             )
     parts = list(joined.values())
@@ -171,13 +172,14 @@ def scatter_of_recordings(levels: Sequence[Sequence[Array]]) -> float:
 
 
 def interval_limits(left_out: LeftOut) -> str | None:
-    """Say where there is no interval or what it does not hold, and what to measure; None where
-    there is nothing to say.
+    """Say why there is no interval or what it does not contain, and what to measure; None if it is
+    complete.
     """
     if left_out.astray > ASTRAY:
         return (
-            "without one of its levels, the model lies beyond the measured values by "
-            f"{100 * left_out.astray:.0f} % of their range: there are no intervals"
+            "with one of its levels left out, the prediction is beyond the measured values "
+            f"by {100 * left_out.astray:.0f} % of their range, so that there are no "
+            "intervals"
         )
     if not left_out.places:
         return SAME_RECORDINGS if left_out.kind == "blocks" else None
@@ -185,13 +187,13 @@ def interval_limits(left_out: LeftOut) -> str | None:
     levels = f"{count} level{'s' if count > 1 else ''}"
     if offsets_of(left_out) is None:
         return (
-            f"the recordings of {levels} do not tell how far curves of one level lie apart: there "
-            "are no intervals. Record every level at least twice, or four levels or more"
+            f"the recordings of {levels} do not show how much curves of one level differ, so that "
+            "there are no intervals. Record every level at least twice, or four or more levels"
         )
     if count == 2:
         return (
-            "no level lies between the two, and could be left out: there are intervals at the "
-            "levels alone. Record a third level between them"
+            "no level between the two could be left out, so that intervals exist at the "
+            "two levels only. Record a third level between them"
         )
     return None
 
@@ -242,7 +244,7 @@ class Offsets:
 
 
 def offsets_of(left_out: LeftOut) -> Offsets | None:
-    """Return what differs from curve to curve; None where the data do not tell."""
+    """Return what differs from curve to curve; None if the data do not tell."""
     n, count = np.array(left_out.repeats), len(left_out.places)
     known = math.isfinite(left_out.apart)
     own, repeats = (left_out.apart**2, float(np.sum(n - 1))) if known else (0.0, 0.0)
@@ -367,12 +369,13 @@ def intervals_of(model: Model, level: float) -> LeftOut:
     """
     if not 0 < level < 1:
         raise UsageError(
-            f"there is no interval of level {level:g}", "give a number between 0 and 1, as 0.95"
+            f"an interval with a probability of {level:g} is not possible",
+            "give a number between 0 and 1, for example 0.95",
         )
     if model.left_out is None:
         remedy = "add `validate: {intervals: true}` to its spec, and run `mapmore run` again"
         raise DataError(
-            f"the model {model.name} holds no left-out residuals, from which intervals are made",
+            f"the model {model.name} has no left-out residuals, which intervals are computed from",
             remedy,
         )
     return model.left_out
@@ -387,7 +390,7 @@ def interval(model: Model, columns: Columns, level: float) -> tuple[Array, Array
 
 
 def ends(predicted: Array, outside: BoolArray, half: Array) -> tuple[Array, Array]:
-    """Return the low and high end around every prediction, (n,) each; NaN outside of the training
+    """Return the low and high end around every prediction, (n,) each; NaN outside the training
     range.
     """
     middle = np.where(outside, np.nan, predicted)

@@ -42,7 +42,7 @@ def repeats(
     recording has a value. Pieces of one log do not repeat each other; `logs` names the log of each
     recording.
 
-    None where nothing repeats: with no or several varying inputs, or where the recordings of the
+    None if nothing repeats: with no or several varying inputs, or where the recordings of the
     samples are unknown.
     """
     along = [
@@ -67,7 +67,7 @@ def repeats(
 
 
 def rising_samples(values: Array) -> BoolArray:
-    """Return True where `values` `(n,)`, in order of time, rise; reversals smaller than a tenth of
+    """Return True if `values` `(n,)`, in order of time, rise; reversals smaller than a tenth of
     their range do not count.
     """
     turns = turning_points(values, SWING * float(np.ptp(values)))
@@ -163,7 +163,7 @@ def repeated_cycles(
     Where the quantity takes the same course in time again, as in a programme of steps, the same
     moment of that cycle stands beside each sample; else, as in loops driven by hand, the same place
     on the same stroke, rise or fall. NaN in the training data, and where a held-out cycle lasts
-    longer or reaches further. None where no log has cycles of both kinds, or curves are no
+    longer or reaches further. None if no log has cycles of both kinds, or curves are no
     recordings but levels.
     """
     if any(curve.level is not None for curve in curves):
@@ -216,8 +216,8 @@ def _again(x: Array, y: Array, held_out: BoolArray) -> Array:
 
 
 def _on_strokes(x: Array, x_last: Array, y_last: Array) -> Array:
-    """Return the target of the last cycle at `x`, (n,), on the rise for samples before the highest
-    of `x`, else on the fall.
+    """Return the target of the last cycle at `x`, (n,): the rising branch for samples before the
+    maximum of `x`, the falling branch after it.
     """
     values = np.empty(len(x))
     peak, peak_last = int(np.argmax(x)), int(np.argmax(x_last))
@@ -237,7 +237,7 @@ WORTH = 0.02  # of the largest target, from which a floor is worth a word
 
 def floors(x: Sequence[Array], y: Sequence[Array]) -> list[float]:
     """Return the `monotone_floor` of every curve y(x) as a part of the largest target of all;
-    nothing where none is worth a word.
+    nothing if none is worth a word.
     """
     largest = max(float(np.abs(values).max()) for values in y) or 1.0
     shares = [monotone_floor(*curve) / largest for curve in zip(x, y, strict=True)]

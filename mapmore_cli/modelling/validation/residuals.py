@@ -45,7 +45,7 @@ def residual_tests(
     model: Model, dataset: Dataset, predicted: Sequence[Array], order_by: str | None
 ) -> tuple[ResidualTest, ...]:
     """Return the autocorrelation of the residuals and a test with each input, on the `judged`
-    samples; nothing where these are few, or errors are all alike.
+    samples; nothing if these are few, or errors are all alike.
 
     `predicted` is by curve. Samples are in the order of the quantity `order_by`, and inputs are
     held against the residuals by parts of their range; where it is None, samples are in order of
@@ -182,7 +182,7 @@ def explained_by_inputs(model: Model, dataset: Dataset) -> Iterator[str]:
         up, down = (predict(model, {**columns, quantity.name: x + way * sigma}) for way in (1, -1))
         share = float(np.mean((up - down) ** 2)) / 4 / max(float(np.mean(left**2)), TINY)
         yield (
-            f"{quantity.name}: its uncertainty times the slope of the model is "
+            f"{quantity.name}: its uncertainty, times the slope of the model, makes up "
             f"{100 * share:.3g} % of the squared training residual"
         )
 
@@ -190,7 +190,7 @@ def explained_by_inputs(model: Model, dataset: Dataset) -> Iterator[str]:
 TINY = float(np.finfo(np.float64).tiny)
 
 SAME = 1e-9  # relative difference of two predictions, below which they say the same
-# share of the held-out samples outside of the training range, above which scores are of
+# share of the held-out samples outside the training range, above which scores are of
 # extrapolation
 MOSTLY = 0.5
 
@@ -214,7 +214,7 @@ def alarms(
     others = {model.output.name, dataset.target, "time"}
     if {*dataset.quantities} - others and not {one.name for one in model.inputs} - others:
         told.append(
-            "no input was selected: the model only goes on from its own past, or is one number"
+            "no input was selected: the model is a constant, or uses its own past output only"
         )
     told += _bare(model, dataset.curves, predictions)
     every = count = 0
@@ -224,13 +224,13 @@ def alarms(
         count += int((outside & curve.held_out).sum())
     if count == every > 0:
         told.append(
-            "all held-out samples lie outside of the training range: every score of theirs is "
-            "of extrapolation"
+            "all held-out samples lie outside the training range, so that all their scores "
+            "are scores of extrapolation"
         )
     elif count > MOSTLY * every:
         told.append(
-            f"{count} of {every} held-out samples lie outside of the training range: their "
-            "scores are mostly of extrapolation"
+            f"{count} of {every} held-out samples lie outside the training range, so that "
+            "their scores are mostly scores of extrapolation"
         )
     return tuple(told)
 
@@ -238,12 +238,12 @@ def alarms(
 def _of_scores(row: Score) -> Iterator[str]:
     where = ROWS[row.split]
     if not np.isfinite(row.rmse):
-        yield f"the model has no finite error on the {where}: it is of no use"
+        yield f"the model has no finite error on the {where}, so that it is useless"
         return
     r2 = round(row.r2, 9) + 0.0  # of a constant it is rounding error
     if r2 <= 0:
         what = "no better than" if r2 == 0 else "worse than"
-        yield f"R² on the {where} is {r2:.3g}: the model is {what} the mean of what was measured"
+        yield f"R² on the {where} is {r2:.3g}: the model is {what} the mean of the measured values"
     if row.max_abs_error_fs > 1:
         yield (
             f"the largest error on the {where} is {row.max_abs_error_fs:.3g} times the full "
@@ -257,11 +257,11 @@ def _bare(model: Model, curves: Sequence[Curve], predictions: Sequence[Array]) -
     if not isinstance(body, Pieces) or body.backbone is None:
         return
     formula = literature.of(body.backbone)
-    same = f"the model says the same as its backbone {formula.name}"
+    same = f"the model equals its backbone {formula.name}"
     if not body.segments:
         yield (
-            f"{same}, because its pieces were dropped: left-out training data were predicted "
-            "worse with them"
+            f"{same}, because its pieces made the prediction of left-out training data "
+            "worse and were removed"
         )
         return
     says = partial(formula.predict, body.backbone.parameters)
@@ -272,4 +272,4 @@ def _bare(model: Model, curves: Sequence[Curve], predictions: Sequence[Array]) -
         for pair in zip(predictions, alone, strict=True)
         for ours, its in in_blocks(*pair)
     ):
-        yield f"{same}, on every sample: its pieces add nothing"
+        yield f"{same} on every sample, because its pieces add nothing"

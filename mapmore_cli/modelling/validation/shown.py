@@ -84,8 +84,8 @@ def course_quantity(model: Model, dataset: Dataset) -> str:
 
 
 def varying_input(model: Model, ranges: Sequence[Ranges]) -> str:
-    """Return the first segmented variable, else the input of which a curve covers most; empty of a
-    model without inputs.
+    """Return the first segmented variable, otherwise the input of which a curve covers most; empty
+    of a model without inputs.
 
     `ranges` are those of each curve. What is held, if not quite, covers little of its range over
     all curves.

@@ -116,9 +116,11 @@ class Levels(Section):
             ),
             (
                 within > half,
-                f"levels overlap: they lie {2 * half:g} apart, and `within: {within:g}` reaches "
-                "further than half of that",
-                f"give `within` of {half:g} or less",
+                (
+                    f"levels overlap: they are {2 * half:g} apart, and `within: {within:g}` is "
+                    "more than half of that"
+                ),
+                f"write `within: {half:g}` or less",
                 "within",
             ),
         ]
@@ -138,7 +140,7 @@ class Between(Section):
         return [
             (
                 low > high,
-                f"the interval runs from {low:g} to {high:g}",
+                f"the lower end of the interval, {low:g}, lies above its upper end, {high:g}",
                 "put the lower end first",
                 "between",
             )
@@ -186,21 +188,21 @@ class Holdout(Section):
             (
                 all(value is None for value in conditions) and not self.quantities,
                 "`validate` does not say what is held out",
-                "name a quantity, as `pressure: [250]`",
+                "name a quantity, for example `pressure: [250]`",
                 "seed",
                 "of",
             ),
             (
                 (self.last_cycles is None) != (self.of is None),
-                "`last_cycles` and `of` go together",
-                "say of which quantity, as `{last_cycles: 0.5, of: pressure}`",
+                "`last_cycles` needs `of`, and `of` needs `last_cycles`",
+                ("name the quantity whose cycles are counted: `{last_cycles: 0.5, of: pressure}`"),
                 "last_cycles",
                 "of",
             ),
             (
                 self.seed is not None and self.fraction is None,
-                "`seed` draws nothing here",
-                "it belongs to `fraction`",
+                "`seed` has no effect here",
+                "use it with `fraction`, or remove it",
                 "seed",
             ),
         ]
@@ -328,7 +330,7 @@ class Data(Logs):
     - `skip_bad_files`: whether files that cannot be read are left out, with a warning that says
       why; or the files that are left out, as `["log_3.csv"]`
     - `derive`: what follows from the columns: an expression, a rate or a direction, as `{strain: "1
-      - length/88"}`
+      - length/0.088"}`
     - `plateau`: where a step response rests, from when to when: its mean pressure is
       `step_pressure`, its samples do not train, as `auto`
     - `keep`: samples to keep, as `[{quantity: force, above: 0}]`
@@ -371,8 +373,11 @@ class Data(Logs):
             *(
                 (
                     isinstance(rule, dict) and self.groups is None,
-                    f"the uncertainty of `{name}` is by group, and there are no groups",
-                    "say what tells them apart, as `groups: {of: session}`",
+                    (f"the uncertainty of `{name}` is given by group, and the data have no groups"),
+                    (
+                        "name the quantity that distinguishes them, for example `groups: "
+                        "{of: session}`"
+                    ),
                     "uncertainty",
                 )
                 for name, rule in self.uncertainty.items()

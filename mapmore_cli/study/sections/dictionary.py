@@ -85,7 +85,7 @@ FORMS: Mapping[str, type[OperatorFamily]] = dict(_forms())
 def numbers_of(
     name: str, family: OperatorFamily, step: float, longest: float
 ) -> Sequence[tuple[float, ...]]:
-    """Return the numbers of each state; none where training finds them.
+    """Return the numbers of each state; none if training finds them.
 
     `step` is the time between samples, `longest` the duration of the longest piece, s.
     """
@@ -219,8 +219,8 @@ class SmoothSteps(AlongRange):
         return [
             (
                 ("change" in self.partners) == (self.window is None),
-                "`window` and `change` need each other",
-                "write `with: [change], window: 16`, or neither",
+                "`window` and `change` must be used together",
+                "write `with: [change], window: 16`, or remove both",
                 "window",
                 "with",
             )
@@ -310,15 +310,20 @@ class Families(Section):
         return [
             (
                 self.sign is not None and self.bounds is not None,
-                "a sign is a bound",
-                "give either `sign` or `bounds`",
+                "`sign` and `bounds` are both given, and a sign is a bound too",
+                "remove one of them",
                 "sign",
             ),
-            (not low <= high, "the bounds do not ascend", "put the lower one first", "bounds"),
+            (
+                not low <= high,
+                "the lower bound is above the upper bound",
+                "put the lower bound first",
+                "bounds",
+            ),
             (
                 len(self._given()) != 1,
                 f"this entry has {count} of terms",
-                f"give one of {names}; further families are entries of their own",
+                f"write one of {names}; write further families as further entries",
             ),
         ]
 
@@ -393,7 +398,7 @@ def goes_by_order(dictionary: Sequence[DictionaryEntry]) -> bool:
 
 
 def remembers(dictionary: Sequence[DictionaryEntry]) -> bool:
-    """Tell whether any term needs more of a recording than the sample itself."""
+    """Return whether any term needs more of a recording than the sample itself."""
     return any(
         name not in STATIC
         or getattr(family, "window", None)
@@ -403,7 +408,7 @@ def remembers(dictionary: Sequence[DictionaryEntry]) -> bool:
 
 
 def feeds_back(dictionary: Sequence[DictionaryEntry], target: str) -> bool:
-    """Tell whether any term is made of the target."""
+    """Return whether any term is made of the target."""
     return any(
         state(used).quantity == target
         for loc, _, family in entries_of(dictionary)

@@ -52,19 +52,23 @@ class Keep(Section):
     def _contradictions(self) -> Sequence[Row]:
         conditions = [name for name in type(self).model_fields if name != "quantity"]
         used = [name for name in conditions if getattr(self, name) is not None]
-        count = f"two conditions at once: {quoted(used)}" if used else "no condition"
+        count = (
+            f"only one condition is possible in an entry, and there are two: {quoted(used)}"
+            if used
+            else "no condition"
+        )
         ends = {name: getattr(self, name) or (0.0, 1.0) for name in ("between", "outside")}
         return [
             (
                 len(used) != 1,
                 f"`keep` has {count}",
-                f"give one of {quoted(conditions)}",
+                f"use one of {quoted(conditions)}",
                 *[*used[1:], "quantity"],
             ),
             *(
                 (
                     low >= high,
-                    f"`{name}` runs from {low:g} to {high:g}",
+                    f"`{name}`: the lower end {low:g} lies above the upper end {high:g}",
                     "put the lower end first",
                     name,
                 )
@@ -74,7 +78,7 @@ class Keep(Section):
 
 
 def _is_encoding(name: str) -> bool:
-    """Tell whether Python knows an encoding."""
+    """Return whether Python knows an encoding."""
     try:
         return bool("a".encode(name))
     except (LookupError, ValueError):  # ValueError: a zero byte in the name
@@ -130,14 +134,18 @@ def fault_of_format(text: str, in_parts: bool = False) -> tuple[str, str] | None
         with catch_warnings(action="ignore"):  # of days without a year
             datetime.strptime(datetime(2026, 3, 1).strftime(text), text)
     except (ValueError, re.error) as fault:
-        return f"{text!r} is no format of stamps: {fault}", remedy
+        return f"{text!r} is not a format of time stamps: {fault}", remedy
     if (
         "%" not in text
         or (in_parts and text == "%f")
         or ("%I" in text) != ("%p" in text)
         or ("%d" in text and "%y" not in text.lower())
     ):
-        return "a format has codes; hours to 12 need AM or PM, and a day its year", remedy
+        words = (
+            "a format needs codes such as %H; a 12-hour clock also needs AM or PM (%p), and a day "
+            "its year"
+        )
+        return words, remedy
     return None
 
 
@@ -293,8 +301,8 @@ class Logs(Section):
             *(
                 (
                     key not in reader.keys,
-                    f"reader `{self.reader}` has no use for `{key}`",
-                    f"remove it: it belongs to {quoted(READERS_OF[key], ' and ')}",
+                    f"reader `{self.reader}` cannot use `{key}`",
+                    f"remove it: only {quoted(READERS_OF[key], ' and ')} can use it",
                     place,
                 )
                 for key, place in unused
@@ -302,14 +310,14 @@ class Logs(Section):
             (
                 not reader.by_index
                 and any(isinstance(at, int) for one in self.columns.values() for at in one.places),
-                f"reader `{reader.name}` finds columns by name",
+                f"reader `{reader.name}` finds columns by name, not by number",
                 f"write `column: {reader.column}`",
                 "columns",
             ),
             (
                 self.sample_time is not None and has_time,
-                "`time` is a column, and `sample_time` makes it as well",
-                "keep one of both",
+                "`time` is a column, and `sample_time` also creates it",
+                "keep one of the two",
                 "sample_time",
             ),
             (
@@ -323,26 +331,29 @@ class Logs(Section):
             (
                 not re.fullmatch(r"tab|whitespace|[^\w\s\"'.+-]|[\t ]", self.delimiter),
                 f"{self.delimiter!r} cannot separate fields",
-                'write one character, as `";"`, or `tab`, or `whitespace`',
+                'write one character, for example `";"`, or `tab`, or `whitespace`',
                 "delimiter",
             ),
             (
                 self.comment is not None and self.comment.startswith(self.delimiter),
-                "what begins a comment also separates the fields",
-                'say what each is, as `comment: "#"` and `delimiter: ";"`',
+                "a comment begins with the character that also separates the fields",
+                'name two different characters, for example `comment: "#"` and `delimiter: ";"`',
                 "comment",
             ),
             (
                 any(one.format or one.columns or one.unwrap is True for one in others),
-                "`format`, `columns` and `unwrap: true` belong to `time`",
+                "`format`, `columns` and `unwrap: true` can be used for `time` only",
                 "remove them elsewhere",
                 "columns",
             ),
             (
                 self.thousands in (self.decimal, self.delimiter)
                 or (self.delimiter == "whitespace" and (self.thousands or "0").isspace()),
-                "what stands between thousands means something else as well",
-                'say what each is, as `decimal: "."`, `thousands: ","` and `delimiter: ";"`',
+                "the separator of thousands has another meaning too",
+                (
+                    'use three different characters, for example `decimal: "."`, `thousands: '
+                    '","` and `delimiter: ";"`'
+                ),
                 "thousands",
             ),
             (
@@ -368,7 +379,7 @@ class Match(Section):
 class Join(Logs):
     """A second log of the same tests; its quantities are added to the samples of the first log.
 
-    Samples outside of the second log are `missing`. One file serves all recordings; several are
+    Samples outside the second log are `missing`. One file serves all recordings; several are
     paired with those of `data.files` in order.
 
     - `on`: `time` interpolates linearly after `shift` is added; `row` puts row beside row, as `row`
@@ -397,33 +408,39 @@ class Join(Logs):
             (
                 self.on == "time" and not has_time,
                 "a join on time needs the time of the second log",
-                "add `time` to its `columns`, or say `on: row`",
+                "add `time` to its `columns`, or write `on: row`",
                 "on",
                 "columns",
             ),
             (
                 by_row and (self.shift != 0 or self.max_gap is not None),
-                "a join on rows has no use for `shift` and `max_gap`",
+                "`shift` and `max_gap` need the time, but this join pairs rows",
                 "remove them",
                 "shift",
                 "max_gap",
             ),
             (
                 by_row and has_time,
-                "a join on rows takes the time of the first log",
+                (
+                    "a join on rows takes the time from the first log, so that the second must "
+                    "not have one"
+                ),
                 "remove the second",
                 "columns",
             ),
             (
                 is_found and self.match is None,
-                "`shift: auto` needs two quantities that tell the shift",
-                "add `match: {first: QUANTITY, second: QUANTITY}`, which change together",
+                "`shift: auto` needs two quantities from which the shift can be computed",
+                (
+                    "add two quantities that change together: `match: "
+                    "{first: QUANTITY, second: QUANTITY}`"
+                ),
                 "shift",
             ),
             (
                 not is_found and self.match is not None,
-                "`match` is about `shift: auto`",
-                "add that, or remove `match`",
+                "`match` has no effect without `shift: auto`",
+                "add `shift: auto`, or remove `match`",
                 "match",
             ),
             (
@@ -435,7 +452,7 @@ class Join(Logs):
             (
                 not self.quantities,
                 "the join adds no quantity",
-                "name one besides `time`",
+                "name a column other than `time`",
                 "columns",
             ),
             (
@@ -443,7 +460,7 @@ class Join(Logs):
                     isinstance(entry, FileEntry) and (entry.set or entry.id or entry.keep)
                     for entry in self.files
                 ),
-                "`set`, `id` and `keep` belong to `data.files`",
+                "`set`, `id` and `keep` can be used in `data.files` only",
                 "move them there",
                 "files",
             ),

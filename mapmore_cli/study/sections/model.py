@@ -35,8 +35,8 @@ class FormulaParameter(Section):
         return [
             (
                 not low < high,
-                f"the bounds run from {low:g} to {high:g}",
-                "put the lower one first",
+                f"the lower bound {low:g} is above the upper bound {high:g}",
+                "put the lower bound first",
                 "bounds",
             )
         ]
@@ -140,12 +140,14 @@ class Summand(Settings):
         """Refuse both, and neither; and a formula behind a tendon."""
         if self.tendon is not None and self.formula is not None:
             raise Contradiction(
-                "a formula is not fitted behind a tendon", "make a run of it", "tendon"
+                "a formula cannot be fitted behind a tendon",
+                "fit the formula in a run of its own, and name its spec as `model`",
+                "tendon",
             )
         if (self.model is None) == (self.formula is None):
             raise Contradiction(
-                "a part of a sum is a `model` or a `formula`",
-                "give one, as `{model: flexor.yaml}`",
+                "a part of a sum needs either `model` or `formula`",
+                "give one of them, for example `{model: flexor.yaml}`",
                 "model",
                 "formula",
             )
@@ -162,8 +164,8 @@ def refuse_mixed(parts: Sequence[Summand]) -> None:
     """Refuse parts of which some are fitted by runs of their own and others here."""
     if len({part.formula is None for part in parts}) > 1:
         raise Contradiction(
-            "a sum is of models or of formulas",
-            "make a run of each formula, and name its spec as `model`",
+            "this sum mixes models and formulas",
+            "fit each formula in a run of its own, and name its spec as `model`",
             "sum",
         )
 
@@ -214,15 +216,15 @@ class ModelSettings(Settings):
         if self.family is not None:
             if self.type not in ("mapmore", "literature"):
                 raise Contradiction(
-                    f"type `{self.type}` has no `family`",
-                    "remove the `type`, or `family`",
+                    f"a model of type `{self.type}` cannot have `family`",
+                    "remove `type` or `family`",
                     "family",
                 )
             if self.backbone is not None or (
                 self.name is not None and not self.name.startswith("{")
             ):
                 raise Contradiction(
-                    "a family has a formula of its own",
+                    "a family uses its own formula",
                     "remove `backbone` and `name`",
                     "backbone",
                     "name",
@@ -231,7 +233,7 @@ class ModelSettings(Settings):
         if self.type == "literature" and self.name is None and self.family is None:
             raise Contradiction(
                 "type `literature` needs the `name` of a formula",
-                "add it, as `name: sarosi`",
+                "add it, for example `name: sarosi`",
                 "type",
             )
         for key in self.changed:
@@ -239,7 +241,9 @@ class ModelSettings(Settings):
             if owner != self.type:
                 instead = "use `backbone`, or" if key == "name" else "remove it, or use"
                 raise Contradiction(
-                    f"type `{self.type}` has no `{key}`", f"{instead} `type: {owner}`", key
+                    f"a model of type `{self.type}` cannot have `{key}`",
+                    f"{instead} `type: {owner}`",
+                    key,
                 )
         refuse_mixed(self.sum or ())
 

@@ -113,7 +113,7 @@ def test_press_is_the_leave_one_out_error():
     [(np.ones(5), np.ones(5)), (np.ones((5, 2)), np.ones(4)), (np.empty((0, 2)), np.empty(0))],
 )
 def test_shapes_that_do_not_fit(P, y):
-    with pytest.raises(ValueError, match="must be"):
+    with pytest.raises(ValueError, match="must have the shape"):
         frols(P, y)
     with pytest.raises(ValueError, match="max_terms"):
         frols(np.ones((4, 2)), np.ones(4), max_terms=0)

@@ -100,7 +100,7 @@ def test_inputs_far_from_zero_are_told_where_terms_keep_their_origin():
     for rule, told in (("none", ["far"]), ("max_abs", ["far"]), ("unit_square", [])):
         scaling = Scaling(rule, "-", names, ones, 0 * ones, 1.0, 0.0)
         piece = SegmentFit("a/a", "a", (), terms, scaling, frols(P, X, 1))
-        assert [note.split()[0] for note in far_from_zero([piece], samples)] == told
+        assert [note.split()[3] for note in far_from_zero([piece], samples)] == told
 
 
 def test_a_constant_that_is_the_model_is_told_with_the_worst_of_its_segments():

@@ -202,7 +202,7 @@ def test_the_record_is_read_as_seldom_as_possible(kind, stop, passes):
     "blocks", [[], [(np.empty((0, 3)), np.empty(0))], [(np.empty((4, 0)), np.ones(4))]]
 )
 def test_blocks_without_a_row_or_a_column_are_refused(blocks):
-    with pytest.raises(ValueError, match="must be"):
+    with pytest.raises(ValueError, match="must have the shape"):
         frols_streamed(lambda: blocks, 2)
 
 

@@ -91,7 +91,7 @@ def test_a_friction_that_does_not_decay_is_at_bound(name):
     fit = get(name).fit(columns, -30.0 * cubic)
     last = get(name).parameters[-1]
     assert fit.status == "at_bound"
-    assert fit.notes == (f"{last} runs to the limit of what is sought, 10 max|strain_rate|",)
+    assert fit.notes == (f"{last} went to the limit of its search, 10 max|strain_rate|",)
     assert fit.parameters[last] == pytest.approx(10 * np.abs(columns["strain_rate"]).max())
 
 

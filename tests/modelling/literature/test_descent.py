@@ -40,7 +40,7 @@ def test_rivals_are_other_minima_nearly_as_deep_and_ends_agree_to_a_millionth():
     ends = [End(np.zeros(1), cost, done) for cost, done in costs.items()]
     assert [end.cost for end in rivals(ends[::-1], ends[0])] == [1.2, 1.25]
     near = [End(np.zeros(1), cost, True) for cost in (1.0, 1 + 5e-7, 1 + 2e-6)]
-    assert agreement(near, near[0], 5) == "2 of 5 starts agree on the sum of squares"
+    assert agreement(near, near[0], 5) == "2 of 5 starts found the same sum of squares"
     assert [end.status for end in ends[1:3]] == ["converged", "stopped_by_limit"]
 
 

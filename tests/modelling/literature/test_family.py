@@ -74,7 +74,7 @@ def test_a_diameter_scales_by_a_power():
 
 
 def test_one_specimen_is_no_family():
-    with pytest.raises(DataError, match="a family of one"):
+    with pytest.raises(DataError, match="a family needs several specimens"):
         fitted((0.2,))
 
 

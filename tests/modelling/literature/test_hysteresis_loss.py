@@ -127,7 +127,7 @@ def test_the_equations_are_the_prediction_but_for_zeta(formula):
 
 
 def test_what_is_no_load_cycle_is_refused():
-    with pytest.raises(DataError, match="fitted to load cycles, not to the target"):
+    with pytest.raises(DataError, match="fitted to load cycles, not to a target"):
         LOSS.fit(motion(0), np.zeros(400))
     for length in (0.0, -0.1, np.nan, np.inf):
         with pytest.raises(DataError, match="needs the length of the muscle"):

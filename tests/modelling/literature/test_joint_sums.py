@@ -182,9 +182,9 @@ ALONE, RENAMED = {}, {"pressure": "p1", "strain": "s"}
 @pytest.mark.parametrize(
     ("inputs", "output", "quantities", "told"),
     [
-        (ALONE, Quantity("force", "kN"), [], "in N, the force of this study in kN"),
-        (ALONE, FORCE, [], "function of pressure"),
-        (RENAMED, FORCE, ["p1 bar", "s 1"], "pressure of flexor is in kPa, p1 in bar"),
+        (ALONE, Quantity("force", "kN"), [], "in N, but the force of this study is in kN"),
+        (ALONE, FORCE, [], "needs pressure in"),
+        (RENAMED, FORCE, ["p1 bar", "s 1"], "pressure of flexor is in kPa, but p1 in bar"),
     ],
 )
 def test_another_unit_is_refused_and_an_input_that_is_lacking(inputs, output, quantities, told):

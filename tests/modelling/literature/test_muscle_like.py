@@ -32,7 +32,7 @@ def test_the_seven_parameters_of_each_muscle_are_recovered(muscle, method):
         TABLE_I[muscle], rel=1e-9
     )
     if method == "levenberg_marquardt":
-        assert fit.notes == ("10 of 10 starts agree on the sum of squares",)
+        assert fit.notes == ("10 of 10 starts found the same sum of squares",)
 
 
 # muscle, pressure, elongation, force; a muscle of no elongation does not pull at its pressure of

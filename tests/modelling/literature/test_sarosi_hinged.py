@@ -107,7 +107,7 @@ def test_three_levels_or_fewer_leave_the_curvature_to_the_prior(strains, warned,
     columns, y = slack_muscle(2, strains)
     columns["strain"] = columns["strain"] + jitter * np.random.default_rng(0).uniform(-1, 1, len(y))
     fit = HINGED.fit(columns, y)
-    assert any("a3 is left to its prior" in note for note in fit.notes) == warned
+    assert any("a3 keeps its prior value" in note for note in fit.notes) == warned
     assert "a3 is " in fit.notes[0]
     assert "w is " in fit.notes[0]
     assert "blend" in fit.notes[1]

@@ -128,7 +128,7 @@ def test_a_parameter_that_ends_at_its_bound_is_put_there_and_named():
     assert fit.status == "at_bound"
     assert fit.parameters["a_k"] * np.abs(columns["strain"]).max() == 0.01
     assert any(
-        "a_k runs to the limit of what is sought, 0.01/max|strain|" in note for note in fit.notes
+        "a_k went to the limit of its search, 0.01/max|strain|" in note for note in fit.notes
     )
 
 

@@ -19,7 +19,7 @@ MUSCLE = {"diameter": 0.01}
 @pytest.mark.parametrize("name", ["tondu_lopez_corrected", "kerscher"])
 def test_the_notes_say_how_many_of_ten_starts_agree(name):
     agreeing = re.fullmatch(
-        r"(\d+) of 10 starts agree on the sum of squares", get(name).fit(COLUMNS, FORCE).notes[0]
+        r"(\d+) of 10 starts found the same sum of squares", get(name).fit(COLUMNS, FORCE).notes[0]
     )
     assert 3 <= int(agreeing[1]) <= 10
 
@@ -50,7 +50,7 @@ def test_starting_values_that_lead_nowhere_are_refused():
     with pytest.raises(SpecError, match="no starting values called `guessed`") as caught:
         get("sarosi").starting_from("guessed")
     assert "random, published, printed" in caught.value.remedy
-    with pytest.raises(SpecError, match="variable_projection takes no starting values"):
+    with pytest.raises(SpecError, match="variable_projection does not use starting values"):
         get("sarosi").starting_from("published").fit(COLUMNS, FORCE)
 
 

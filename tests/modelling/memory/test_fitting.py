@@ -178,7 +178,7 @@ def test_a_dictionary_beyond_memory_is_built_block_by_block(recipe, monkeypatch)
     assert blocks.model.terms == whole.model.terms
     np.testing.assert_allclose(blocks.model.theta, whole.model.theta, rtol=1e-9)
     monkeypatch.setattr(families, "usable_memory", lambda: families.products_bytes(len(NARX)) - 1)
-    with pytest.raises(DataError, match="a dictionary of 15 candidates needs"):
+    with pytest.raises(DataError, match="a dictionary with 15 candidates need"):
         fit_with_memory(records, recipe)
 
 
@@ -198,22 +198,22 @@ def test_a_free_run_on_held_out_samples_passes_over_models_that_diverge():
 @pytest.mark.parametrize(
     ("samples", "recipe", "told"),
     [
-        (5, LAGGED, r"3 training sample\(s\) with a history, too few for 4 term"),
+        (5, LAGGED, r"3 training sample\(s\) have a complete history, too few for 4 term"),
         (2, LAGGED, "no training sample has a history"),
-        (100, replace(OPERATED, target="still"), "no candidate explains anything"),
+        (100, replace(OPERATED, target="still"), "no candidate term explains any part"),
         (100, replace(LAGGED, target="z"), "no column `z`"),
         *(
             (
                 100,
                 replace(LAGGED, dictionary=(text,), max_terms=1),
-                "depends on the output y as it is now",
+                "uses the present value of the output y",
             )
             for text in ("y", "slow(y, 1)", "play(y, 0.1)[k-1]")
         ),
         (
             100,
             replace(LAGGED, dictionary=("x[k-1]", "exp(x*y[k-1])"), max_terms=1),
-            "delayed outputs and inputs in one factor",
+            "mixes delayed outputs and inputs",
         ),
     ],
 )

@@ -137,7 +137,9 @@ def test_a_record_of_longer_steps_is_refused_where_most_are(time, rows, sample):
     if sample is None:
         _refuse_other_steps(stamps, np.array(rows), STEP)
         return
-    with pytest.raises(AtSample, match=r"0.02 s after the one before, as most are") as told:
+    with pytest.raises(
+        AtSample, match=r"0.02 s after the previous sample, as most samples are"
+    ) as told:
         _refuse_other_steps(stamps, np.array(rows), STEP)
     assert told.value.sample == sample
 

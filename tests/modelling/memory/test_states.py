@@ -101,7 +101,7 @@ def test_the_resonance_of_a_recording_is_found(frequency, damping):
 
 
 REFUSED = [
-    ("resonance(x)", {"step": 1.0}, "no resonance can be seen with 1 s between samples"),
+    ("resonance(x)", {"step": 1.0}, "with 1 s between samples, no resonance can be found"),
     ("x[k-99]", {"scaling": "range"}, r"`x\[k-99\]` has no value on any training sample"),
     *((name, {}, "no column `z`") for name in ("z", "slow(z, 1)", "play(z, 0.1)")),
 ]
@@ -153,12 +153,12 @@ def test_pieces_of_curves_share_one_time_step():
     assert [piece.size for piece in records] == [5, 3, 4]
     assert [piece.training.tolist() for piece in records][:2] == [[True] * 4 + [False], [False] * 3]
     with pytest.raises(
-        DataError, match=r"c: its samples are 0\.02 s apart, those of other recordings 0\.01 s"
+        DataError, match=r"c: its samples are 0\.02 s apart, but those of other recordings 0\.01 s"
     ):
         time_step([*curves, curve("c", np.arange(9) * 2 * STEP)])
     with refused("a: sample 2 (at 0.015 s): only 0.005 s after", "add `resample: 0.01 s`"):
         records_of([curve("a", [0.0, STEP, 1.5 * STEP])], STEP)
-    with pytest.raises(DataError, match="there is no time step"):
+    with pytest.raises(DataError, match="the time step is unknown"):
         time_step([curve("single", [0.0])])
 
 

@@ -167,7 +167,7 @@ def test_sections_begin_at_their_lower_boundary():
 
 def test_sections_are_spread_by_equal_shares():
     assert spread(np.linspace(0, 6, 601), 3) == pytest.approx((2.0, 4.0))
-    with pytest.raises(Exception, match="dwells at 1"):
+    with pytest.raises(Exception, match="stays at 1"):
         spread(np.array([0.0, 1.0, 1.0, 1.0, 1.0, 1.0]), 4)
 
 
@@ -193,7 +193,7 @@ def test_an_unstable_section_is_refused_by_name(switching):
     sections = list(motion.sections)
     sections[2] = replace(sections[2], p1=0.9, p2=0.3)
     broken = replace(motion, sections=tuple(sections))
-    with pytest.raises(FitError, match=r"section 3 .* unstable: a pole lies at 1\.\d+") as raised:
+    with pytest.raises(FitError, match=r"section 3 .* unstable: it has a pole at 1\.\d+") as raised:
         run(broken, sine())
     assert raised.value.remedy
 

@@ -91,8 +91,7 @@ def test_a_residual_that_runs_through_the_levels_is_carried_whole():
     assert by_choice[SHRUNKEN] <= min(by_choice.values()) * (1 + 1e-9)
     assert {error.folds for error in model.body.cross_validation} == {3}
     assert (
-        f"{model.body.fusion.shrink:.0%} of the residual on polynomial_2 is carried"
-        in model.notes[-1]
+        f"{model.body.fusion.shrink:.0%} of the residual on polynomial_2 is used" in model.notes[-1]
     )
 
 
@@ -181,7 +180,7 @@ def test_what_made_the_data_is_chosen(name):
     choice = choose_backbone(of_formula(name), recipe(**SETTINGS), QUANTITIES)
     assert choice.name == name
     assert f"backbone {name} is chosen" in choice.note
-    assert "with each of 2 inner training levels left out" in choice.note
+    assert "With each of 2 inner training levels left out" in choice.note
 
 
 def test_three_levels_choose_nothing():
@@ -288,4 +287,4 @@ def test_all_of_the_residual_counts_with_the_share_that_left_out_blocks_support(
 def test_a_backbone_is_chosen_for_a_surface_by_its_blocks():
     choice = choose_backbone(scattered(n=48, seed=2), recipe(**OF_SURFACE), QUANTITIES)
     assert choice.name in possible_backbones(scattered(), "force")
-    assert "with each of 6 inner training blocks left out in turn" in choice.note
+    assert "With each of 6 inner training blocks left out in turn" in choice.note

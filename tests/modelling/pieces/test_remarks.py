@@ -36,11 +36,16 @@ def wriggling():
 @pytest.mark.parametrize(
     ("extrapolation", "order", "made", "said"),
     [
-        (None, 2, curves, "held at the ends of its own range"),
+        (None, 2, curves, "the output is kept constant"),
         ("saturate", 2, curves, ""),
         ("continue_linear", 2, curves, ""),
         ("continue", 2, curves, ""),  # a parabola does not explode there
-        ("continue", 6, wriggling, "explode on pressure=100: write `saturate`"),
+        (
+            "continue",
+            6,
+            wriggling,
+            "very large on pressure=100; write `fuse: {extrapolation: saturate}`",
+        ),
         ("saturate", 6, wriggling, ""),
     ],
 )

@@ -71,7 +71,7 @@ def test_breakpoints_beyond_a_short_curve_are_left_out():
 def test_a_segment_without_samples_is_refused_with_its_name():
     curve = curves(held_out=())[0]
     strain = np.where(curve.columns["strain"] < 0.05, 0.0, curve.columns["strain"])
-    with pytest.raises(DataError, match="pressure=80/strain:2: no training sample"):
+    with pytest.raises(DataError, match="pressure=80/strain:2: contains no training sample"):
         cut(changed(curve, strain=strain), {"strain": Cuts("even", 4)})
 
 

@@ -286,13 +286,14 @@ def refused(samples, shape, **settings):
 def test_a_sign_that_the_training_data_contradict_or_hardly_tell_is_refused():
     samples = curves(held_out=())
     assert re.search(
-        "`strain: increasing` rests on [0-9]+ differences of the training data, of which [0-9]+",
+        "`strain: increasing` is supported by [0-9]+ differences of the training data, "
+        "of which [0-9]+",
         refused(samples, {"strain": "increasing"}),
     )
     few = [one.at(np.arange(0, one.size, 60)) for one in samples[:2]]
     told = refused(few, {"pressure": "increasing"}, cuts={})
-    assert re.search("`pressure: increasing` rests on [0-9] differences", told)
-    assert "`length` is no input" in refused(samples, {"length": "increasing"})
+    assert re.search("`pressure: increasing` is supported by [0-9] differences", told)
+    assert "`length` is not an input" in refused(samples, {"length": "increasing"})
 
 
 def test_a_shape_that_no_coefficients_keep_is_told_with_the_place():

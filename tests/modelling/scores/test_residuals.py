@@ -65,7 +65,7 @@ def test_rows_of_the_model_itself_are_judged_over_all_curves():
 
     assert told(y + 0.1) == told([9.0] * 3, model="mean") == told([9.0] * 3, curve="a") == ()
     assert [one.partition("the model is ")[2] for one in told([2.0] * 3)] == [
-        "no better than the mean of what was measured"
+        "no better than the mean of the measured values"
     ]
     worse, far = told([4.0, 2.0, 6.01])
     assert "R² on the held-out data is -8.03: the model is worse than the mean" in worse
@@ -86,7 +86,7 @@ def test_the_share_of_an_input_is_its_uncertainty_times_the_slope():
     (sentence,) = explained_by_inputs(model, dataset_of(made, quantities=names))
     slope, start = np.polyfit(x, y, 1)
     share = (0.5 * slope) ** 2 / np.mean((y - start - slope * x) ** 2)
-    found = re.search(r"is ([\d.e+]+) %", sentence).group(1)
+    found = re.search(r"makes up ([\d.e+]+) %", sentence).group(1)
     assert float(found) == pytest.approx(100 * share, rel=5e-3)
     assert list(explained_by_inputs(model, dataset_of(made))) == []
 

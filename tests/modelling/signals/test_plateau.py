@@ -165,7 +165,11 @@ def test_the_slower_signal_settles_last():
         (np.full(len(TIME), 250.0), {}, "never rises"),
         (100 + np.random.default_rng(1).normal(0, 0.5, len(TIME)), {}, "never rises"),
         (250 - np.abs(TIME - 2) * 125, {}, "no plateau"),
-        (step(), {"strain": np.sin(9 * TIME)}, "no plateau: pressure and strain rest"),
+        (
+            step(),
+            {"strain": np.sin(9 * TIME)},
+            "no plateau was found: pressure and strain must stay constant",
+        ),
     ],
     ids=["constant", "noise", "triangle", "a strain that never rests"],
 )

@@ -80,7 +80,7 @@ MALFORMED = {
         "a if b else c": 2,
     },
     r"`\)`": {"(strain": 7},
-    "beyond 20": {"x^21": 2, "x^-20.5": 2, "x^(1/0)": 2, "x^log(-1)": 2},
+    "at most 20": {"x^21": 2, "x^-20.5": 2, "x^(1/0)": 2, "x^log(-1)": 2},
     "constant": {"x^y": 2},
     "too large": {"1 + 1e999": 4, "9" * 400: 0},
     "is a function": {"exp": 0},
@@ -105,7 +105,7 @@ MALFORMED = {
     r"expected `,` or `\)`": {"play(x + y, 1)": 7, "slow(x, 1": 9},
     "name of a quantity": {"play(2, 1)": 5, "slow(exp(x), 1)": 5},
     "no operator with memory": {"slow(slwo(x, 1), 1)": 5},
-    "inside each other": {"slow(" * 20 + "x": 45},
+    "nested": {"slow(" * 20 + "x": 45},
 }
 """Texts and the places at which they are refused, by what is said."""
 

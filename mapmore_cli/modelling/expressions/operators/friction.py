@@ -11,7 +11,7 @@ from mapmore_cli.modelling.expressions.operator import (
     Setting,
 )
 
-# velocities that a search begins from, as fractions of the training range
+# initial velocities of the search, as fractions of the training range
 WIDTHS = (0.001, 0.004, 0.016, 0.064, 0.25)
 FINEST, COARSEST = 1e-4, 4.0  # least and greatest of them: a jump, and a straight line
 

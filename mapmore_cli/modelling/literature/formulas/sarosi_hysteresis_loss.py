@@ -105,7 +105,7 @@ class HysteresisLoss(Formula):
     def fit(self, *_: object, **__: object) -> FormulaFit:
         """Raise `DataError`: a damping force cannot show the energy that a load cycle loses."""
         raise DataError(
-            f"{self.name} is fitted to load cycles, not to the target",
+            f"{self.name} is fitted to load cycles, not to a target",
             "give it the load cycles of a static study",
         )
 
@@ -128,7 +128,7 @@ class HysteresisLoss(Formula):
         if not 0.0 < length < np.inf:
             raise DataError(
                 f"{self.name} needs the length of the muscle, which is {length:g} m",
-                "state it as `muscle: {length: 88 mm}`",
+                "write it as `muscle: {length: 88 mm}`",
             )
         names = ("pressure", "strain", "force", "hysteresis")
         columns = {name: finite(name, cycles) for name in names}

@@ -24,7 +24,7 @@ PRESSURES = {
 
 def by_region(local: Formula, regions: Mapping[str, str]) -> Formula:
     """Return a formula with parameters of its own in each region, as `B0_rise` for `B0`, and zero
-    outside of all; `regions` are one inside and zero outside.
+    outside all; `regions` are one inside and zero outside.
     """
     terms = []
     for region, inside in regions.items():

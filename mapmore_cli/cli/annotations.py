@@ -1,0 +1,51 @@
+"""Messages as workflow commands, which GitHub Actions shows beside the lines that they concern."""
+
+from __future__ import annotations
+
+import os
+import re
+import sys
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Literal
+
+from mapmore_cli.domain.foreign import printable
+
+Kind = Literal["error", "warning", "notice"]
+
+_PLACED = re.compile(r"(?P<file>[^:\n]+):(?:row )?(?P<line>\d+)(?::(?P<col>\d+))?(?=[:, ])")
+_ESCAPES = {"%": "%25", "\r": "%0D", "\n": "%0A"}
+_PROPERTY_ESCAPES = {**_ESCAPES, ":": "%3A", ",": "%2C"}
+
+
+def annotate(kind: Kind, text: str) -> None:
+    """Print a message as annotations on stderr if GitHub Actions runs the command."""
+    if os.environ.get("GITHUB_ACTIONS") == "true":
+        for line in workflow_commands(kind, text):
+            print(printable(line), file=sys.stderr, flush=True)
+
+
+def workflow_commands(kind: Kind, text: str) -> Iterator[str]:
+    """Yield a workflow command for each mistake of a message, with the indented lines below it.
+
+    A mistake that begins with the place of an existing file (`spec.yaml:17:3`, `a.csv:row 17`)
+    gets the properties `file`, `line` and `col`. Paths are relative to the root of the checkout,
+    which is the current folder unless `GITHUB_WORKSPACE` names another.
+    """
+    root = os.environ.get("GITHUB_WORKSPACE") or "."
+    for mistake in re.split(r"\n+(?=\S)", text):
+        place = _PLACED.match(mistake)
+        properties: dict[str, str] = {}
+        if place is not None and Path(place["file"]).is_file():
+            path = Path(os.path.relpath(place["file"], root)).as_posix()
+            properties = {"file": path, "line": place["line"]}
+            if place["col"]:
+                properties["col"] = place["col"]
+        written = ",".join(
+            f"{key}={_escaped(value, _PROPERTY_ESCAPES)}" for key, value in properties.items()
+        )
+        yield f"::{kind}{' ' if written else ''}{written}::{_escaped(mistake.rstrip(), _ESCAPES)}"
+
+
+def _escaped(text: str, escapes: Mapping[str, str]) -> str:
+    return "".join(escapes.get(letter, letter) for letter in text)
