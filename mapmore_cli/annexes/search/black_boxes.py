@@ -17,7 +17,6 @@ from mapmore_cli.domain.results import Tried
 from mapmore_cli.fitting.baselines import DELAYS, features, learned
 from mapmore_cli.modelling.learners import LEARNERS
 from mapmore_cli.modelling.signals.sampling import even_share
-from mapmore_cli.modelling.validation.gaussian_process import most_likely
 
 MOST_IN_A_FOLD = 1_500
 """Training samples of a black box in each fold; half of those that it has as a competitor, where
@@ -76,6 +75,8 @@ def smooth(x: Array, y: Array) -> Callable[[Array], Array]:
     """Fit a process to inputs (n, d) of any range and outputs (n,); what predicts (m,) from (m,
     d).
     """
+    from mapmore_cli.modelling.validation.gaussian_process import most_likely
+
     low, middle = x.min(axis=0), y.mean()
     width = np.where(np.ptp(x, axis=0) > 0, np.ptp(x, axis=0), 1.0)
     process = most_likely((x - low) / width, y - middle)

@@ -256,8 +256,9 @@ def _hidden_in_words(
     """Yield what is told of the hidden rows and columns that are read."""
     if rows and request.hidden != "drop":
         yield (
-            f"{label}: {len(rows)} hidden rows are read, the first of them row {rows[0]}; "
-            "`hidden: drop` leaves out what a filter, or a hand, has hidden"
+            f"{label}: {len(rows)} hidden row{'s are' if len(rows) > 1 else ' is'} read (first: "
+            f"row {rows[0]}); `hidden: drop` leaves out the rows that a filter or a person has "
+            "hidden"
         )
     if columns := [column for column, place in places.items() if place in sheet.hidden_columns]:
         yield f"{label}: the column '{columns[0]}' is hidden in the workbook, and is read"

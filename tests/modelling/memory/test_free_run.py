@@ -8,7 +8,7 @@ from memory_samples import STEP, memory_model, narx_truth, state_set
 
 from mapmore_cli.modelling.memory.free_run import Along, _refuse_other_steps
 from mapmore_cli.modelling.memory.records import AtSample
-from mapmore_cli.modelling.memory.simulation import bounds_of
+from mapmore_cli.modelling.memory.simulation import divergence_bounds
 
 LAGS = state_set("x[k-1]", "x[k-2]", "y[k-1]", "y[k-2]")
 TRUTH = memory_model(["x[k-2]", "y[k-2]", "x[k-1]*y[k-1]", "y[k-1]^2"], [0.6, -0.5, 0.7, 0.2], LAGS)
@@ -162,6 +162,6 @@ def test_a_piece_shorter_than_its_history_has_no_prediction():
 )
 def test_a_run_diverges_beyond_a_hundred_times_the_training_range(limits, size):
     """Of an output that never changed, beyond as many times its size, or one."""
-    low, high = bounds_of(limits)
+    low, high = divergence_bounds(limits)
     assert (limits[0] - low, high - limits[1]) == pytest.approx((100 * size,) * 2)
-    assert np.isfinite(bounds_of((-1.7e308, 1.7e308))).all()
+    assert np.isfinite(divergence_bounds((-1.7e308, 1.7e308))).all()

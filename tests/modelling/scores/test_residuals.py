@@ -13,8 +13,9 @@ from surfaces import QUANTITIES, built, changed, curves, recipe
 
 from mapmore_cli.domain.arrays import extremes
 from mapmore_cli.domain.recording import Curve, Dataset, Recording, uncertainty_of
-from mapmore_cli.domain.results import FitResult, Forecast
+from mapmore_cli.domain.results import Forecast
 from mapmore_cli.domain.scores import OWN
+from mapmore_cli.modelling.frols.offsets import constant_alone
 from mapmore_cli.modelling.kinds import predict
 from mapmore_cli.modelling.validation import metrics, outliers
 from mapmore_cli.modelling.validation.residuals import (
@@ -148,7 +149,7 @@ def test_the_worst_of_several_pieces_tells_what_a_constant_alone_leaves():
         return SimpleNamespace(terms=terms, selection=SimpleNamespace(sse=left, yy=2.0))
 
     def note(*pieces):
-        return FitResult.constant_alone.fget(SimpleNamespace(backbone=None, pieces=pieces))
+        return constant_alone(SimpleNamespace(backbone=None, pieces=pieces))
 
     assert "all but 0.25 of" in note(piece("1", left=0.1), piece("1", left=0.5))[0]
-    assert note(piece("1", left=0.1), piece("1", "strain", left=0.5)) == ()
+    assert note(piece("1", left=0.1), piece("1", "strain", left=0.5)) == []
