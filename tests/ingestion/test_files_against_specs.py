@@ -249,7 +249,7 @@ def test_cells_in_per_cent_are_fractions_and_hidden_rows_can_be_left_out(ingest,
     made = ingest({name: content}, columns=columns(strain={"unit": "1"}), **asked)
     strain = made.recordings[0].columns["strain"]
     np.testing.assert_allclose(strain, [row[2] for row in rows[1:]])
-    assert "1 hidden rows are read, the first of them row 5" in " ".join(warnings)
+    assert "1 hidden row is read (first: row 5)" in " ".join(warnings)
     warnings.clear()
     made = ingest({name: content}, columns=columns(), hidden="drop", **asked)
     assert len(made.recordings[0].columns["strain"]) == N - 1

@@ -64,7 +64,7 @@ TABLE = {
     ),
 }
 PADDED, GROUPED = "characters of padding", "may be 1010: the column has whole numbers up to 980"
-PERCENT, HIDDEN, UNWRITTEN = "is shown in per cent", "1 hidden rows are read", "never written"
+PERCENT, HIDDEN, UNWRITTEN = "is shown in per cent", "1 hidden row is read", "never written"
 TEXT_NUMBERS = "cannot occur: the format has no texts of numbers"
 MORE = {  # what is told of a fault by these, and why it cannot occur in other files
     "padded": (dict.fromkeys(("csv", "lvm"), PADDED) | {"json_lines": HALF}, NO_FORMULAS),
