@@ -204,7 +204,7 @@ def docstring(text: str) -> str:
 
 def names() -> str:
     """Return a table of the formulas' names, by what they predict."""
-    sections = re.findall(r"^## (.+)\n(.*?)(?=^## |\Z)", formulas(), re.MULTILINE | re.DOTALL)
+    sections = re.findall(r"^## ([^\n]+)\n(.*?)(?=^## |\Z)", formulas(), re.MULTILINE | re.DOTALL)
     rows = [
         f"| {heading} | {', '.join(f'[`{name}`](#{name})' for name in found)} |"
         for heading, text in sections

@@ -71,7 +71,7 @@ lazy.draw = lambda _: [Drawing("lazy", "", (Panel("", fail, "x", ("y",)),), Layo
 FAULTS = """
 operators  o      ZeroDivisionError
 operators  wrong  no Operator
-operators  zz     is there already
+operators  zz     there is already a `washout`
 formulas   f      ZeroDivisionError
 readers    r      ZeroDivisionError
 kinds      k      ZeroDivisionError

@@ -75,14 +75,13 @@ def write_pages(part: ReportSlice, workspace: Workspace) -> None:
 
 def provenance_of(run_dir: Path) -> dict[str, Any]:
     """Return where the numbers come from, as the record of the run says: the command that makes the
-    run again, in the folder that holds the folder of runs; versions, seconds by stage, and the
-    hashes of the recordings.
+    run again, in the folder that holds the folder of runs; versions, and the hashes of the
+    recordings. Times are in run.json alone, so that the page has the same bytes each time.
     """
     from mapmore_cli.storage.run_record import load_origin, load_records, tool_versions
 
     records, origin = load_records(run_dir, lambda _message: None), load_origin(run_dir)
-    seconds = (f"{name} {record.seconds:.2f}" for name, record in records.items())
-    provenance = {**tool_versions(), "seconds by stage": ", ".join(seconds)}
+    provenance: dict[str, Any] = {**tool_versions()}
     inputs = {path: stamp for record in records.values() for path, stamp in record.inputs.items()}
     for number, (path, stamp) in enumerate(inputs.items()):
         if number == MOST_HASHES:

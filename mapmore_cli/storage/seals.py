@@ -18,6 +18,9 @@ from mapmore_cli.storage.atomic import write_text
 SEAL = ".seal"
 """The file in the folder of a run; nobody misses it."""
 
+REVISION = 2
+"""Raised when an `Answer` has other keys, so that runs with an older seal are planned."""
+
 
 class Answer(TypedDict):
     """What is known of a run that is up to date.
@@ -26,6 +29,7 @@ class Answer(TypedDict):
     - `stages`: the stages that are up to date.
     - `published`, `limits`: the numbers that its scores are compared with, as JSON values.
     - `warnings`: what the rules found.
+    - `alerts`: what speaks against its scores, as JSON values.
     """
 
     patterns: list[str]
@@ -34,6 +38,7 @@ class Answer(TypedDict):
     published: object
     limits: object
     warnings: list[str]
+    alerts: object
 
 
 class Sealed(TypedDict):

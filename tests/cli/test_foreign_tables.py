@@ -75,7 +75,7 @@ def test_workbooks_parquet_and_utf16_are_read_as_they_are(tmp_path, model_file, 
         assert mapmore("predict", model_file, tmp_path / name, code=0).stdout == EXPECTED
     fields = [pa.field("pressure", pa.float64(), metadata={"units": "psi"}), table.schema[1]]
     parquet.write_table(table.cast(pa.schema(fields)), tmp_path / "t.parquet")
-    says = "'pressure' is in psi, says the file"
+    says = "'pressure' is in psi according to the file"
     mapmore("predict", model_file, tmp_path / "t.parquet", code=4, says=says)
 
 

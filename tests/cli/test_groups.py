@@ -190,5 +190,5 @@ def test_an_offset_needs_a_millionth_of_its_own(left, told_apart):
     if told_apart:
         _require_apart(common, coded, "muscle", ["pressure"])
     else:
-        with pytest.raises(DataError, match="cannot be told from what pressure do"):
+        with pytest.raises(DataError, match="cannot be separated from the effects of pressure"):
             _require_apart(common, coded, "muscle", ["pressure"])

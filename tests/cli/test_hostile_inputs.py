@@ -56,6 +56,9 @@ def test_a_very_long_line_is_refused(tmp_path):
         read(path, "strain")
     with pytest.raises(DataError, match="row 1: is longer"):
         list(lines_of(Path("/dev/zero")))
+    path.write_bytes(bytes(12_000_000))  # room that a logger made, and never used
+    with pytest.raises(DataError, match="the file is empty"):
+        read(path, "strain")
 
 
 def test_links_in_a_circle_give_each_recording_once(tmp_path):

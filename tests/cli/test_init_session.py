@@ -55,8 +55,11 @@ def test_who_answers_has_a_draft_without_an_open_question(tmp_path, cylinder, ma
     first, *later = as_text(shown).split("What ")[1:]
     assert "no column of numbers is called 17" in first
     assert any(block in first for block in "▃▅▇")
-    assert numbered(first) == numbered(refused) != []
-    assert all({*numbered(one)} < {*numbered(refused)} for one in later)
+    hint = "  rises all the time: a clock?"
+    assert refused.count(hint) == 1
+    printed = numbered(refused.replace(hint, ""))
+    assert numbered(first) == printed != []
+    assert all({*numbered(one)} < {*printed} for one in later)
     text = (tmp_path / "asked.yaml").read_text()
     assert "pressure: {column: 3, unit: bar}" in text
     assert "# you;" in text

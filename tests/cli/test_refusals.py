@@ -75,7 +75,7 @@ LINES = """
 4  predict LONG t.csv                        file name too long
 4  invert --for pressure LONG t.csv          file name too long
 4  export LONG --to c                        file name too long
-4  invert MODEL LONG --for pressure          File name too long
+4  invert MODEL LONG --for pressure          file name too long
 4  freeze LONG --tag a                       file name too long
 """
 """Exit code, command line, and words of the message."""

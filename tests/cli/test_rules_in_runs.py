@@ -35,7 +35,7 @@ def test_an_error_of_check_ends_a_run_with_its_place_and_its_code(
 
 def test_a_constant_target_is_wrong_data(study, mapmore):
     flat = options("data.columns.force.scale=0")
-    mapmore("run", study, *flat, code=4, says="force is 0")
+    mapmore("run", study, *flat, code=4, says="0, in every sample [constant]")
 
 
 def test_warnings_are_told_each_time_and_data_are_not_read_again(

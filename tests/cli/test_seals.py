@@ -7,8 +7,8 @@ from dataclasses import replace
 import pytest
 from cli_samples import edit, write_study
 
+from mapmore_cli.annexes.campaigns import sealed
 from mapmore_cli.annexes.campaigns.sealed import known_by_seal, run_and_seal
-from mapmore_cli.pipeline import sealed
 from mapmore_cli.pipeline.jobs import Job, run_one
 from mapmore_cli.pipeline.runner import Options
 from mapmore_cli.storage.ownership import contents_of

@@ -188,7 +188,7 @@ def test_units_and_limits_are_of_each_output(slow, mapmore, document):
                 "segment=null",
                 "fit=null",
             ),
-            "`type` works for one target only, and there are several",
+            "`type` works for one target only",
         ),
         (("model={backbone: sarosi}",), "`backbone` works for one target only"),
         (("segment.force={method: gradient, count: 2}",), "`gradient` works for one target only"),
@@ -202,7 +202,7 @@ def test_units_and_limits_are_of_each_output(slow, mapmore, document):
         (("dictionary=[{terms: [tip_y]}]",), "a term contains the target `tip_y`"),
         (
             ("dictionary=[{terms: [force], sign: negative}]",),
-            "`sign` and `bounds` are",
+            "`sign` and `bounds` work for one target only",
         ),
     ],
 )

@@ -87,25 +87,25 @@ input: input, sections: [2350 mV           input: displacement, sections: [23 mm
 [2350 mV, 3.95]                            [2350 kPa, 3.95]                       kPa
 [2350 mV, 3.95]                            0                                      at least 1
 start: rest                                dead_band: 0.1 V  \
-    goes with `direction: true` and `switching: bumpless`
+    a dead band needs `direction: true` and `switching: bumpless`
 start: rest                                begin: {p1: [0, 1]}  \
-    no particles, which `begin` is for
+    no particles, so that `begin` has no effect
 start: rest                                seed: 2                                no particles
 start: rest                                solver: swarm, seed: -1                at least 0
 start: rest                                solver: swarm, begin: {p1: [1, 0]}  \
     lower bound first
 start: rest                                solver: swarm, offset: true  \
-    P1, P2 and P3 alone
-start: rest                                backbone: sarosi                       no `backbone`
+    finds P1, P2 and P3 only
+start: rest                                backbone: sarosi                  cannot have `backbone`
 start: rest                                colour: red                            colour
 type: state_space, input: input, sections  type: state_space, sections  \
     needs the `input`
 type: state_space, input: input            type: literature, name: sarosi  \
-    has no `sections`
+    cannot have `sections`
 units: {displacement: cm}                  units: {displacement: cm, time: ms}  \
-    goes by the time in s
+    needs the time in s
 """),
-        ('{files: ["', '{fraction: 0.3, seed: 1}}  # {files: ["', "drawn at random"),
+        ('{files: ["', '{fraction: 0.3, seed: 1}}  # {files: ["', "single samples at random"),
     ],
 )
 def test_slips_in_the_spec_are_told_at_their_place(old, new, words, mapmore, tmp_path):

@@ -333,6 +333,7 @@ def try_text(chance, number, folder):
         "span",
         "scope",
         "class",
+        "data-name",
     }:
         raise Fault(f"HTML has {strange}")
     read = list(csv.reader(io.StringIO(to_csv(table), newline="")))

@@ -100,8 +100,8 @@ def test_a_clock_in_parts_is_added_up(tmp_path):
     [
         ({"columns": ["h", "m"], "format": "h"}, "has 1 parts"),
         ({"columns": ["h"], "format": "h", "column": "t"}, "one `column`"),
-        ({"columns": ["h", "f"], "format": "h %f"}, "a format has codes"),
-        ({"columns": ["h"], "format": "kPa"}, "a format has codes"),
+        ({"columns": ["h", "f"], "format": "h %f"}, "a format needs codes such as %H"),
+        ({"columns": ["h"], "format": "kPa"}, "a format needs codes such as %H"),
         ({"columns": ["h"], "format": "h", "unit": "s"}, "units of their own"),
         ({}, "one `column`"),
     ],

@@ -13,6 +13,7 @@ from hypothesis.extra.numpy import arrays
 from scipy import stats
 from surfaces import QUANTITIES, recipe
 
+from mapmore_cli.domain.fits import LOWER_BOUND
 from mapmore_cli.domain.models import LeftOut
 from mapmore_cli.domain.recording import Curve, Quantity
 from mapmore_cli.modelling.pieces.build import build
@@ -341,4 +342,4 @@ def test_the_answer_follows_from_the_intervals_and_the_margin(changes, answer):
     ],
 )
 def test_a_coefficient_moved_by_more_than_twice_its_error(before, after, error, moved):
-    assert TermChange("a", "strain", before, after, error).moved == moved
+    assert TermChange("a", "strain", before, after, error, LOWER_BOUND).moved == moved

@@ -2,6 +2,8 @@
 those of stages that run one by one.
 """
 
+import re
+
 from mapmore_cli.pipeline.runner import bring_up_to_date
 from mapmore_cli.storage import artefacts
 from mapmore_cli.storage.run_folder import RESULTS
@@ -25,7 +27,7 @@ def test_files_are_those_of_stages_one_by_one(tmp_path, monkeypatch):
     lines = ["P,eps,F", *(f"{p},{e:.4f},{p * (1 - 2 * e**2):.4f}" for p, e in rows)]
     (tmp_path / "d.csv").write_text("\n".join(lines) + "\n")
     (tmp_path / "s.yaml").write_text(SPEC)
-    loaded, one, other = load(tmp_path / "s.yaml"), tmp_path / "one", tmp_path / "other"
+    loaded, one, other = load(tmp_path / "s.yaml"), tmp_path / "one" / "r", tmp_path / "other" / "r"
     for stage in (*RESULTS, "report"):
         artefacts._latest.clear()
         bring_up_to_date(loaded, one, stage)
@@ -41,5 +43,10 @@ def test_files_are_those_of_stages_one_by_one(tmp_path, monkeypatch):
         if path.is_file() and path.name not in ("run.json", ".lock")
     ]
     assert len(names) > 20
+
+    def content(path):
+        """The page says how long each stage took, as `run.json` does."""
+        return re.sub(rb"<dt>seconds by stage</dt><dd>[^<]*</dd>", b"", path.read_bytes())
+
     for name in names:
-        assert (one / name).read_bytes() == (other / name).read_bytes(), name
+        assert content(one / name) == content(other / name), name

@@ -90,14 +90,19 @@ def test_pieces_are_joined_as_python_joins_them(tmp_path):
 
 
 def test_a_page_without_explore_has_no_script(inputs, monkeypatch):
-    """`report.explore: false`, and the exporting annex missing."""
-    assert "<script" not in render_page(replace(inputs, explore=False), {})
+    """`report.explore: false`, and the exporting annex missing: but for that of all tables."""
+    (tables,) = scripts([text_of("tables.js")])
+
+    def scripts_of(page):
+        return re.findall(r"<script[^>]*>(.*?)</script>", page, re.DOTALL)
+
+    assert scripts_of(render_page(replace(inputs, explore=False), {})) == [tables.text]
 
     def missing(_group, _name):
         raise plugins.NotInstalled("`export` is not installed", "install it")
 
     monkeypatch.setattr(explore.plugins, "load", missing)
-    assert "<script" not in render_page(inputs, {})
+    assert scripts_of(render_page(inputs, {})) == [tables.text]
 
 
 def test_no_text_ends_a_script():

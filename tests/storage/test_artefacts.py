@@ -375,7 +375,7 @@ def test_format_versions(version, readable, written):
 
 @pytest.mark.parametrize("name", ["a\0b", "mess\udce9", "a\nb", "a\x1b[2J", "a\u2028b"])
 def test_names_that_are_no_text_are_refused(name, tmp_path):
-    with pytest.raises(DataError, match="must be one line of valid text"):
+    with pytest.raises(DataError, match="cannot be stored: it is not one line of valid text"):
         artefacts.write_dataset(tmp_path / "x.h5", replace(examples()["dataset"], notes=(name,)))
     assert not list(tmp_path.iterdir())
 

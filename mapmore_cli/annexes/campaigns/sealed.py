@@ -19,7 +19,7 @@ from pydantic import TypeAdapter
 
 from mapmore_cli.checking import findings
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.domain.scores import Limit, Published
+from mapmore_cli.domain.scores import Alert, Limit, Published
 from mapmore_cli.ingestion.files import expand, relative_name
 from mapmore_cli.modelling.selection import AUTO
 from mapmore_cli.pipeline.jobs import Finished, Job, run_one
@@ -27,6 +27,7 @@ from mapmore_cli.pipeline.staleness import known_records, needed_runs, pipeline
 from mapmore_cli.storage.run_folder import RunFiles, is_tidy
 from mapmore_cli.storage.run_record import RUN_RECORD, tool_versions, written_files
 from mapmore_cli.storage.seals import (
+    REVISION,
     Sealed,
     file_at,
     hashes_of,
@@ -44,6 +45,7 @@ if TYPE_CHECKING:
 
 _LIMITS = TypeAdapter(tuple[Limit, ...])
 _PUBLISHED = TypeAdapter(Published | None)
+_ALERTS = TypeAdapter(tuple[Alert, ...])
 
 
 def known_by_seal(job: Job, name: str) -> Finished | None:
@@ -70,6 +72,7 @@ def known_by_seal(job: Job, name: str) -> Finished | None:
             _LIMITS.validate_python(answer["limits"]),
             (*table.warnings, *answer["warnings"]),
             time.perf_counter() - started,
+            _ALERTS.validate_python(answer["alerts"]),
         )
     return None
 
@@ -136,6 +139,7 @@ def _sealed(
             "published": None if finished.published is None else asdict(finished.published),
             "limits": [asdict(limit) for limit in finished.limits],
             "warnings": list(findings.sentences(run_dir)),
+            "alerts": [asdict(alert) for alert in finished.alerts],
         },
     }
     return sealed if still_holds(run_dir, sealed) else None
@@ -167,4 +171,5 @@ def _program() -> Mapping[str, object]:
         **tool_versions(),
         "stages": {stage.name: stage.revision for stage in pipeline()},
         "rules": findings.REVISION,
+        "seal": REVISION,
     }

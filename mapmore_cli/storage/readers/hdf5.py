@@ -173,7 +173,8 @@ def _reader(dataset: h5py.Dataset, field: str | None = None) -> Callable[[Select
         own = _own_values(dataset, selection)
         values = own if field is None else own.fields(field)
         if kind.kind != "O" or not dataset.shape:
-            return np.asarray(_written(dataset, selection, values[selection]))
+            # of no axes, h5py reads a text as bytes
+            return _written(dataset, selection, np.asarray(values[selection]))
         if h5py.check_string_dtype(kind):
             return _texts(dataset, values)[selection]
         return np.zeros(1, dtype="V1")

@@ -311,11 +311,11 @@ to a tenth, at most to a fiftieth.
 """
 
 
-def refuse_bombs(where: str, unpacked: float, packed: int, size: int = BOMB_SIZE) -> None:
+def refuse_bombs(where: str, unpacked: float, packed: int, size: int | None = None) -> None:
     """Raise DataError for what unpacks, or declares to, to far more than a log that was packed, and
-    to more than a `size`.
+    to more than a `size`, `BOMB_SIZE` where None.
     """
-    if unpacked > max(size, BOMB_RATIO * packed):
+    if unpacked > max(BOMB_SIZE if size is None else size, BOMB_RATIO * packed):
         sizes = f"from {packed / 1e6:.2g} MB to {unpacked / 1e6:.0f} MB or more"
         raise DataError(
             f"{where} unpacks {sizes}",

@@ -12,6 +12,7 @@ import io
 import lzma
 import os
 import re
+import stat
 import zlib
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
@@ -85,8 +86,11 @@ def open_lines(
     itself.
     """
     with path.open("rb") as raw:
-        packed = os.fstat(raw.fileno()).st_size if is_zipped(raw) else None
-        yield Lines(_unzipped(raw), encoding, errors, label, packed), raw
+        found = os.fstat(raw.fileno())
+        packed = found.st_size if is_zipped(raw) else None
+        lines = Lines(_unzipped(raw), encoding, errors, label, packed)
+        lines.endless = not stat.S_ISREG(found.st_mode)
+        yield lines, raw
 
 
 def lines_of(
@@ -132,6 +136,7 @@ class Lines(Iterator[str]):
         self._held, self._at, self._ended, self._size = b"", 0, False, 0
         self._tail = b""  # which is padding, if no text follows
         self.taken = self.rows = self.padding = 0
+        self.endless = False  # as a device may be, of which all may be padding
 
     def __next__(self) -> str:
         line = self._line()
@@ -171,7 +176,7 @@ class Lines(Iterator[str]):
     def _more(self) -> bool:
         """Hold more of the text, if there is any."""
         rest = self._held[self._at :]
-        if len(rest) > LONGEST:
+        if len(rest) > LONGEST or (self.endless and self.padding > LONGEST):
             raise DataError(
                 f"{self._label}:row {self.rows + 1}: is longer than {LONGEST // 10**6} million "
                 "characters",

@@ -298,7 +298,7 @@ def test_the_form_of_stamps_is_known_from_block_to_block(tmp_path, monkeypatch):
     ],
 )
 def test_a_format_says_how_stamps_are_read(tmp_path, layout, cells, seconds):
-    asked = {"clocks": frozenset({"x"}), "format": layout}
+    asked = {"clocks": frozenset({"x"}), "formats": {"x": layout}}
     content = "\n".join(["x,P", *(f"{cell},1" for cell in cells)]).encode()
     assert csv_table(tmp_path / "a", content, "x", **asked).columns["x"].tolist() == seconds
     for read in (of_xlsx, of_hdf5, of_mat, of_tdms):

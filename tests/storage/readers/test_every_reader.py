@@ -64,7 +64,7 @@ try:
     Logs.model_validate({"files": ["log.bar"], "reader": "bars", "columns": columns,
         "decimal": ","})
 except ValueError as error:
-    assert "no use for `decimal`" in str(error), error
+    assert "cannot use `decimal`" in str(error), error
 else:
     raise AssertionError("the key was taken")
 """
