@@ -146,7 +146,7 @@ def test_a_record_of_longer_steps_is_refused_where_most_are(time, rows, sample):
 
 def test_a_run_along_longer_steps_is_refused():
     x = np.zeros(40)
-    with pytest.raises(AtSample, match="as most are"):
+    with pytest.raises(AtSample, match="as most samples are"):
         Along(TRUTH)({"time": 2 * STEP * np.arange(40), "x": x, "y": x})
 
 
