@@ -2,7 +2,6 @@
 those of stages that run one by one.
 """
 
-
 from mapmore_cli.pipeline.runner import bring_up_to_date
 from mapmore_cli.storage import artefacts
 from mapmore_cli.storage.run_folder import RESULTS
