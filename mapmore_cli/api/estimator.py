@@ -192,8 +192,8 @@ class FROLS:
 
     @property
     def errors_note_(self) -> str:
-        """What the standard errors take residuals to be: they are lower bounds where neighbouring
-        samples err together.
+        """Sentence that says how far the standard errors can be trusted. They are lower bounds if
+        neighbouring samples have similar errors.
         """
         self._check_fitted()
         return self.selection_.errors_note

@@ -267,7 +267,7 @@ class ScoreTable:
 
     @property
     def alert(self) -> str:
-        """What residual tests found of all targets; empty if they pass."""
+        """Findings of the residual tests of all targets, in words; empty if all tests pass."""
         return "; ".join(self.alerts.values())
 
     @property

@@ -32,7 +32,7 @@ LEFT_OUT = (
 
 @dataclass(frozen=True)
 class ReportSlice:
-    """What the report shows beyond the results: everything else in the resolved spec makes an
+    """Part of the resolved spec that only the report shows. A change of any other part makes an
     earlier stage stale.
     """
 

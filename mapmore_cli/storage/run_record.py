@@ -36,8 +36,8 @@ from mapmore_cli.storage.atomic import write_text
 
 @dataclass(frozen=True)
 class Stamp:
-    """What a file was: its size in bytes, its modification time and the SHA-256 of its content (of
-    a long result file, its own checksum).
+    """State of a file when it was read or written: its size in bytes, its modification time and the
+    SHA-256 of its content (for a long result file, its own checksum).
 
     Programs that copy files set the modification time, so that the file's number on its disk and
     the time of its last change of any kind tell a file that was replaced; 0 where they are not

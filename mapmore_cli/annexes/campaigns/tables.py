@@ -28,7 +28,7 @@ SPARSE = 0.5
 
 @dataclass(frozen=True)
 class CampaignScores:
-    """What the tables of a campaign are made of.
+    """Scores of the runs of a campaign, from which its tables are made.
 
     - `runs`: the scores of every run, by its name.
     - `units`: the unit of the modelled quantity, by run.

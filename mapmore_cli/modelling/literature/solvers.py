@@ -143,7 +143,7 @@ DISTINCT = 1e-3  # relative difference between sums of squares of minima that ar
 
 
 def agreement(ends: Sequence[End], best: End, starts: int) -> str:
-    """Return the note on how many of so many starts came to the best end."""
+    """Return a note that says how many of the `starts` ended at the smallest sum of squares."""
     agreeing = sum(end.cost <= (1 + AGREEMENT) * best.cost + 1e-20 for end in ends)
     return f"{agreeing} of {starts} starts found the same sum of squares"
 

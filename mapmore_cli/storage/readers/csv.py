@@ -175,8 +175,6 @@ def below_csv(path: Path, request: TableRequest) -> list[Below]:
     """Return the tables that stand below each other in a text; none where no line of words, and no
     blank line, stands below numbers.
     """
-    delimiter = DELIMITERS.get(request.delimiter, request.delimiter)
-    split_at = None if delimiter == WHITESPACE else delimiter
     with reading(request.label, "text file", UNREADABLE):
         with open_lines(path, request.encoding, request.label, errors="replace") as (lines, _):
             begun = broken = False
@@ -187,7 +185,7 @@ def below_csv(path: Path, request: TableRequest) -> list[Below]:
         if not broken:
             return []
         with open_lines(path, request.encoding, request.label, errors="replace") as (lines, _):
-            records = _records(lines, split_at, request)
+            records, _ = _records_of(lines, request)
             is_number = partial(holds_number, decimal=request.decimal)
             return tables_below((one for one in records if one[1]), request.header, is_number)
 

@@ -24,7 +24,8 @@ BOOK, STYLES = "xl/workbook.xml", "xl/styles.xml"
 COLLAPSED = ("collapse", "filter")
 OF_XLSX = re.compile(rb"<(\w+:)?f\b|\bt=[\"']e|\b(hidden|ht|zeroHeight)=[\"'](1|true|0)\b")
 OF_ODS = re.compile(
-    rb"formula=|value-type=\"(?:error|percentage)|spanned=|>Err:|>#|visibility=\"(?:collapse|filter)"
+    rb"formula=|value-type=\"(?:error|percentage)|spanned=|>Err:|>#|"
+    rb"visibility=\"(?:collapse|filter)"
 )
 """What stands in a sheet that has something to say; the others, which are most, are not parsed."""
 
