@@ -13,6 +13,7 @@ never begins a line, because Markdown would end the paragraph there.
     least TABLE; COLUMN           the least number of a column
     greatest TABLE; COLUMN        the greatest number of a column
     mean TABLE; COLUMN            the mean of a column, and `sum` its sum
+    count TABLE; COLUMN; CELL     how many rows have this text in a column
     excess TABLE; ROW; COLUMN     by how many per cent a ratio is above one; `less`: below one
 
 A format may follow, as `; .1f`, or `; ,.0f` with spaces between thousands; without it the text of
@@ -34,7 +35,7 @@ DOCS = Path(__file__).parent
 README = DOCS.parent / "README.md"
 BLOCK = re.compile(r"(<!-- table (\S+?)(?: (\d+))? -->)\n(.*?)(<!-- end -->)", re.DOTALL)
 MARK = re.compile(
-    r"(<!--\s+(cell|least|greatest|mean|sum|excess|less)\s+([^>]*?)\s+-->)(.*?)(<!-- / -->)",
+    r"(<!--\s+(cell|least|greatest|mean|sum|count|excess|less)\s+([^>]*?)\s+-->)(.*?)(<!-- / -->)",
     re.DOTALL,
 )
 
@@ -109,7 +110,7 @@ def quoted(kind: str, words: str, page: Path) -> str:
     """Return what a mark of a page has to show.
 
     Args:
-        kind: `cell`, `least`, `greatest`, `mean`, `sum`, `excess` or `less`.
+        kind: `cell`, `least`, `greatest`, `mean`, `sum`, `count`, `excess` or `less`.
         words: table, row where there is one, column, and format, with semicolons between them.
         page: the page, whose tables are meant unless the words name another.
 
@@ -125,6 +126,10 @@ def quoted(kind: str, words: str, page: Path) -> str:
         text = cell_of(rows, row, column)
         if kind != "cell":
             text = str((100 if kind == "excess" else -100) * (float(text) - 1))
+    elif kind == "count":
+        column, cell, *form = rest
+        headings, *body = rows
+        text = str(sum(cells[_place(headings, column)] == cell for cells in body))
     else:
         column, *form = rest
         cells = sorted(column_of(rows, column), key=float)

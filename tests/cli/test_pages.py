@@ -84,6 +84,7 @@ TABLE = [["run", "held out", "error [N]"], ["a", "1", "2.5"], ["a", "2", "3.25"]
         ("greatest t; error; .0f", "3"),
         ("sum t; error; .1f", "5.8"),
         ("mean t; error; .2f", "2.88"),
+        ("count t; run; a", "2"),
         ("excess t; a, 1; error; .0f", "150"),
         ("less t; a, 1; error; .0f", "-150"),
     ],
