@@ -88,7 +88,7 @@ REVISION = 4
 
 @dataclass(frozen=True)
 class Kept:
-    """What the file holds: the findings, and what they depend on."""
+    """Content of the file: the findings, and what they depend on."""
 
     mark: str
     issues: tuple[Issue, ...]

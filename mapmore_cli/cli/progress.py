@@ -79,7 +79,7 @@ class Reporter:
 
     @property
     def listeners(self) -> Listeners:
-        """What is told of the stages of a run, as `bring_up_to_date` takes it."""
+        """Functions that `bring_up_to_date` calls to report on the stages of a run."""
         return {"progress": self.progress, "warn": self.warn, "on_stage": self.stage}
 
     def say(self, message: str) -> None:

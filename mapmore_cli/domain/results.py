@@ -137,7 +137,7 @@ class ResidualTest:
 
     @property
     def words(self) -> str:
-        """What lies outside."""
+        """Description of the samples outside, in words."""
         count = f"{self.beyond} of {self.tested}"
         if self.name == AUTOCORRELATION:
             return f"{count} lags"

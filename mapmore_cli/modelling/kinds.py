@@ -29,7 +29,7 @@ from mapmore_cli.modelling.ranges import outside_limits
 
 
 class Verbs(Protocol):
-    """What a kind does with a model of its own.
+    """Operations of a kind of model.
 
     A kind derives from this class. It defines the first four verbs; each of the others has an
     answer here, which suits models whose rows are independent of each other.

@@ -18,7 +18,7 @@ from mapmore_cli.domain.arrays import Array
 
 
 class Regressor(Protocol):
-    """What learns from inputs, (n, m), and outputs, (n,), and predicts (n,) of other inputs."""
+    """Regressor that is fitted to inputs (n, m) and outputs (n,), and predicts (n,) for others."""
 
     def fit(self, x: Array, y: Array, /) -> object:
         """Learn from samples."""

@@ -73,7 +73,7 @@ def between_gaps(time: Array) -> list[slice]:
 
 @dataclass(frozen=True)
 class Reading:
-    """What is read of a table.
+    """Part of a table that is read.
 
     - `columns`: quantities without which a row has no prediction.
     - `signals`: quantities that follow from the columns over time.

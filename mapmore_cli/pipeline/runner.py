@@ -120,7 +120,7 @@ def explain(
 
 
 class Listeners(TypedDict):
-    """What is told of the work, as `bring_up_to_date` takes it."""
+    """Functions that `bring_up_to_date` calls to report on its work."""
 
     progress: Progress
     warn: Warn

@@ -11,7 +11,7 @@ from mapmore_cli.study.experiment import Competitor, ExperimentSpec
 
 @dataclass(frozen=True)
 class ScoresSlice:
-    """What the scores depend on beyond the model.
+    """Part of the spec on which the scores depend, besides the model.
 
     `target` is what is scored, `seen_as` the same where it is not what the model predicts, so that
     this is inverted. `static` is the spec of the needed static run, `lengths` are the muscle's in

@@ -142,7 +142,7 @@ LONGEST_REASON = 6
 
 @dataclass(frozen=True)
 class StagePlan:
-    """What a stage would be made from now.
+    """Inputs and settings from which a stage would be made now.
 
     `part` is the slice of the spec. `now` is the entry that it would have: its outputs are the
     committed files that still exist. `reason` says why the stage has to run, None if it is up to

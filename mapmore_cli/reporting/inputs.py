@@ -120,7 +120,7 @@ class ReportInputs:
 
     @property
     def alerts(self) -> tuple[Alert, ...]:
-        """What speaks against the verdict of this output, the worst first."""
+        """Alerts that speak against the verdict of this output, the worst first."""
         return alerts_of(
             *(self.whole, self.model, self.validation),
             *(self.unconfirmed, self.doubts, self.search),
@@ -133,7 +133,7 @@ class ReportInputs:
 
     @property
     def target(self) -> Quantity:
-        """What is modelled, with the unit of every prediction and error."""
+        """Modelled quantity, with the unit of every prediction and error."""
         return self.dataset.quantities[self.dataset.target]
 
     def axis_label(self, quantity: Quantity, prefix: str = "") -> str:

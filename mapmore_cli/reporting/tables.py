@@ -1,4 +1,4 @@
-"""What the report says in numbers about the data and the scores."""
+"""Tables of the report about the data and the scores."""
 
 from __future__ import annotations
 

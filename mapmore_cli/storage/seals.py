@@ -23,7 +23,7 @@ REVISION = 2
 
 
 class Answer(TypedDict):
-    """What is known of a run that is up to date.
+    """Results of a run that is up to date.
 
     - `patterns`, `recordings`: the files that the spec names, and what was found by these patterns.
     - `stages`: the stages that are up to date.

@@ -68,7 +68,7 @@ class CampaignScores:
 
     @property
     def normalisers(self) -> str:
-        """What errors are divided by."""
+        """Names of the normalisers by which errors are divided."""
         rows = [score for run in self.pooled.values() for score in run.values()]
         return " and ".join(dict.fromkeys(score.normaliser_name for score in rows))
 

@@ -79,7 +79,7 @@ Named = dict[str, NamedColumn]
 
 @dataclass(frozen=True)
 class Note:
-    """What decided a thing; what is not `sure` is marked for the user to look at."""
+    """Reason for an entry of the draft; an entry that is not `sure` is marked for a check."""
 
     why: str
     sure: bool = True
@@ -117,13 +117,13 @@ class Draft:
 
     @property
     def output(self) -> str:
-        """What the model predicts."""
+        """Quantity that the model predicts."""
         target = str(self.spec["target"])
         return "force" if target == "static" else target
 
     @property
     def open(self) -> dict[Loc, Note]:
-        """What is not sure."""
+        """Entries of the draft that are not sure."""
         return {loc: note for loc, note in self.notes.items() if not note.sure}
 
     @property

@@ -68,7 +68,7 @@ class Study:
 
     @property
     def quantities(self) -> set[str]:
-        """What the titles name."""
+        """Quantities that the titles name."""
         labels = map(read_label, self.layout.titles)
         return {label.quantity for label in labels if label is not None}
 

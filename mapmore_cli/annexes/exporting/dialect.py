@@ -41,7 +41,7 @@ from mapmore_cli.modelling.program.writing import names_used_in
 
 @dataclass(frozen=True, kw_only=True)
 class Dialect:
-    """What differs between languages.
+    """Differences between the languages of exports.
 
     - `number`: a finite number as text.
     - `language`: whose texts of functions count (`expressions.functions`); how the name of one of

@@ -130,7 +130,7 @@ def _driven(section: MotionSection, drives: list[Expression]) -> Expression:
 
 
 class MotionVerbs(Verbs):
-    """What a model of motion does."""
+    """Operations of a model of motion."""
 
     def simulate(self, model: Model, columns: Columns) -> SimulatedRun:
         """Return the model along one recording, (n,), from rest; NaN where an input is NaN, with a

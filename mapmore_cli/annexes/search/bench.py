@@ -48,7 +48,7 @@ recordings that models with a past run along, long pieces."""
 
 @dataclass(frozen=True)
 class Slice:
-    """What a search depends on."""
+    """Part of a study on which the result of a search depends."""
 
     levels: Levels | None
     model: ModelChoice

@@ -118,7 +118,7 @@ def _own(part: Part, names: Iterable[str]) -> frozenset[str]:
 
 
 class SumVerbs(Verbs):
-    """What a sum of models does."""
+    """Operations of a sum of models."""
 
     def simulate(self, model: Model, columns: Columns) -> SimulatedRun:
         """Return the sum at every row, (n,), and the rows at which any part diverges."""

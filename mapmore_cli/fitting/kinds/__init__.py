@@ -47,7 +47,7 @@ class Given:
 
 
 class Maker(Protocol):
-    """What makes models of one kind; a kind derives from this class."""
+    """Maker of the models of one kind; each kind derives from this class."""
 
     @abstractmethod
     def fit(self, part: ModelChoices, given: Given) -> FitResult:

@@ -41,7 +41,7 @@ class Parameter:
 
 @dataclass(frozen=True)
 class Setting:
-    """What a state of an operator depends on besides its source.
+    """Settings on which a state of an operator depends besides its source.
 
     - `numbers`: those of the state's name, or those that training found.
     - `step`: time between samples, s.

@@ -109,7 +109,7 @@ def formula_value(
 
 
 class FormulaVerbs(Verbs):
-    """What a formula does as a model."""
+    """Operations of a formula as a model."""
 
     def simulate(self, model: Model, columns: Columns) -> SimulatedRun:
         """Return the formula at every row, (n,); NaN where an input is."""

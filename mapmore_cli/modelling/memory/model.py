@@ -125,7 +125,7 @@ def _sum_of_terms(m: Writer, model: MemoryModel, names: Mapping[str, Expression]
 
 
 class MemoryVerbs(Verbs):
-    """What a model with memory does."""
+    """Operations of a model with memory."""
 
     def running(self, model: Model, ahead: bool = False) -> Callable[[Columns], SimulatedRun]:
         """Return what tells the next rows of a recording each time that it is called: in free run,

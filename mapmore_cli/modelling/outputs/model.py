@@ -36,7 +36,7 @@ def _structure(model: Model) -> tuple[object, ...]:
 
 
 class OutputsVerbs(Verbs):
-    """What a model of several outputs does; it refuses to stand for one number."""
+    """Operations of a model of several outputs; those that return one number raise an error."""
 
     def simulate(self, model: Model, columns: Columns) -> SimulatedRun:
         """Predict the one output; UsageError if there are several."""

@@ -75,7 +75,7 @@ def _weight(
 
 
 class PiecesVerbs(Verbs):
-    """What MAPMORE does as a model."""
+    """Operations of a model of joined pieces."""
 
     def simulate(self, model: Model, columns: Columns) -> SimulatedRun:
         """Return `backbone(inputs) + sum_i f_i(E(x)) prod_j w_ij(x_j)` at every row, (n,) (M1 eq 5,

@@ -32,7 +32,7 @@ FEWEST = 8  # samples of a record
 
 @dataclass(frozen=True)
 class Shift:
-    """What to add to the second log's time, and how sure that is.
+    """Time to add to the clock of the second log, and its half width.
 
     - `value`, `half_width`: in the unit of the stamps; the latter of the 95 % interval: what noise
       does to the shift, and half a sample of either record, added in squares. Where noise is small,

@@ -67,7 +67,7 @@ def _force(model: Model, columns: Columns) -> Array:
 
 
 class TendonVerbs(Verbs):
-    """What a muscle behind a tendon does."""
+    """Operations of a model of a muscle behind a tendon."""
 
     def simulate(self, model: Model, columns: Columns) -> SimulatedRun:
         """Return the force at every row of a recording, (n,).

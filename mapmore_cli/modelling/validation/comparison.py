@@ -108,7 +108,7 @@ class TermChange:
 
 @dataclass(frozen=True)
 class Comparison:
-    """What two models say about one muscle.
+    """Comparison of two models of one muscle.
 
     `ratio` is the factor that turns the earlier output into the later one over all curves, by least
     squares: the mean of the curves' own, weighted by the squares of the output. `interval` is its

@@ -119,7 +119,7 @@ class ModelStyle:
 
     @property
     def line(self) -> dict[str, Any]:
-        """What `plot` is told of its line."""
+        """Arguments of `plot` for this line."""
         return {
             "color": self.colour,
             "linestyle": self.dashes,

@@ -24,7 +24,7 @@ class Script:
 
     @property
     def allowed(self) -> str:
-        """What a Content-Security-Policy names it by."""
+        """Hash by which the Content-Security-Policy of a page allows this script."""
         return f"'sha256-{b64encode(sha256(self.text.encode()).digest()).decode()}'"
 
 

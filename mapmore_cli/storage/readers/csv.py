@@ -53,7 +53,7 @@ Numbered = tuple[int, list[str]]
 
 @dataclass(frozen=True)
 class Layout:
-    """What is known after the header.
+    """Layout of a text table, as its header and the request define it.
 
     - `request`, `delimiter`: how the file is read; None for any run of blanks.
     - `width`: the number of fields in a record.

@@ -52,7 +52,7 @@ class LvmSegment:
 
     @property
     def decimal(self) -> str:
-        """What stands between the digits of the numbers."""
+        """Decimal mark of the numbers."""
         return self.of_channel("Decimal_Separator") or "."
 
     def number(self, keyword: str, channel: int = 0) -> float:

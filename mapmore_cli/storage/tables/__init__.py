@@ -78,7 +78,7 @@ class TableRequest:
 
 @dataclass(frozen=True)
 class Noted:
-    """What a file says of a column itself.
+    """Information that a file contains about one of its columns.
 
     - `unit`: as the file spells it, empty where it says nothing.
     - `step`, `start`: seconds between samples, 0 where it says nothing, and when the first one was
@@ -98,7 +98,7 @@ class Noted:
 
 @dataclass(frozen=True)
 class Cut:
-    """What shows that a file breaks off.
+    """Evidence that a file breaks off.
 
     - `said`, `remedy`: in words, where that is an error.
     - `done`: what is done about it where missing values are left out.
