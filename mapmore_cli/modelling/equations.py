@@ -62,18 +62,20 @@ def equation(
     whole = folded(whole)
     u = np.random.default_rng(0).uniform(size=(200, len(scaling.variables)))
     at = {}
-    for one, part in zip(scaling.variables, u.T, strict=True):
-        low, high = limits.get(one) or limits.get(state(one).quantity, (math.nan, math.nan))
-        at[one] = (low + (high - low) * part) / units.get(state(one).quantity, 1.0)
+    for variable, part in zip(scaling.variables, u.T, strict=True):
+        low, high = limits.get(variable) or limits.get(
+            state(variable).quantity, (math.nan, math.nan)
+        )
+        at[variable] = (low + (high - low) * part) / units.get(state(variable).quantity, 1.0)
 
     def value(digits: int) -> Array:
         known = {
             short: evaluate(parse(to_text(line, digits)), at, len(u))
             for short, line in where.items()
         }
-        own = [evaluate(parse(to_text(term, digits)), {**at, **known}, len(u)) for term in parts]
+        values = [evaluate(parse(to_text(term, digits)), {**at, **known}, len(u)) for term in parts]
         # term by term: the whole may be longer than an expression that is read
-        return np.asarray(np.sum(own, axis=0))
+        return np.asarray(np.sum(values, axis=0))
 
     with np.errstate(all="ignore"):  # a term may be undefined somewhere in the ranges
         known = {**at, **{short: evaluate(line, at, len(u)) for short, line in where.items()}}
@@ -84,8 +86,10 @@ def equation(
         whole = add(*parts)
         exact = value(17)
         error = TOLERANCE * (np.ptp(exact) or np.abs(exact).max())
-        digits = next((one for one in range(3, 17) if np.abs(value(one) - exact).max() <= error), 6)
-    return as_equation(name, whole, digits, where, weight)
+        count = next(
+            (count for count in range(3, 17) if np.abs(value(count) - exact).max() <= error), 6
+        )
+    return as_equation(name, whole, count, where, weight)
 
 
 def as_equation(
@@ -142,9 +146,9 @@ def summed(
         for name, slope, intercept in numbers
     }
     if None not in degrees and not scaling.intercept.any():
-        for place, own in enumerate(degrees):
+        for place, powers in enumerate(degrees):
             weights[place] *= math.prod(
-                lines[name][0] ** degree for name, degree in (own or {}).items()
+                lines[name][0] ** power for name, power in (powers or {}).items()
             )
         lines = {}
     short, where = dict[str, Expression](), dict[str, Expression]()
@@ -157,8 +161,8 @@ def summed(
             while fresh in {*where, *scaling.variables, *FUNCTIONS}:
                 fresh += "_"
             bent = sum(
-                1 if own is None else -1
-                for tree, own in zip(trees, degrees, strict=True)
+                1 if degree is None else -1
+                for tree, degree in zip(trees, degrees, strict=True)
                 if name in tree.names
             )
             # most terms are shorter if the coordinate begins at zero

@@ -23,15 +23,19 @@ def forecast_each(model: Model, curves: Sequence[Curve], target: str) -> tuple[F
     """
     if target != model.output.name or runs_over_time(model):
         return tuple(forecast(model, curve, target) for curve in curves)
-    waiting, found, names = [*curves], list[Forecast](), [one.name for one in model.inputs]
+    waiting, forecasts, names = (
+        [*curves],
+        list[Forecast](),
+        [quantity.name for quantity in model.inputs],
+    )
     while waiting:
         sizes = np.cumsum([curve.size for curve in waiting[:TOGETHER]])
-        own = waiting[: max(1, int(np.searchsorted(sizes, ROWS)))]
-        del waiting[: len(own)]
-        columns = {name: joined([curve.columns[name] for curve in own]) for name in names}
+        together = waiting[: max(1, int(np.searchsorted(sizes, ROWS)))]
+        del waiting[: len(together)]
+        columns = {name: joined([curve.columns[name] for curve in together]) for name in names}
         values = row_by_row(partial(predict, model), columns)
-        found += map(Forecast.of, np.split(values, sizes[: len(own) - 1]))
-    return tuple(found)
+        forecasts += map(Forecast.of, np.split(values, sizes[: len(together) - 1]))
+    return tuple(forecasts)
 
 
 TOGETHER = 1000
@@ -51,14 +55,14 @@ def forecast(model: Model, curve: Curve, target: str | None = None) -> Forecast:
         )
     if not runs_over_time(model):
         return Forecast.of(row_by_row(partial(predict, model), curve.columns))
-    said: list[tuple[Array, Array]] = []
+    runs: list[tuple[Array, Array]] = []
     for log, rows in enumerate(curve.stretches):
         columns = {name: column[rows] for name, column in curve.columns.items()}
         try:
-            said.append((one_step_ahead(model, columns), simulate(model, columns).values))
+            runs.append((one_step_ahead(model, columns), simulate(model, columns).values))
         except AtSample as error:
             raise DataError(
                 f"{model.name} on {curve.recordings[log]}: {error.message}", error.remedy
             ) from error
-    one_step, values = map(curve.together, zip(*said, strict=True))
+    one_step, values = map(curve.together, zip(*runs, strict=True))
     return Forecast(values, by_blocks(np.isfinite, one_step), one_step)

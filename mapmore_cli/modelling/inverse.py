@@ -86,9 +86,9 @@ def invert(model: Model, wanted: Array, given: Columns, name: str, rule: str = L
         raise UsageError(f"there is no rule '{rule}'", f"use {LOWEST} or {NEAREST}")
     values, rows, flat, _ = _solutions(model, wanted, given, name)
     counts = np.bincount(rows, minlength=len(wanted))
-    one = UNIQUE if model.shape is not None and name in model.shape.monotone else ONE
+    single = UNIQUE if model.shape is not None and name in model.shape.monotone else ONE
     status = tuple(
-        FLAT if is_flat else (NONE, one, SEVERAL)[min(count, 2)]
+        FLAT if is_flat else (NONE, single, SEVERAL)[min(count, 2)]
         for is_flat, count in zip(flat, counts.tolist(), strict=True)
     )
     return Inverse(values, rows, status, _picked(values, rows, len(wanted), rule))
@@ -103,17 +103,19 @@ def solve_for_input(model: Model, columns: Columns, name: str) -> SolvedInput:
     to the output: a strain that no force of the range makes has the force at the end of the range.
     NaN where a column is. Raises UsageError, DataError as `invert`.
     """
-    needed = [model.output.name, *(one for one in _input_names(model, name) if one != name)]
-    known = np.flatnonzero(np.logical_and.reduce([np.isfinite(columns[one]) for one in needed]))
-    given = {one: np.asarray(columns[one], dtype=np.float64)[known] for one in needed}
-    lowest, rows, _, nearest = _solutions(model, given.pop(model.output.name), given, name)
-    picked = _picked(lowest, rows, len(known), LOWEST)
+    needed = [model.output.name, *(other for other in _input_names(model, name) if other != name)]
+    known = np.flatnonzero(np.logical_and.reduce([np.isfinite(columns[other]) for other in needed]))
+    known_columns = {other: np.asarray(columns[other], dtype=np.float64)[known] for other in needed}
+    lowest, rows, _, nearest = _solutions(
+        model, known_columns.pop(model.output.name), known_columns, name
+    )
+    lowest_of_row = _picked(lowest, rows, len(known), LOWEST)
     values, solved = (
         np.full(len(columns[needed[0]]), np.nan),
         np.zeros(len(columns[needed[0]]), dtype=np.bool_),
     )
-    solved[known] = np.isfinite(picked)
-    values[known] = np.where(np.isfinite(picked), picked, nearest)
+    solved[known] = np.isfinite(lowest_of_row)
+    values[known] = np.where(np.isfinite(lowest_of_row), lowest_of_row, nearest)
     return SolvedInput(values, solved)
 
 
@@ -132,7 +134,7 @@ def _solutions(
             name,
             names,
             wanted[part],
-            {one: np.asarray(x, dtype=np.float64)[part] for one, x in given.items()},
+            {other: np.asarray(x, dtype=np.float64)[part] for other, x in given.items()},
         )
         values, rows, *of_rows = line.solutions(*line.edges(ends), float(np.ptp(ends)))
         parts.append((values, rows + start, *of_rows))
@@ -227,9 +229,11 @@ class _Line:
         closer = may_turn_twice(left, right, slope_left, slope_right, high - low) & ~turned
         middle = (low + high) / 2
         if turned.any():
-            own = rows[turned]
-            at = _bisected(lambda x, which: self.both(x, own[which])[1], start[turned], end[turned])
-            value, flat = self.missing(at, own), np.zeros(len(at))
+            at_rows = rows[turned]
+            at = _bisected(
+                lambda x, which: self.both(x, at_rows[which])[1], start[turned], end[turned]
+            )
+            value, flat = self.missing(at, at_rows), np.zeros(len(at))
             before = may_turn_twice(left[turned], value, slope_left[turned], flat, at - low[turned])
             after = may_turn_twice(
                 value, right[turned], flat, slope_right[turned], high[turned] - at
@@ -243,8 +247,8 @@ class _Line:
             np.concatenate([middle[closer], high[closer]]),
             np.tile(rows[closer], 2),
         )
-        more, own = self._turning_points(*halves, splits - 1)
-        return np.concatenate([turns, more]), np.concatenate([where, own])
+        more, at_rows = self._turning_points(*halves, splits - 1)
+        return np.concatenate([turns, more]), np.concatenate([where, at_rows])
 
     def solutions(
         self, x: Array, rows: IntArray, span: float
@@ -315,11 +319,13 @@ def _bisected(f: Callable[[Array, IntArray], Array], low: Array, high: Array) ->
 
 def _picked(values: Array, rows: IntArray, n: int, rule: str) -> Array:
     """Return one solution for each row; NaN means none."""
-    picked, before = np.full(n, np.nan), np.nan
+    values_of_rows, before = np.full(n, np.nan), np.nan
     starts = np.searchsorted(rows, np.arange(n + 1))
     for row in range(n):
-        own = values[starts[row] : starts[row + 1]]
-        if len(own):
+        of_row = values[starts[row] : starts[row + 1]]
+        if len(of_row):
             nearest = rule == NEAREST and not np.isnan(before)
-            before = picked[row] = own[np.argmin(np.abs(own - before))] if nearest else own[0]
-    return picked
+            before = values_of_rows[row] = (
+                of_row[np.argmin(np.abs(of_row - before))] if nearest else of_row[0]
+            )
+    return values_of_rows

@@ -110,15 +110,17 @@ class Kind:
 @cache
 def kinds() -> tuple[Kind, ...]:
     """Return every kind, in the order of their names."""
-    found = plugins.parts("kinds", Kind, "mapmore_cli.modelling")
-    return tuple(sorted((part.value for part in found), key=lambda kind: kind.name))
+    parts = plugins.parts("kinds", Kind, "mapmore_cli.modelling")
+    return tuple(sorted((part.value for part in parts), key=lambda kind: kind.name))
 
 
 def named(name: str) -> Kind:
     """Return the kind of a name; raises NotInstalled if that is a part that is missing."""
-    own = next((kind for kind in kinds() if kind.name == name), None) or plugins.load("kinds", name)
-    assert isinstance(own, Kind)
-    return own
+    kind = next((kind for kind in kinds() if kind.name == name), None) or plugins.load(
+        "kinds", name
+    )
+    assert isinstance(kind, Kind)
+    return kind
 
 
 def kind_of(model: Model) -> Kind:
@@ -140,7 +142,7 @@ def alone(model: Model) -> Model:
     """Return a model of one output; UsageError for one of several, which nobody can mean by one
     number.
     """
-    names = [one.name for one in model.outputs]
+    names = [output.name for output in model.outputs]
     if len(names) > 1:
         raise UsageError(
             f"the model {model.name} has the outputs {', '.join(names)}, but this works "
@@ -239,7 +241,7 @@ def one_step_ahead(model: Model, columns: Columns) -> Array:
 
 def runs_over_time(model: Model) -> bool:
     """Return True if rows are samples of a recording, which the model runs along."""
-    return any(kind_of(one).over_time for one in model.every)
+    return any(kind_of(part).over_time for part in model.every)
 
 
 def fed_back(model: Model) -> tuple[str, ...]:

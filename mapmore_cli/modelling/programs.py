@@ -24,14 +24,14 @@ def program_of(model: Model) -> Program:
     m = Writer()
     names = {quantity.name: Name(f"{INPUT}{quantity.name}") for quantity in model.inputs}
     with numbers_in_reach(model):
-        values = [write(m, one, names) for one in model.each]
+        values = [write(m, part, names) for part in model.each]
     steps = m.kept.steps
     if steps and max(steps) > min(steps) * (1 + UNEVEN):
-        found = (
+        reason = (
             f"the parts of {model.name} were trained with different time steps, "
             f"{min(steps):g} s and {max(steps):g} s"
         )
-        raise DataError(found, "train them with the same time step")
+        raise DataError(reason, "train them with the same time step")
     if len(m.kept.fed_back) > 1:
         raise DataError(
             f"the parts of {model.name} continue from measured outputs "
@@ -53,5 +53,7 @@ def slopes(model: Model, columns: Columns) -> dict[str, Array]:
 
     Raises DataError for a model with memory, and where a part of the model is no closed expression.
     """
-    _, *found = evaluator(with_slopes(program_of(alone(model))))(columns)
-    return {quantity.name: slope for quantity, slope in zip(model.inputs, found, strict=True)}
+    _, *slopes_of_inputs = evaluator(with_slopes(program_of(alone(model))))(columns)
+    return {
+        quantity.name: slope for quantity, slope in zip(model.inputs, slopes_of_inputs, strict=True)
+    }

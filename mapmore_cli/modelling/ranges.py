@@ -45,7 +45,7 @@ def limits(ranges: Sequence[CurveRange], level: str | None) -> Iterator[InputRan
     if not ranges:
         return
     levels = (
-        np.array([one.level for one in ranges], dtype=np.float64)
+        np.array([curve_range.level for curve_range in ranges], dtype=np.float64)
         if level is not None
         else np.empty(0)
     )
@@ -53,16 +53,16 @@ def limits(ranges: Sequence[CurveRange], level: str | None) -> Iterator[InputRan
         yield InputRange(level, None, levels, levels[:1], levels[-1:])
     for name in ranges[0].limits:
         if name != level:
-            low, high = np.array([one.limits[name] for one in ranges]).T
+            low, high = np.array([curve_range.limits[name] for curve_range in ranges]).T
             yield InputRange(name, level, levels, low, high)
 
 
 def outside_limits(ranges: Sequence[CurveRange], level: str | None, columns: Columns) -> BoolArray:
     """Return True if an input lies beyond its training range, (n,)."""
     outside = np.zeros(row_count(columns), dtype=np.bool_)
-    for one in limits(ranges, level):
-        if one.name in columns:
-            (low, high), x = one.ends(columns), columns[one.name]
+    for input_range in limits(ranges, level):
+        if input_range.name in columns:
+            (low, high), x = input_range.ends(columns), columns[input_range.name]
             margin = OUTSIDE_TOLERANCE * np.max([high - low, np.abs(low), np.abs(high)], axis=0)
             outside |= (x < low - margin) | (x > high + margin)
     return outside

@@ -70,7 +70,9 @@ class Polynomial:
 
     def of_curves(self, dataset: Dataset) -> list[Array]:
         """Return its values at the samples of every curve: (n_c,) each."""
-        return [by_blocks(self, *(one.columns[n] for n in self.names)) for one in dataset.curves]
+        return [
+            by_blocks(self, *(curve.columns[n] for n in self.names)) for curve in dataset.curves
+        ]
 
     def equation(self, name: str) -> Equation:
         """Return it in coordinates `s_NAME` that are -1 and 1 at the ends of the training data."""
@@ -83,7 +85,7 @@ class Polynomial:
             for value, of in zip(self.theta.tolist(), factors, strict=True)
         )
         scaled = zip(self.names, self.middle.tolist(), self.half.tolist(), strict=True)
-        where = {f"s_{one}": parse(f"({one} - ({m!r}))/({h!r})") for one, m, h in scaled}
+        where = {f"s_{name}": parse(f"({name} - ({m!r}))/({h!r})") for name, m, h in scaled}
         return as_equation(name, folded(parse(" + ".join(terms))), DIGITS, where)
 
 
@@ -121,9 +123,9 @@ def arx(dataset: Dataset, names: Sequence[str]) -> list[Array] | None:
         if (theta := _one_step_fit(dataset, names, order)) is not None:
             runs = [_run(curve, dataset.target, names, order, theta) for curve in dataset.curves]
             error = sum(
-                float(np.sum((said - y)[training] ** 2))
+                float(np.sum((simulated - y)[training] ** 2))
                 for run, curve in zip(runs, dataset.curves, strict=True)
-                for said, y, training in in_blocks(
+                for simulated, y, training in in_blocks(
                     run, curve.columns[dataset.target], curve.training
                 )
             )
@@ -140,7 +142,10 @@ def _training_samples(dataset: Dataset, names: Sequence[str]) -> list[Array]:
     rows = [np.flatnonzero(curve.training)[::every] for curve in dataset.curves]
     parts = list(zip(dataset.curves, rows, strict=True))
     return [
-        np.concatenate([picked(curve.columns[name], own) for curve, own in parts]) for name in names
+        np.concatenate(
+            [picked(curve.columns[name], rows_of_curve) for curve, rows_of_curve in parts]
+        )
+        for name in names
     ]
 
 
@@ -171,14 +176,14 @@ def _one_step_fit(dataset: Dataset, names: Sequence[str], order: int) -> Array |
     every, tables, outputs = _thinning(dataset), [], []
     for curve in dataset.curves:
         for rows in curve.stretches:
-            own = np.flatnonzero(curve.training[rows])
-            own = own[own >= order][::every]
+            at = np.flatnonzero(curve.training[rows])
+            at = at[at >= order][::every]
             y, *inputs = (curve.columns[name][rows] for name in (dataset.target, *names))
             delayed = [(y, step) for step in range(1, order + 1)]
             delayed += [(x, step) for x in inputs for step in range(order + 1)]
-            past = [picked(x, own - step) for x, step in delayed]
-            tables.append(np.column_stack([np.ones(len(own)), *past]))
-            outputs.append(picked(y, own))
+            past = [picked(x, at - step) for x, step in delayed]
+            tables.append(np.column_stack([np.ones(len(at)), *past]))
+            outputs.append(picked(y, at))
     P, y = np.concatenate(tables), np.concatenate(outputs)
     known = np.isfinite(P).all(axis=1) & np.isfinite(y)
     P, y = even_share(P[known], MOST_ROWS), even_share(y[known], MOST_ROWS)

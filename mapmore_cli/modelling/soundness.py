@@ -24,16 +24,16 @@ ROWS = 16  # of the trial
 def unsound(model: Model) -> str | None:
     """Return why a model cannot be evaluated; None if it can."""
     try:
-        for one in model.every:
-            fault = next(iter(kinds.verbs_of(one).faults(one)), None)
-            inputs = {quantity.name for quantity in one.inputs}
-            if one.backbone and (missing := {*literature.of(one.backbone).inputs} - inputs):
-                fault = fault or f"{one.backbone.name} needs {min(missing)}, which the model lacks"
-            names = (quantity.name for quantity in (one.output, *one.inputs))
-            if fault or len({*names}) <= len(one.inputs):
-                return f"of the model {one.name}: {fault or 'two quantities have one name'}"
-        for one in model.each:
-            _try(one)
+        for part in model.every:
+            fault = next(iter(kinds.verbs_of(part).faults(part)), None)
+            inputs = {quantity.name for quantity in part.inputs}
+            if part.backbone and (missing := {*literature.of(part.backbone).inputs} - inputs):
+                fault = fault or f"{part.backbone.name} needs {min(missing)}, which the model lacks"
+            names = (quantity.name for quantity in (part.output, *part.inputs))
+            if fault or len({*names}) <= len(part.inputs):
+                return f"of the model {part.name}: {fault or 'two quantities have part name'}"
+        for part in model.each:
+            _try(part)
     except Exception as error:
         reason = f"{type(error).__name__}: {error}".partition("\n")[0]
         return f"the model cannot be evaluated, because its parts do not match ({reason})"
@@ -43,9 +43,9 @@ def unsound(model: Model) -> str | None:
 def _try(model: Model) -> None:
     """Do with a model what commands do; an answer that explains itself is one."""
     asked = (*model.inputs, model.output)
-    names = [one.name for one in asked] + [
+    names = [quantity.name for quantity in asked] + [
         *kinds.fed_back(model),
-        *(one.of for one in model.signals),
+        *(signal.of for signal in model.signals),
     ]
     columns = dict.fromkeys(names, np.linspace(0.0, 1.0, ROWS))
     timed = {**columns, "time": np.arange(1.0 * ROWS)}
@@ -57,7 +57,7 @@ def _try(model: Model) -> None:
         lambda: kinds.runs_over_time(model) and kinds.one_step_ahead(model, columns),
         lambda: program_of(model),
         lambda: model.left_out and half_widths_of(model, columns, INTERVAL),
-        lambda: [signal_values(one, timed) for one in model.signals],
+        lambda: [signal_values(signal, timed) for signal in model.signals],
     ):
         with suppress(MapmoreError), np.errstate(all="ignore"):  # which commands tell
             attempt()

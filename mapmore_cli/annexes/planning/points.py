@@ -139,7 +139,7 @@ class Committee:
         """Treat a place as measured, with the value that is expected there."""
         expected = float(self.expected[number])
         self._own = [
-            process.joined(self.scaled[number], expected - float(base[number]))
+            process.with_point(self.scaled[number], expected - float(base[number]))
             for process, base in zip(self._own, self._base, strict=True)
         ]
         self._update()

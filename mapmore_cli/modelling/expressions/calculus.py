@@ -63,15 +63,15 @@ def substitute(expression: Expression, values: Mapping[str, Expression]) -> Expr
 
 def exponents(expression: Expression) -> dict[str, float] | None:
     """Exponent of every name in a monomial `prod_j name_j^e_j`; None for any other expression."""
-    found: dict[str, float] = {}
+    powers: dict[str, float] = {}
     for factor in expression.factors if isinstance(expression, Product) else (expression,):
         base, exponent = (
             (factor.base, factor.exponent) if isinstance(factor, Power) else (factor, 1.0)
         )
         if not isinstance(base, Name):
             return None
-        found[base.name] = found.get(base.name, 0.0) + exponent
-    return found
+        powers[base.name] = powers.get(base.name, 0.0) + exponent
+    return powers
 
 
 def affine(expression: Expression, slope: float, intercept: float) -> Expression:

@@ -194,7 +194,9 @@ def part_of(expression: Expression, known: Known) -> Part:
                 part_of(first, known), [(operator.add, part_of(term, known)) for term in terms]
             )
         case Product((first, *factors)):
-            return _in_turn(part_of(first, known), [_factor_part(one, known) for one in factors])
+            return _in_turn(
+                part_of(first, known), [_factor_part(factor, known) for factor in factors]
+            )
         case Power() | Call():
             return _computed_once(expression, known)
     raise TypeError(f"not an expression: {expression!r}")
@@ -226,10 +228,10 @@ def _computed_once(expression: Power | Call, known: Known) -> Part:
         compute, slot = _computed(expression, known), len(known)
 
         def value(columns: Mapping[str, Value], shared: Shared) -> Value:
-            found = shared[slot]
-            if found is None:
-                found = shared[slot] = compute(columns, shared)
-            return found
+            result = shared[slot]
+            if result is None:
+                result = shared[slot] = compute(columns, shared)
+            return result
 
         known[expression] = value
     return known[expression]

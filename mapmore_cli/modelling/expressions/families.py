@@ -35,11 +35,13 @@ def operated(
     Raises `ValueError` for numbers that do not fit the operator.
     """
     names = [operator.name for operator in families()[family]]
-    each = [own if isinstance(own, tuple) else (float(own),) for own in numbers] or [()]
+    each = [
+        setting if isinstance(setting, tuple) else (float(setting),) for setting in numbers
+    ] or [()]
     return tuple(
-        state(Operated(name, state(one), own).name).name
-        for own in each
-        for one in of
+        state(Operated(name, state(source), setting).name).name
+        for setting in each
+        for source in of
         for name in names
     )
 

@@ -96,9 +96,9 @@ class _Parser(Tokens):
         return add(*terms)
 
     def expect(self, kind: str, wanted: str) -> None:
-        found = "the end" if self.next.kind == "end" else f"`{self.next.text}`"
+        next_text = "the end" if self.next.kind == "end" else f"`{self.next.text}`"
         if not self.skip(kind):
-            raise self._misfit(f"expected {wanted}, found {found}")
+            raise self._misfit(f"expected {wanted}, found {next_text}")
 
     def _misfit(self, message: str) -> ExpressionError:
         """Return the error at the next token; some stand in names of states only."""
@@ -155,8 +155,10 @@ class _Parser(Tokens):
             return self._named(self.take())
         if self.next.kind == "(":
             return self._bracket()
-        found = "the expression ends" if self.next.kind == "end" else f"`{self.next.text}` stands"
-        raise self._misfit(f"{found} where a number, a name or `(` is expected")
+        what_stands = (
+            "the expression ends" if self.next.kind == "end" else f"`{self.next.text}` stands"
+        )
+        raise self._misfit(f"{what_stands} where a number, a name or `(` is expected")
 
     def _named(self, token: Token) -> Expression:
         if opens_state(token, self.next):

@@ -173,9 +173,9 @@ class _Latex(_Text):
             text += (self.before_digit if digit else self.beside) * bool(text) + latex
         return text
 
-    def state(self, found: State) -> _Bound:
+    def state(self, wanted: State) -> _Bound:
         """Return a quantity or a state; numbers of an operator are its index."""
-        match found:
+        match wanted:
             case Measured(name):
                 if indexed := re.fullmatch(r"([A-Za-z])([0-9]*)", name):
                     letter, number = (self.letter.format(indexed[1]), indexed[2])
@@ -183,10 +183,10 @@ class _Latex(_Text):
                 return self.upright.format(name.replace("_", self.underscore)), _ATOM
             case Lagged(source, steps):
                 return self.past.format(self.state(source)[0], steps), _ATOM
-        index = ", ".join(f"{number:g}" for number in found.numbers)
-        name = self.operator(found.operator)
+        index = ", ".join(f"{number:g}" for number in wanted.numbers)
+        name = self.operator(wanted.operator)
         head = self.indexed.format(name, index) if index else name
-        return head + self.brackets.format(self.state(found.source)[0]), _POWER
+        return head + self.brackets.format(self.state(wanted.source)[0]), _POWER
 
 
 class _MathML(_Latex):

@@ -152,10 +152,10 @@ def _token(match: re.Match[str]) -> Token:
 def state(text: str) -> State:
     """Return the state that `text` names. Raises ExpressionError if it names none."""
     tokens = Tokens(text)
-    found = read_state(tokens, tokens.take())
+    parsed = read_state(tokens, tokens.take())
     if tokens.next.kind != "end":
         raise ExpressionError(f"{text!r} continues after the name of a state", tokens.next.position)
-    return found
+    return parsed
 
 
 def opens_state(name: Token, mark: Token) -> bool:

@@ -255,7 +255,7 @@ def negate(expression: Expression) -> Expression:
 
 def names_in(expressions: Iterable[Expression]) -> frozenset[str]:
     """Return every name that occurs in any of the expressions."""
-    return frozenset[str]().union(*(one.names for one in expressions))
+    return frozenset[str]().union(*(expression.names for expression in expressions))
 
 
 def with_parts(expression: Expression, change: Callable[[Expression], Expression]) -> Expression:

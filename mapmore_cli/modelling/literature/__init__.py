@@ -83,7 +83,7 @@ def reference() -> str:
     gives.
     """
     sections = {
-        title: [one for one in _published().values() if one.component == word]
+        title: [formula for formula in _published().values() if formula.component == word]
         for word, title in COMPONENTS.items()
     }
     return "\n".join(

@@ -121,7 +121,7 @@ class Family(Formula):
         residual = self.predict(parameters, columns) - y
         unknown = dict.fromkeys(("zero", "a", "b"), math.nan)
         ratios = ", ".join(
-            f"{of} {one:g}: {force:.4g}" for one, force in zip(which, largest, strict=True)
+            f"{of} {place:g}: {force:.4g}" for place, force in zip(which, largest, strict=True)
         )
         notes = (
             f"learnt from {len(which)} specimens; ratios of the largest forces: {ratios}",
@@ -150,13 +150,13 @@ class Family(Formula):
             return np.log(largest) - np.log(np.arctan(b * np.maximum(lengths - DEAD, 1e-6)))
 
         def cost(log_b: float) -> float:
-            own = rest(log_b)
-            squares = float(np.sum((own - own.mean()) ** 2))
+            log_a = rest(log_b)
+            squares = float(np.sum((log_a - log_a.mean()) ** 2))
             return squares / SCATTER**2 + ((log_b - centre) / SPREAD) ** 2
 
         within = (centre - 2, centre + 2)
-        found = minimize_scalar(cost, bounds=within, method="bounded", options={"xatol": 1e-10})
-        best = float(found.x)
+        minimum = minimize_scalar(cost, bounds=within, method="bounded", options={"xatol": 1e-10})
+        best = float(minimum.x)
         return math.exp(float(np.mean(rest(best)))), math.exp(best)
 
     def equation(self, fit: FormulaFit) -> Expression:

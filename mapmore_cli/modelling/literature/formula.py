@@ -108,8 +108,8 @@ class Formula:
                     f"{self.name} needs the {name} of the muscle",
                     f"add `{name}: 10 mm` (with your own number) to `muscle`",
                 )
-        given = {name: value for name in self.dimensions if (value := lengths.get(name))}
-        return replace(self, given=given)
+        known_lengths = {name: value for name in self.dimensions if (value := lengths.get(name))}
+        return replace(self, given=known_lengths)
 
     def checked(self) -> Self:
         """Return the formula; raises ValueError if its text is not what it declares."""
@@ -248,12 +248,12 @@ class Formula:
         )
         errors = dict(zip(self.fitted, map(float, deviations), strict=True))
         if rank < count:
-            one = (
+            choice = (
                 "the solution of least norm"
                 if len(self.nonlinear) <= 1
-                else ("one of many equally good solutions")
+                else "one of many equally good solutions"
             )
-            notes = (*notes, dependence(rank, count, problem.columns, f"{one} was taken"))
+            notes = (*notes, dependence(rank, count, problem.columns, f"{choice} was taken"))
         elif not self.nonlinear:
             held = problem.at_levels.columns
             _, least, _ = linear.parameter_errors(self._jacobian(values, held, samples), 0.0)
@@ -282,8 +282,8 @@ class Formula:
 
     def _printed(self, problem: LeastSquares, beta: Array, c: Array) -> dict[str, float]:
         """Return the parameters as printed, from those of the linear form, and the dimensions."""
-        given = {name: np.asarray(value) for name, value in self.given.items()}
-        values = {**problem.values(beta, c), **given}
+        dimensions = {name: np.asarray(value) for name, value in self.given.items()}
+        values = {**problem.values(beta, c), **dimensions}
         printed = {} if self.form is None else self.form.printed
         return {
             name: float(evaluate(parse(printed.get(name, name)), values, 1)[0])

@@ -216,11 +216,11 @@ def _start_at(problem: _Problem, a3: float) -> Array:
     """Return `hi` through the upper targets and `lo` through the lowest ones, by least squares, for
     a starting curvature.
     """
-    p, x, one = problem.p, problem.x, np.ones_like(problem.p)
+    p, x, ones = problem.p, problem.x, np.ones_like(problem.p)
     q, decay = np.zeros(len(NAMES)), np.exp(a3 * x)
     q[A3], q[LN_W] = a3, np.log(START_W)
-    q[A] = _least_squares(problem, [p * decay, decay, x * p, p, one], problem.f > UPPER)
-    q[B] = _least_squares(problem, [one, p, x], problem.f < FOOT)
+    q[A] = _least_squares(problem, [p * decay, decay, x * p, p, ones], problem.f > UPPER)
+    q[B] = _least_squares(problem, [ones, p, x], problem.f < FOOT)
     q[B1] = max(q[B1], 0.0)
     return q
 

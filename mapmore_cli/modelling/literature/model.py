@@ -76,12 +76,14 @@ def where_finite(
     inputs: Sequence[Quantity], columns: Columns, value: Callable[[dict[str, Array], int], Array]
 ) -> Array:
     """Return a function of the inputs; NaN where an input is not finite, (n,)."""
-    given = {one.name: np.asarray(columns[one.name], dtype=np.float64) for one in inputs}
+    values = {
+        quantity.name: np.asarray(columns[quantity.name], dtype=np.float64) for quantity in inputs
+    }
     n = row_count(columns)
-    finite = np.logical_and.reduce([np.ones(n, dtype=np.bool_), *map(np.isfinite, given.values())])
+    finite = np.logical_and.reduce([np.ones(n, dtype=np.bool_), *map(np.isfinite, values.values())])
     # a term may overflow far outside, and what follows from a NaN is replaced
     with np.errstate(all="ignore"):
-        return np.where(finite, value(given, n), np.nan)
+        return np.where(finite, value(values, n), np.nan)
 
 
 def formula_value(

@@ -152,11 +152,11 @@ def rivals(ends: Sequence[End], best: End) -> list[End]:
     """Return converged ends in other minima than the best that are nearly as deep, one of each, the
     deepest first.
     """
-    told = [best]
+    distinct = [best]
     for end in sorted(ends, key=_cost):
-        if end.converged and (1 + DISTINCT) * told[-1].cost < end.cost <= RIVAL * best.cost:
-            told.append(end)
-    return told[1:]
+        if end.converged and (1 + DISTINCT) * distinct[-1].cost < end.cost <= RIVAL * best.cost:
+            distinct.append(end)
+    return distinct[1:]
 
 
 def _cost(end: End) -> float:
@@ -238,8 +238,8 @@ def _valleys(problem: LeastSquares) -> list[tuple[tuple[Array, Array], list[Arra
     padded = np.pad(sse, ((0, 0), (1, 1)), constant_values=np.inf)
     low = (sse <= padded[:, :-2]) & (sse <= padded[:, 2:])
     return [
-        ((grid[:1], grid[-1:]), list(grid[own][:, None]))
-        for grid, own in zip(grids, low, strict=True)
+        ((grid[:1], grid[-1:]), list(grid[in_valley][:, None]))
+        for grid, in_valley in zip(grids, low, strict=True)
     ]
 
 
@@ -268,7 +268,7 @@ def _projection(problem: LeastSquares, c: Array) -> tuple[Array, Array]:
     """
     unit = float(np.abs(problem.y).max()) or 1.0
     best = _projected(problem, c)
-    slopes = problem.slopes([one.name for one in problem.nonlinear], best.beta, c)
+    slopes = problem.slopes([parameter.name for parameter in problem.nonlinear], best.beta, c)
     outside = slopes - best.basis @ (best.basis.T @ slopes)
     return best.residual / unit, outside / unit
 
@@ -368,5 +368,5 @@ def _best_solution(
 
 
 METHODS: Mapping[str, Callable[[LeastSquares], Solution]] = {
-    one.__name__: one for one in (variable_projection, levenberg_marquardt, simplex)
+    solver.__name__: solver for solver in (variable_projection, levenberg_marquardt, simplex)
 }

@@ -70,10 +70,10 @@ class StateWriter:
 
         return self._next("scaled", clipped, [value])
 
-    def value(self, one: State) -> Expression:
+    def value(self, wanted: State) -> Expression:
         """Write a state in physical units."""
-        if one not in self.known:
-            match one:
+        if wanted not in self.known:
+            match wanted:
                 case Measured(name):
                     written = self.inputs[name]
                 case Lagged(source, steps):
@@ -81,9 +81,9 @@ class StateWriter:
                         self.value(source)
                     written = self._recalled(source, steps)
                 case Operated():
-                    written = self._operated(one)
-            self.known[one] = written
-        return self.known[one]
+                    written = self._operated(wanted)
+            self.known[wanted] = written
+        return self.known[wanted]
 
     def pushed(self, output: Expression) -> dict[str, Expression]:
         """Return the value of this sample for every queue."""
@@ -102,18 +102,18 @@ class StateWriter:
             self.m.statements.append(self.recalls[queue, steps])
         return Name(self.recalls[queue, steps].name)
 
-    def _operated(self, one: Operated) -> Expression:
+    def _operated(self, operated: Operated) -> Expression:
         """Write an operator from past values; it rests up to the first sample on which its source
         has a value.
         """
-        m, rule = self.m, OPERATORS[one.operator].recursion(setting_of(one, self.states))
-        x = m.let("source", self.value(one.source))
-        own, past = self._past(one, rule.own), self._past(one.source, rule.source)
-        if self.seen is None or not (own or past):
-            return self._next(one.operator, rule.next, [*own, x, *past])
-        begins = self.seen <= one.source.lag
+        m, rule = self.m, OPERATORS[operated.operator].recursion(setting_of(operated, self.states))
+        x = m.let("source", self.value(operated.source))
+        own_past, past = self._past(operated, rule.own), self._past(operated.source, rule.source)
+        if self.seen is None or not (own_past or past):
+            return self._next(operated.operator, rule.next, [*own_past, x, *past])
+        begins = self.seen <= operated.source.lag
         return m.choose(
-            one.operator, [(begins, rule.rest(x))], lambda: rule.next(m, *own, x, *past)
+            operated.operator, [(begins, rule.rest(x))], lambda: rule.next(m, *own_past, x, *past)
         )
 
     def _next(
@@ -128,13 +128,13 @@ class StateWriter:
         m.function(function, names, lambda: rule(m, *map(Name, names)), "")
         return m.use(stem, function, values)
 
-    def _past(self, one: State, count: int) -> list[Expression]:
+    def _past(self, of_state: State, count: int) -> list[Expression]:
         """Write the last values of a state; before the first, it has always been that."""
         past: list[Expression] = []
         for steps in range(1, count + 1):
-            value = self._recalled(one, steps)
+            value = self._recalled(of_state, steps)
             if self.seen is not None and past:
-                value = self.m.where(self.seen < one.lag + steps, past[-1], value)
+                value = self.m.where(self.seen < of_state.lag + steps, past[-1], value)
             past.append(value)
         return past
 
@@ -157,8 +157,8 @@ class Parts(NamedTuple):
     ) -> Expression:
         """Write `base + sum_g weight_g own_g`, the states called as `names` says."""
         fed = [
-            product_as_written(weight, m.let("own", substitute(own, names)))
-            for own, weight in zip(self.owns, weights, strict=True)
+            product_as_written(weight, m.let("own", substitute(part, names)))
+            for part, weight in zip(self.owns, weights, strict=True)
         ]
         return m.let("output", total([base, *fed]))
 
@@ -166,8 +166,8 @@ class Parts(NamedTuple):
 def parts_of_terms(terms: Sequence[str], fed_back: Container[str]) -> Parts:
     """Return terms taken apart; raises DataError as `parted` does."""
     both = [parted(parse(text), fed_back) for text in terms]
-    owns = list(dict.fromkeys(own for own, _ in both if own != ONE))
-    groups = np.array([-1 if own == ONE else owns.index(own) for own, _ in both], dtype=np.int64)
+    owns = list(dict.fromkeys(part for part, _ in both if part != ONE))
+    groups = np.array([-1 if part == ONE else owns.index(part) for part, _ in both], dtype=np.int64)
     return Parts([inputs for _, inputs in both], owns, groups)
 
 
@@ -197,10 +197,17 @@ class Feedback:
         pushed = writer.pushed(value)
         self.queues = list(writer.queues)
         places = {queue: place for place, queue in enumerate(pushed)}
-        self.recalls = {one.name: (places[one.queue], one.steps) for one in writer.recalls.values()}
+        self.recalls = {
+            recall.name: (places[recall.queue], recall.steps) for recall in writer.recalls.values()
+        }
         self.depth = max((steps for _, steps in self.recalls.values()), default=0)
-        own = tuple(one for one in m.statements if not isinstance(one, Recall))
-        self.block, self.functions = Block(own, tuple(pushed.values())), tuple(m.functions.values())
+        computed = tuple(
+            statement for statement in m.statements if not isinstance(statement, Recall)
+        )
+        self.block, self.functions = (
+            Block(computed, tuple(pushed.values())),
+            tuple(m.functions.values()),
+        )
         self.rules = writer.rules
 
     @cached_property
@@ -225,23 +232,23 @@ def fed_back_states(states: StateSet, output: str) -> dict[str, int]:
     """
     lags: dict[str, int] = {}
     for name in states.names:
-        one = state(name)
-        if one.quantity != output:
+        part = state(name)
+        if part.quantity != output:
             continue
-        if not looks_back(one):
+        if not looks_back(part):
             raise DataError(
                 f"the state `{name}` uses the present value of the output {output}",
                 f"use the value one sample before: operators of the output need {output}[k-1]",
             )
-        lags[name] = one.lag
+        lags[name] = part.lag
     return lags
 
 
-def looks_back(one: State) -> bool:
+def looks_back(of_state: State) -> bool:
     """Whether the quantity that a state is made of enters it delayed: `stop(force[k-1], 0.1)` does,
     `stop(force, 0.1)[k-1]` does not.
     """
-    return any(isinstance(part, Lagged) for part in one.parts[1:2])
+    return any(isinstance(part, Lagged) for part in of_state.parts[1:2])
 
 
 def parted(term: Expression, fed_back: Container[str]) -> tuple[Expression, Expression]:
@@ -252,13 +259,13 @@ def parted(term: Expression, fed_back: Container[str]) -> tuple[Expression, Expr
     fed: list[Expression] = []
     inputs: list[Expression] = []
     for factor in term.factors if isinstance(term, Product) else (term,):
-        own = [name for name in factor.names if name in fed_back]
-        if own and len(own) < len(factor.names):
+        fed_names = [name for name in factor.names if name in fed_back]
+        if fed_names and len(fed_names) < len(factor.names):
             raise DataError(
                 f"in the term `{to_text(term)}`, the factor `{to_text(factor)}` mixes "
                 "delayed outputs and inputs",
                 "write the term as a product of one factor with delayed outputs and one "
                 "factor with inputs",
             )
-        (fed if own else inputs).append(factor)
+        (fed if fed_names else inputs).append(factor)
     return multiply(*fed), multiply(*inputs)

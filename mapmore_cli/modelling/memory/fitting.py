@@ -60,22 +60,22 @@ def fit_with_memory(
     else:
         choice = training.selector.best()
     chosen = choice.selection.chosen
-    own = numbers.those_of(training.open_in(chosen))
-    if recipe.criterion == "one_step" and not own.any():
+    in_chosen = numbers.those_of(training.open_in(chosen))
+    if recipe.criterion == "one_step" and not in_chosen.any():
         return replace(training.fit(choice), held_out=held_out)
     problem = training.problem(chosen, search=True)
-    point = refine(problem, _ahead(choice, start[own]))
+    point = refine(problem, _ahead(choice, start[in_chosen]))
     if not np.isfinite(point.error):
         raise DataError(
             "the free run of the chosen terms diverges on the training samples", DIVERGES
         )
     vector = point.vector
-    if own.any():
-        theta, constant, start[own] = problem.split(vector)
+    if in_chosen.any():
+        theta, constant, start[in_chosen] = problem.split(vector)
         training = TrainingData(records, recipe, numbers.numbers(start, DIGITS))
         again = training.selector.among(chosen, choice.selection.stop)
         order = [chosen.tolist().index(term) for term in again.selection.chosen]
-        vector = np.array([*theta[order], constant, *start[own]])
+        vector = np.array([*theta[order], constant, *start[in_chosen]])
         choice = replace(again, forward=choice.forward)
     return replace(training.fit(choice, vector), held_out=held_out)
 
@@ -89,21 +89,21 @@ def fit_outputs(records: Sequence[Record], recipes: Sequence[MemoryRecipe]) -> l
     if numbers := left_open(records, recipes[0].dictionary, recipes[0].step).states:
         raise DataError(
             f"{numbers[0].name}: its open numbers can be found for one target only, and "
-            f"this spec has {', '.join(one.target for one in recipes)}",
+            f"this spec has {', '.join(recipe.target for recipe in recipes)}",
             "write the numbers, for example `slow(pressure, 0.3)`, or a separate spec for "
             "each target",
         )
-    trained = [TrainingData(records, one) for one in recipes]
+    trained = [TrainingData(records, recipe) for recipe in recipes]
     recipe = recipes[0]
     selections = frols_together(
-        [problem_of(one.data, one.recipe) for one in trained],
+        [problem_of(training.data, training.recipe) for training in trained],
         recipe.max_terms,
         recipe.tolerance,
         stop=recipe.stop,
     )
     return [
-        one.fit(TermChoice(selection, 0.0, 0.0, selection.chosen))
-        for one, selection in zip(trained, selections, strict=True)
+        training.fit(TermChoice(selection, 0.0, 0.0, selection.chosen))
+        for training, selection in zip(trained, selections, strict=True)
     ]
 
 
@@ -119,10 +119,10 @@ def _start(records: Sequence[Record], recipe: MemoryRecipe, numbers: Unknown) ->
     with the terms that each set prefers.
     """
 
-    def ahead(own: tuple[float, ...]) -> float:
+    def ahead(numbers_tried: tuple[float, ...]) -> float:
         with np.errstate(all="ignore"):
             try:
-                return TrainingData(records, recipe, own).selector.best().selection.sse
+                return TrainingData(records, recipe, numbers_tried).selector.best().selection.sse
             except NotFinite:
                 return np.inf  # these numbers make the state grow without bound
 
@@ -130,11 +130,14 @@ def _start(records: Sequence[Record], recipe: MemoryRecipe, numbers: Unknown) ->
     # the first training samples of all pieces together compete
     before = np.cumsum([0, *(record.training.sum() for record in records)])
     short = [
-        one.training & (np.cumsum(one.training) <= SHORT - taken)
-        for one, taken in zip(records, before, strict=False)
+        record.training & (np.cumsum(record.training) <= SHORT - count)
+        for record, count in zip(records, before, strict=False)
     ]
-    for own in numbers.scan(ahead, STARTS):
-        training, searched = TrainingData(records, recipe, own), numbers.searched(own)
+    for numbers_tried in numbers.scan(ahead, STARTS):
+        training, searched = (
+            TrainingData(records, recipe, numbers_tried),
+            numbers.searched(numbers_tried),
+        )
         choice = training.selector.best()
         chosen = choice.selection.chosen
         if not len(best):

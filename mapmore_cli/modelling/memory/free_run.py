@@ -116,10 +116,10 @@ class Along:
         self.last = stamps[-1:]
         names = [name for name in (*inputs, self.model.output) if name in columns]
         for number, part in enumerate(parts):
-            own = rows[max(part.start - before, 0) : part.stop - before]
-            if len(own):
-                given = {name: np.asarray(columns[name])[own] for name in names}
-                yield own, given, number == 0 and before > 0
+            known_rows = rows[max(part.start - before, 0) : part.stop - before]
+            if len(known_rows):
+                known = {name: np.asarray(columns[name])[known_rows] for name in names}
+                yield known_rows, known, number == 0 and before > 0
 
 
 def _refuse_other_steps(time: Array, rows: IntArray, step: float) -> None:

@@ -121,7 +121,9 @@ def _sum_of_terms(m: Writer, model: MemoryModel, names: Mapping[str, Expression]
         driven = m.let("driven", substitute(inputs, names))
         sums[group].append(product_as_written(Number(theta), driven))
     base = m.let("base", total(sums.pop(-1)))
-    return parts.summed(m, base, [m.let("weight", total(own)) for own in sums.values()], names)
+    return parts.summed(
+        m, base, [m.let("weight", total(weights)) for weights in sums.values()], names
+    )
 
 
 class MemoryVerbs(Verbs):
@@ -190,7 +192,12 @@ class MemoryVerbs(Verbs):
         body = model.body_of(Memory)
         own, limits = (
             body.model,
-            united([*(one.limits for one in body.ranges), {body.model.output: body.model.limits}]),
+            united(
+                [
+                    *(curve_range.limits for curve_range in body.ranges),
+                    {body.model.output: body.model.limits},
+                ]
+            ),
         )
         return *formula_equations(body.backbone, units), equation(
             PIECE, own.terms, own.theta, own.scaling, limits, units
@@ -215,8 +222,8 @@ class MemoryVerbs(Verbs):
         the parameters of the backbone.
         """
         body = model.body_of(Memory)
-        own = len(body.model.theta) + (body.model.constant != 0.0)
-        return own + (0 if body.backbone is None else len(body.backbone.parameters))
+        coefficients = len(body.model.theta) + (body.model.constant != 0.0)
+        return coefficients + (0 if body.backbone is None else len(body.backbone.parameters))
 
     def fed_back(self, model: Model) -> tuple[str, ...]:
         """Return the output, where the model goes on from it."""

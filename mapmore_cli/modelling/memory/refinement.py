@@ -49,7 +49,7 @@ def sensitivities(piece: ReadyPiece, run: Trajectory, theta: Array) -> Array:
         known[name] = inputs[:, groups == group] @ theta[groups == group]
     with np.errstate(all="ignore"):
         slopes = np.reshape(
-            [np.broadcast_to(one, n) for one in feedback.slopes(known, n)], (q, -1, n)
+            [np.broadcast_to(slope, n) for slope in feedback.slopes(known, n)], (q, -1, n)
         )
     for group in range(len(feedback.weights)):
         phi[:, :-1][:, groups == group] *= slopes[0, len(feedback.recalls) + group][:, None]
@@ -243,8 +243,8 @@ def free_run_errors(problem: FreeRunProblem, vector: Array) -> tuple[Array, floa
     size = np.maximum(np.linalg.norm(slopes[:, free], axis=0), np.finfo(np.float64).tiny)
     ridge = np.concatenate([problem.ridge, np.zeros(len(vector) - len(problem.ridge))])[free]
     lengths = [count for rows in problem.counted if (count := int(rows.sum()))]
-    own, worth = correlated_errors(
+    errors_of_free, worth = correlated_errors(
         slopes[:, free] / size, point.residuals, lengths, ridge / size**2
     )
-    errors[free] = own / size
+    errors[free] = errors_of_free / size
     return errors, worth

@@ -70,8 +70,8 @@ class ReadyPiece:
             column[:] = evaluate(part, driven, self.size)
         self.history = np.empty((len(feedback.queues), rows))
         known: dict[str, Array] = {}
-        for row, one in zip(self.history, feedback.queues, strict=True):
-            row[:] = value_of(one, {feedback.output: self.measured}, feedback.states, known)
+        for row, queue in zip(self.history, feedback.queues, strict=True):
+            row[:] = value_of(queue, {feedback.output: self.measured}, feedback.states, known)
             first = int(np.argmax(np.isfinite(row))) if rows else 0
             row[:first] = row[first : first + 1]
 

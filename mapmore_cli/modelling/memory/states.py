@@ -44,9 +44,9 @@ def evaluate_states(
     }
     if past is not None:
         parts = [part for name in states.names for part in state(name).parts]
-        most = max([MOST_PAST, *(one.steps for one in parts if isinstance(one, Lagged))])
-        for name, own in known.items():
-            past[name] = np.concatenate([past.get(name, np.empty(0)), own])[-most:]
+        most = max([MOST_PAST, *(part.steps for part in parts if isinstance(part, Lagged))])
+        for name, column in known.items():
+            past[name] = np.concatenate([past.get(name, np.empty(0)), column])[-most:]
     for name, low, high in zip(states.names, states.low, states.high, strict=states.scaled):
         if high > low:
             values[name] = np.clip(
@@ -62,7 +62,7 @@ MOST_PAST = 2
 
 
 def value_of(
-    found: State,
+    wanted: State,
     columns: Columns,
     numbers: StateSet,
     known: dict[str, Array],
@@ -74,9 +74,9 @@ def value_of(
     of are kept in `known`, by their names. `still` is as in `evaluate_states`.
     """
     before = {} if past is None else past
-    if found.name in known:
-        return known[found.name]
-    match found:
+    if wanted.name in known:
+        return known[wanted.name]
+    match wanted:
         case Measured(name):
             if name not in columns:
                 raise DataError(
@@ -84,9 +84,9 @@ def value_of(
                 )
             values = np.asarray(columns[name], dtype=np.float64)
         case Lagged() | Operated() if still:
-            values = value_of(found.source, columns, numbers, known, still=True)
-            if isinstance(found, Operated):
-                rule = OPERATORS[found.operator].recursion(setting_of(found, numbers))
+            values = value_of(wanted.source, columns, numbers, known, still=True)
+            if isinstance(wanted, Operated):
+                rule = OPERATORS[wanted.operator].recursion(setting_of(wanted, numbers))
                 values = rule.rest(values)
         case Lagged(source, steps):
             x = value_of(source, columns, numbers, known, past)
@@ -95,24 +95,24 @@ def value_of(
             values = along(
                 OPERATORS[operator],
                 value_of(source, columns, numbers, known, past),
-                setting_of(found, numbers),
-                (before.get(found.name, np.empty(0)), before.get(source.name, np.empty(0))),
+                setting_of(wanted, numbers),
+                (before.get(wanted.name, np.empty(0)), before.get(source.name, np.empty(0))),
             )
-    known[found.name] = values
+    known[wanted.name] = values
     return values
 
 
-def setting_of(found: Operated, numbers: StateSet) -> Setting:
+def setting_of(operated: Operated, numbers: StateSet) -> Setting:
     """Return what an operator's state depends on: numbers of its name, or those that training
     found.
     """
-    source = found.source.name
-    match OPERATORS[found.operator].needs:
+    source = operated.source.name
+    match OPERATORS[operated.operator].needs:
         case "range":
-            return Setting(found.numbers, numbers.step, numbers.ranges[source])
-        case "oscillator" if not found.numbers:
+            return Setting(operated.numbers, numbers.step, numbers.ranges[source])
+        case "oscillator" if not operated.numbers:
             return Setting(numbers.resonances[source], numbers.step)
-    return Setting(found.numbers, numbers.step)
+    return Setting(operated.numbers, numbers.step)
 
 
 def delayed(x: Array, steps: int, before: Array) -> Array:
@@ -152,10 +152,10 @@ def resolve_states(
     )
     known: list[dict[str, Array]] = [{} for _ in records]
 
-    def along_records(found: State) -> list[Array]:
+    def along_records(wanted: State) -> list[Array]:
         return [
-            value_of(found, record.columns, states, own)
-            for record, own in zip(records, known, strict=True)
+            value_of(wanted, record.columns, states, values)
+            for record, values in zip(records, known, strict=True)
         ]
 
     training = [record.training for record in records]
@@ -203,7 +203,7 @@ def _range(values: Array, name: str) -> tuple[float, float]:
 
 
 def _training_values(values: Sequence[Array], training: Sequence[BoolArray]) -> Array:
-    return np.concatenate([one[rows] for one, rows in zip(values, training, strict=True)])
+    return np.concatenate([column[rows] for column, rows in zip(values, training, strict=True)])
 
 
 # Hz: what a load on a soft muscle rings with
@@ -236,7 +236,7 @@ def find_resonance(
     def pooled(operator: str, *numbers: float) -> Array:
         setting = Setting(numbers, step)
         return _training_values(
-            [along(OPERATORS[operator], one, setting) for one in driving], training
+            [along(OPERATORS[operator], record, setting) for record in driving], training
         )
 
     x = _training_values(driving, training)

@@ -63,9 +63,9 @@ class Unknown:
     def places(self) -> list[tuple[Operated, Parameter]]:
         """(m) the state that each number belongs to, and what it is."""
         return [
-            (one, parameter)
-            for one in self.states
-            for parameter in OPERATORS[one.operator].parameters
+            (operated, parameter)
+            for operated in self.states
+            for parameter in OPERATORS[operated.operator].parameters
         ]
 
     @cached_property
@@ -98,17 +98,19 @@ class Unknown:
 
     def those_of(self, part: Unknown) -> BoolArray:
         """(m,) whether a number is one of `part`, too."""
-        return np.array([one in part.states for one, _ in self.places], dtype=np.bool_)
+        return np.array([operated in part.states for operated, _ in self.places], dtype=np.bool_)
 
     def filled(self, texts: Sequence[str], numbers: Sequence[float]) -> tuple[str, ...]:
         """Return the terms with the numbers in their states' names."""
-        rest, own = list(numbers), {}
-        for one in self.states:
-            count = len(OPERATORS[one.operator].parameters)
-            own[one], rest = tuple(rest[:count]), rest[count:]
+        rest, by_state = list(numbers), {}
+        for operated in self.states:
+            count = len(OPERATORS[operated.operator].parameters)
+            by_state[operated], rest = tuple(rest[:count]), rest[count:]
         return tuple(
             to_text(
-                substitute(term, {name: Name(_with(state(name), own).name) for name in term.names})
+                substitute(
+                    term, {name: Name(_with(state(name), by_state).name) for name in term.names}
+                )
             )
             for term in map(parse, texts)
         )
@@ -116,7 +118,7 @@ class Unknown:
     def identified(self, searched: Array, errors: Array) -> Identified:
         """Return the numbers with their standard errors, from those of the search."""
         numbers = np.array(self.numbers(searched, DIGITS))
-        names = tuple(f"{parameter.key} of {one.name}" for one, parameter in self.places)
+        names = tuple(f"{parameter.key} of {operated.name}" for operated, parameter in self.places)
         scale = np.where(self.limits[0] > 0, numbers, 1.0)
         low, high = self.bounds
         near = AT_BOUND * (high - low)
@@ -133,20 +135,22 @@ class Unknown:
         """
         grids = [
             starts(self.step, self.longest)
-            for one in self.states
-            if (starts := OPERATORS[one.operator].starts) is not None
+            for operated in self.states
+            if (starts := OPERATORS[operated.operator].starts) is not None
         ]
 
         def ranked(sets: Iterable[Numbers]) -> list[Numbers]:
-            return sorted(sets, key=lambda own: error(tuple(chain(*own))))
+            return sorted(sets, key=lambda numbers: error(tuple(chain(*numbers))))
 
         if math.prod(map(len, grids)) <= ALL:
             best = ranked(product(*grids))
         else:
             best = [tuple(grid[len(grid) // 2] for grid in grids)]
             for place, grid in enumerate(grids):
-                best = ranked((*best[0][:place], own, *best[0][place + 1 :]) for own in grid)
-        return [tuple(chain(*own)) for own in best[:keep]]
+                best = ranked(
+                    (*best[0][:place], numbers, *best[0][place + 1 :]) for numbers in grid
+                )
+        return [tuple(chain(*numbers)) for numbers in best[:keep]]
 
 
 def left_open(records: Sequence[Record], terms: Sequence[str], step: float) -> Unknown:
@@ -160,22 +164,26 @@ def left_open(records: Sequence[Record], terms: Sequence[str], step: float) -> U
         for part in state(name).parts
         if isinstance(part, Operated)
     }
-    found = [
+    open_states = [
         part for part in parts if not part.numbers and OPERATORS[part.operator].starts is not None
     ]
     longest = step * max((int(record.training.sum()) for record in records), default=1)
-    return Unknown(tuple(sorted(found, key=lambda one: (len(one.name), one.name))), step, longest)
+    return Unknown(
+        tuple(sorted(open_states, key=lambda operated: (len(operated.name), operated.name))),
+        step,
+        longest,
+    )
 
 
-def _with(found: State, numbers: dict[Operated, tuple[float, ...]]) -> State:
+def _with(wanted: State, numbers: dict[Operated, tuple[float, ...]]) -> State:
     """Return a state with the numbers of what was left open in it."""
-    if isinstance(found, Measured):
-        return found
-    inner = _with(found.source, numbers)
+    if isinstance(wanted, Measured):
+        return wanted
+    inner = _with(wanted.source, numbers)
     return (
-        replace(found, source=inner, numbers=numbers[found])
-        if found in numbers
-        else replace(found, source=inner)
+        replace(wanted, source=inner, numbers=numbers[wanted])
+        if wanted in numbers
+        else replace(wanted, source=inner)
     )
 
 
@@ -219,8 +227,8 @@ class TrainingData:
             selection = self._with_errors(selection, choice)
         else:
             problem, numbers = self.problem(chosen, search=True), self.open_in(chosen)
-            found, worth = free_run_errors(problem, vector)
-            errors, _, of_numbers = problem.split(found)
+            errors_of_all, worth = free_run_errors(problem, vector)
+            errors, _, of_numbers = problem.split(errors_of_all)
             theta, constant, at = problem.split(vector)
             selection = replace(selection, theta=theta, theta_error=errors, worth=worth)
             if numbers.states:
@@ -281,26 +289,26 @@ class TrainingData:
             end = int(np.max(np.flatnonzero(mask), initial=-1)) + 1
             if end:
                 parts.append(({name: x[:end] for name, x in record.columns.items()}, mask[:end]))
-        given = [self.recipe.dictionary[i] for i in chosen] if search else []
-        numbers = left_open(self.records, given, self.recipe.step)
+        texts = [self.recipe.dictionary[i] for i in chosen] if search else []
+        numbers = left_open(self.records, texts, self.recipe.step)
 
         @lru_cache(maxsize=4)
         def made_ready(*at: float) -> list[ReadyPiece]:
             """Return all pieces; where numbers are searched, those of a place of the search."""
             terms, states = tuple(self.dictionary[i] for i in chosen), self._states_of(chosen)
             if at:
-                terms = numbers.filled(given, numbers.numbers(np.array(at)))
-                found = self.states.resonances
-                states = resolve_states(_names_in(terms), self.records, self.recipe, found)
+                terms = numbers.filled(texts, numbers.numbers(np.array(at)))
+                resonances = self.states.resonances
+                states = resolve_states(_names_in(terms), self.records, self.recipe, resonances)
             feedback = Feedback(terms, states, self.recipe.target)
             return [ReadyPiece(feedback, columns) for columns, _ in parts]
 
         pieces = made_ready()
         rows = [
-            mask[one.start :] & np.isfinite(one.measured[one.start :])
-            for one, (_, mask) in zip(pieces, parts, strict=True)
+            mask[piece.start :] & np.isfinite(piece.measured[piece.start :])
+            for piece, (_, mask) in zip(pieces, parts, strict=True)
         ]
-        places = [place for place, own in enumerate(rows) if own.any()]
+        places = [place for place, mask in enumerate(rows) if mask.any()]
         if not places:
             raise DataError(
                 "no sample has a history as long as a free run needs",

@@ -22,16 +22,18 @@ def outputs_model(name: str, models: Sequence[Model]) -> Model:
     return Model(
         name=name,
         output=first.output,
-        inputs=tuple(dict.fromkeys(one for model in models for one in model.inputs)),
+        inputs=tuple(dict.fromkeys(quantity for model in models for quantity in model.inputs)),
         body=Outputs(tuple(models)),
-        signals=tuple(dict.fromkeys(one for model in models for one in model.signals)),
+        signals=tuple(dict.fromkeys(signal for model in models for signal in model.signals)),
         notes=tuple(dict.fromkeys(note for model in models for note in model.notes)),
     )
 
 
 def _structure(model: Model) -> tuple[object, ...]:
     pieces = model.pieces
-    cells = () if pieces is None else tuple((one.id, one.cell) for one in pieces.segments)
+    cells = (
+        () if pieces is None else tuple((segment.id, segment.cell) for segment in pieces.segments)
+    )
     return type(model.body), model.level, cells
 
 
@@ -49,21 +51,21 @@ class OutputsVerbs(Verbs):
     def outside_range(self, model: Model, columns: Columns) -> BoolArray:
         """Return True if an input is beyond the training range of any output, (n,)."""
         beyond: BoolArray = np.logical_or.reduce(
-            [kinds.outside_range(one, columns) for one in model.each]
+            [kinds.outside_range(part, columns) for part in model.each]
         )
         return beyond
 
     def equations(self, model: Model, units: Mapping[str, float]) -> tuple[Equation, ...]:
         """Return the equations of every output, named after it."""
         return tuple(
-            replace(row, id=f"{one.output.name}: {row.id}")
-            for one in model.each
-            for row in kinds.equations(one, units)
+            replace(row, id=f"{part.output.name}: {row.id}")
+            for part in model.each
+            for row in kinds.equations(part, units)
         )
 
     def rules(self, model: Model) -> tuple[str, ...]:
         """Return how the equations are put together, alike for all outputs."""
-        return tuple(dict.fromkeys(rule for one in model.each for rule in kinds.rules(one)))
+        return tuple(dict.fromkeys(rule for part in model.each for rule in kinds.rules(part)))
 
     def parameters(self, model: Model) -> int:
         """Return the parameters of all outputs."""
@@ -72,12 +74,12 @@ class OutputsVerbs(Verbs):
     def faults(self, model: Model) -> Iterator[str]:
         """Yield why a stored one is refused."""
         each = model.each
-        names = [one.output.name for one in each]
+        names = [part.output.name for part in each]
         if len(names) < 2 or len({*names}) < len(names) or model.output != each[0].output:
             yield "its outputs are not several, each with a name of its own"
-        if any(isinstance(one.body, Outputs) for one in each):
+        if any(isinstance(part.body, Outputs) for part in each):
             yield "one of its outputs is several outputs"
-        if {*model.inputs} != {one for part in each for one in part.inputs}:
+        if {*model.inputs} != {quantity for part in each for quantity in part.inputs}:
             yield "its inputs are not those of its outputs"
-        if len({_structure(one) for one in each}) > 1:
+        if len({_structure(part) for part in each}) > 1:
             yield "its outputs do not share their segments"

@@ -47,12 +47,12 @@ def functions_with_slopes(functions: Sequence[Function]) -> tuple[Function, ...]
     """Return the functions with the derivatives by all parameters behind their values."""
     return tuple(
         Function(
-            FUNCTION.format(one.name),
-            one.parameters,
-            _with_slopes(one.body, one.parameters),
-            f"{one.note}, and its slopes" if one.note else "",
+            FUNCTION.format(function.name),
+            function.parameters,
+            _with_slopes(function.body, function.parameters),
+            f"{function.note}, and its slopes" if function.note else "",
         )
-        for one in functions
+        for function in functions
     )
 
 
@@ -84,7 +84,11 @@ def _block_with_slopes(block: Block, slopes: dict[str, Slopes], count: int) -> B
             case Use((name,), function, arguments):
                 outer = [Name(f"{name}_by{i}") for i in range(len(arguments))]
                 statements.append(
-                    Use((name, *(one.name for one in outer)), FUNCTION.format(function), arguments)
+                    Use(
+                        (name, *(statement.name for statement in outer)),
+                        FUNCTION.format(function),
+                        arguments,
+                    )
                 )
                 inner = [_chained(argument, known, count) for argument in arguments]
                 parts = (
@@ -125,9 +129,9 @@ def _chained(value: Expression, known: dict[str, Slopes], count: int) -> Slopes:
 
 def _named_slopes(statements: list[Statement], name: str, slopes: Slopes) -> Slopes:
     """Name each derivative that is neither a name nor a number."""
-    found = list(slopes)
+    known = list(slopes)
     for way, slope in enumerate(slopes):
         if slope.names and not isinstance(slope, Name):
             statements.append(Let(f"{name}_d{way}", slope))
-            found[way] = Name(f"{name}_d{way}")
-    return tuple(found)
+            known[way] = Name(f"{name}_d{way}")
+    return tuple(known)

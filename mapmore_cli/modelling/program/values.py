@@ -65,13 +65,13 @@ def evaluator(program: Program) -> Callable[[Columns], list[Array]]:
     run = _Compiler(program.functions).block(program.body)
 
     def results(columns: Columns) -> list[Array]:
-        given: Values = {
+        values: Values = {
             f"{INPUT}{name}": np.asarray(columns[name], dtype=np.float64) for name in program.inputs
         }
         n = len(columns[program.inputs[0]])
-        finite = reduce(np.logical_and, map(np.isfinite, given.values()))
+        finite = reduce(np.logical_and, map(np.isfinite, values.values()))
         with np.errstate(all="ignore"):
-            return [np.where(finite, value, np.nan) for value in run(given, n)]
+            return [np.where(finite, value, np.nan) for value in run(values, n)]
 
     return results
 
@@ -132,11 +132,11 @@ class _Compiler:
         parameters = self.functions[function].parameters
 
         def step(values: Values, shared: Shared, n: int) -> None:
-            given = {
+            bound = {
                 name: argument(values, shared)
                 for name, argument in zip(parameters, arguments, strict=True)
             }
-            values.update(zip(names, self.ready(function)(given, n), strict=True))
+            values.update(zip(names, self.ready(function)(bound, n), strict=True))
 
         return step
 
@@ -145,19 +145,19 @@ class _Compiler:
         side = cache(lambda number: self.block(blocks[number]))
 
         def step(values: Values, shared: Shared, n: int) -> None:
-            found = [np.empty(n) for _ in names]
+            merged = [np.empty(n) for _ in names]
             for number, rows in places(values, shared, n):
                 if len(rows) == n:
                     values.update(zip(names, side(number)(values, n), strict=True))
                     return
-                own = {
+                on_rows = {
                     name: x.take(rows) if (x := values[name]).ndim else x
                     for name in needed(number)
                     if name in values
                 }
-                for whole, part in zip(found, side(number)(own, len(rows)), strict=True):
+                for whole, part in zip(merged, side(number)(on_rows, len(rows)), strict=True):
                     whole[rows] = part
-            values.update(zip(names, found, strict=True))
+            values.update(zip(names, merged, strict=True))
 
         return step
 
@@ -173,7 +173,7 @@ class _SampleCompiler(_Compiler):
         (name,), following = names, self.rules[function]
 
         def step(values: Values, shared: Shared, _n: int) -> None:
-            values[name] = following(FLOATS, *[one(values, shared) for one in arguments])
+            values[name] = following(FLOATS, *[argument(values, shared) for argument in arguments])
 
         return step
 
@@ -233,13 +233,15 @@ def _places_along(choice: Choose, known: Known) -> Places | None:
     """
     conditions = [condition for condition, _ in choice.cases]
     along = {condition.left for condition in conditions}
-    numbers = [one.right.value for one in conditions if isinstance(one.right, Number)]
+    numbers = [
+        condition.right.value for condition in conditions if isinstance(condition.right, Number)
+    ]
     if len(conditions) < MANY or len(along) > 1 or not np.isfinite(numbers).all():
         return None
     if len(numbers) < len(conditions):
         return None
     value = part_of(along.pop(), known)
-    words = np.array([one.comparison for one in conditions])
+    words = np.array([condition.comparison for condition in conditions])
     ways = [
         _first_that_holds(word, np.flatnonzero(words == word), np.array(numbers))
         for word in np.unique(words).tolist()
@@ -267,8 +269,8 @@ def _first_that_holds(
 
         def equal(x: Array) -> IntArray:
             at = np.searchsorted(kept, x)
-            found: IntArray = np.where(padded[at] == x, ends[np.append(first, -1)[at]], ends[-1])
-            return found
+            place: IntArray = np.where(padded[at] == x, ends[np.append(first, -1)[at]], ends[-1])
+            return place
 
         return equal
     turn = 1.0 if comparison.startswith("<") else -1.0

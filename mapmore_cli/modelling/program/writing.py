@@ -79,11 +79,11 @@ class Writer:
         self, stem: str, cases: Iterable[tuple[Condition, Side]], otherwise: Side
     ) -> Expression:
         """Return the result of the first case whose condition holds, else `otherwise`."""
-        found = tuple((condition, self.side(side)) for condition, side in cases)
-        if not found:
+        branches = tuple((condition, self.side(side)) for condition, side in cases)
+        if not branches:
             return self.let(stem, otherwise() if callable(otherwise) else otherwise)
         name = self.fresh(stem)
-        self.statements.append(Choose((name,), found, self.side(otherwise)))
+        self.statements.append(Choose((name,), branches, self.side(otherwise)))
         return Name(name)
 
     def where(self, condition: Condition, then: Side, otherwise: Side) -> Expression:
@@ -183,18 +183,25 @@ def renamed_all(terms: Iterable[Expression], names: Mapping[str, Expression]) ->
 
 def limit(m: Writer, ranges: Sequence[CurveRange], level: str | None, inputs: Inputs) -> None:
     """Add the training ranges of the inputs, and their ends as knots."""
-    for one in limits(ranges, level):
-        if one.name in inputs:
-            at = None if one.at is None else inputs[one.at]
+    for input_range in limits(ranges, level):
+        if input_range.name in inputs:
+            at = None if input_range.at is None else inputs[input_range.at]
             m.limits.append(
                 InputLimit(
-                    frozenset({one.name}), inputs[one.name], at, one.levels, one.low, one.high
+                    frozenset({input_range.name}),
+                    inputs[input_range.name],
+                    at,
+                    input_range.levels,
+                    input_range.low,
+                    input_range.high,
                 )
             )
             m.knot(
-                one.name,
+                input_range.name,
                 *(
-                    one.levels if one.name == level else np.concatenate([one.low, one.high])
+                    input_range.levels
+                    if input_range.name == level
+                    else np.concatenate([input_range.low, input_range.high])
                 ).tolist(),
             )
 
@@ -220,10 +227,10 @@ def pruned_block(block: Block, also: Set[str] = frozenset()) -> Block:
     used = {*names_in(block.results), *also}
     kept: list[Statement] = []
     for statement in reversed(block.statements):
-        found = _used(statement, used)
-        if found is not None:
-            kept.append(found)
-            used |= names_used_by(found)
+        needed = _used(statement, used)
+        if needed is not None:
+            kept.append(needed)
+            used |= names_used_by(needed)
     return Block(tuple(reversed(kept)), block.results)
 
 
@@ -260,8 +267,8 @@ def _used(statement: Statement, used: Set[str]) -> Statement | None:
             if not places:
                 return None
             *sides, last = (
-                pruned_block(Block(one.statements, tuple(one.results[i] for i in places)))
-                for one in statement.blocks
+                pruned_block(Block(block.statements, tuple(block.results[i] for i in places)))
+                for block in statement.blocks
             )
             return Choose(
                 tuple(names[i] for i in places),

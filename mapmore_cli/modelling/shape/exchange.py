@@ -61,7 +61,7 @@ class Exchange:
         step: float = 1.0,
     ) -> None:
         self.model, self.value, self.start = model, value, start
-        self.inputs, self.linear = [one.name for one in model.inputs], step == 1.0
+        self.inputs, self.linear = [quantity.name for quantity in model.inputs], step == 1.0
         self.D, self.d = bounds
         y, lengths = R @ self.start, np.linalg.norm(R, axis=0)
         lengths[lengths == 0] = 1.0
@@ -78,7 +78,7 @@ class Exchange:
         kept = (self.D @ self.start >= self.d).all()
         self.theta, self.force = self.start if kept else solution.theta, solution.force
         if not solution.met:
-            places = dict.fromkeys(one.told for one in self.binding())
+            places = dict.fromkeys(stencils.told for stencils in self.binding())
             raise FitError(
                 "fit.shape: no coefficients of the chosen terms fulfil it: "
                 f"{'; '.join([*places][:3]) or 'bounds of coefficients'}",
@@ -96,11 +96,11 @@ class Exchange:
 
     def where(self) -> dict[ShapeWord, Ranges]:
         """Return the range of the inputs in which each word binds."""
-        found: dict[ShapeWord, Ranges] = {}
-        for one in self.binding():
-            own = {name: extremes(x) for name, x in one.columns.items()}
-            found[one.asked] = united([found.get(one.asked, {}), own])
-        return found
+        ranges: dict[ShapeWord, Ranges] = {}
+        for stencils in self.binding():
+            limits = {name: extremes(x) for name, x in stencils.columns.items()}
+            ranges[stencils.asked] = united([ranges.get(stencils.asked, {}), limits])
+        return ranges
 
     def _values(self, columns: Columns) -> Array:
         return self.value(self.theta, columns)
@@ -127,25 +127,25 @@ class Exchange:
             region.nodes_along(FINE),
         )
         clear = _widened(axes, region.holds(nodes_of(axes)))
-        self._on([stencils_on(axes, one, clear) for one in asked], region)
+        self._on([stencils_on(axes, word, clear) for word in asked], region)
         for closer in range(CLOSER):
             reach = (2 / (CLOSE - 1)) ** closer / cells
             steps = {name: reach * (high - low) for name, (low, high) in region.ends.items()}
-            self._on([_grid_about(one, steps, region) for one in self.binding()], region)
+            self._on([_grid_about(stencils, steps, region) for stencils in self.binding()], region)
 
     def _on(self, every: Sequence[Stencils], region: Region) -> None:
         """Add inequalities until none of the stencils is violated."""
-        if not (every := [one for one in every if len(one.nodes)]):
+        if not (every := [stencils for stencils in every if len(stencils.nodes)]):
             return
         for _ in range(ROUNDS):
             values = self._at_nodes(every, self._values)
-            rises = [one.of(own) for one, own in zip(every, values, strict=True)]
-            worst = [np.argsort(own)[:ADDED] for own in rises]
+            rises = [stencils.of(y) for stencils, y in zip(every, values, strict=True)]
+            worst = [np.argsort(rise)[:ADDED] for rise in rises]
             least = -ROUNDING * region.span
             violated = [
-                one.at(rows[own[rows] < least])
-                for one, own, rows in zip(every, rises, worst, strict=True)
-                if own.min(initial=0.0) < least
+                stencils.at(rows[rise[rows] < least])
+                for stencils, rise, rows in zip(every, rises, worst, strict=True)
+                if rise.min(initial=0.0) < least
             ]
             if not violated:
                 return
@@ -159,11 +159,11 @@ class Exchange:
 
     def _at_nodes(self, every: Sequence[Stencils], of: Callable[[Columns], Array]) -> list[Array]:
         """Return the values or derivatives at the nodes of each, all computed together."""
-        nodes = {id(one.columns): one.columns for one in every}
-        sizes = [len(one[self.inputs[0]]) for one in nodes.values()]
-        columns = {n: np.concatenate([one[n] for one in nodes.values()]) for n in self.inputs}
+        nodes = {id(stencils.columns): stencils.columns for stencils in every}
+        sizes = [len(columns[self.inputs[0]]) for columns in nodes.values()]
+        columns = {n: np.concatenate([inputs[n] for inputs in nodes.values()]) for n in self.inputs}
         parts = dict(zip(nodes, np.split(of(columns), np.cumsum(sizes)[:-1]), strict=True))
-        return [parts[id(one.columns)] for one in every]
+        return [parts[id(stencils.columns)] for stencils in every]
 
     def _add(self, violated: Sequence[Stencils]) -> int:
         """Add the inequality of each stencil, linear in the coefficients about those so far; return
@@ -171,13 +171,13 @@ class Exchange:
         """
         before = len(self.D)
         values, slopes = (self._at_nodes(violated, of) for of in (self._values, self._slopes))
-        for one, y, dy in zip(violated, values, slopes, strict=True):
-            rows = one.of(dy)
+        for stencils, y, dy in zip(violated, values, slopes, strict=True):
+            rows = stencils.of(dy)
             errors = ROUNDING_ERRORS * self.rounding * np.abs(y).max()
             counts = np.linalg.norm(rows @ self.R_inverse, axis=1) > errors
-            self.stencils.append((len(self.D), one.at(counts)))
+            self.stencils.append((len(self.D), stencils.at(counts)))
             self.D = np.vstack([self.D, rows[counts]])
-            self.d = np.append(self.d, (rows @ self.theta - one.of(y))[counts])
+            self.d = np.append(self.d, (rows @ self.theta - stencils.of(y))[counts])
         return len(self.D) - before
 
 

@@ -54,10 +54,16 @@ class Region:
     @property
     def ends(self) -> dict[str, tuple[float, float]]:
         """Least and greatest value of each input."""
-        margin = {one.name: self.fit.beyond * (one.high - one.low).max() for one in self.ranges}
+        margin = {
+            input_range.name: self.fit.beyond * (input_range.high - input_range.low).max()
+            for input_range in self.ranges
+        }
         return {
-            one.name: (one.low.min() - margin[one.name], one.high.max() + margin[one.name])
-            for one in self.ranges
+            input_range.name: (
+                input_range.low.min() - margin[input_range.name],
+                input_range.high.max() + margin[input_range.name],
+            )
+            for input_range in self.ranges
         }
 
     def between(self, columns: Columns) -> tuple[csr_array, BoolArray]:
@@ -92,8 +98,8 @@ class Region:
             except QhullError:  # all samples on a line
                 pass
             if (inside := simplex >= 0).any():
-                own = net.transform[simplex[inside]]
-                first = np.einsum("nij,nj->ni", own[:, :d], asked[inside] - own[:, d])
+                transform = net.transform[simplex[inside]]
+                first = np.einsum("nij,nj->ni", transform[:, :d], asked[inside] - transform[:, d])
                 shares[inside] = np.column_stack([first, 1 - first.sum(axis=1)])
                 vertices[inside] = net.simplices[simplex[inside]]
         starts = np.arange(0, vertices.size + 1, d + 1)
@@ -109,15 +115,15 @@ class Region:
     def holds(self, columns: Columns) -> BoolArray:
         """Return True at places in it, (n,)."""
         inside = np.asarray(self.output(columns) > self.values.min() + self.fit.slack * self.span)
-        for one in self.ranges:
-            (low, high), x = one.ends(columns), columns[one.name]
+        for input_range in self.ranges:
+            (low, high), x = input_range.ends(columns), columns[input_range.name]
             margin = (self.fit.beyond + OUTSIDE_TOLERANCE) * (high - low)
             inside &= (x >= low - margin) & (x <= high + margin)
         return inside
 
     def asks(self, asked: Sequence[ShapeWord]) -> list[ShapeWord]:
         """Return the words about the output, and about inputs that vary."""
-        return [one for one in asked if one.word == "positive" or one.quantity in self.names]
+        return [word for word in asked if word.word == "positive" or word.quantity in self.names]
 
     def nodes_along(self, nodes: int) -> int:
         """Return how many even nodes a grid of so many has along each input."""
@@ -142,7 +148,9 @@ def region_of(model: Model, curves: Sequence[Curve], fit: Fit) -> Region | None:
     model does not know its range.
     """
     ranges = tuple(limits(getattr(model.body, "ranges", ()), model.level))
-    return region_within(ranges, curves, model.output.name, [one.name for one in model.inputs], fit)
+    return region_within(
+        ranges, curves, model.output.name, [quantity.name for quantity in model.inputs], fit
+    )
 
 
 def region_within(
@@ -154,8 +162,12 @@ def region_within(
 ) -> Region | None:
     """Return the region of a target along inputs, of which the `ranges` are known."""
     samples = pooled_training(curves)
-    varied = tuple(one for one in ranges if (one.high > one.low).any() and one.name in samples)
-    names, y = tuple(one.name for one in varied), samples[target]
+    varied = tuple(
+        input_range
+        for input_range in ranges
+        if (input_range.high > input_range.low).any() and input_range.name in samples
+    )
+    names, y = tuple(input_range.name for input_range in varied), samples[target]
     if not names or np.ptp(y) == 0:
         return None
     X = np.column_stack([samples[name] for name in names])

@@ -75,7 +75,7 @@ def refuse_unsupported(
     region = region_within(ranges, curves, target, inputs, fit)
     asked = asked_of(fit)
     known = [] if region is None else region.asks(asked)
-    if fewest and (unknown := [one.quantity for one in asked if one not in known]):
+    if fewest and (unknown := [word.quantity for word in asked if word not in known]):
         raise FitError(
             f"fit.shape: `{unknown[0]}` is not an input of the model that varies in the "
             "training data",
@@ -87,17 +87,17 @@ def refuse_unsupported(
     columns = nodes_of(axes)
     between, amid = region.between(columns)
     inside, output = region.holds(columns) & amid, between @ region.values
-    for one in (one for one in known if one.word in ("increasing", "decreasing")):
-        rises = stencils_on(axes, one, inside).of(output)
+    for word in (word for word in known if word.word in ("increasing", "decreasing")):
+        rises = stencils_on(axes, word, inside).of(output)
         count, wrong = len(rises), int((rises < -ROUNDING * region.span).sum())
         against = None
         if wrong > CONTRADICTED * count:
-            against = _contradiction(region, axes, one, inside, between)
+            against = _contradiction(region, axes, word, inside, between)
         if count < fewest or against is not None:
-            told = "" if against is None else against.told
+            against_words = "" if against is None else against.told
             raise FitError(
-                f"fit.shape: `{one.quantity}: {one.word}` is supported by {count} "
-                f"differences of the training data, of which {wrong} contradict it{told}",
+                f"fit.shape: `{word.quantity}: {word.word}` is supported by {count} "
+                f"differences of the training data, of which {wrong} contradict it{against_words}",
                 f"a sign needs at least {FEWEST} differences, and data that contradict it "
                 "by no more than their noise: remove it, or raise `fit.slack`",
             )
@@ -108,13 +108,17 @@ def _ranges_of(
 ) -> list[CurveRange]:
     """Return the training range of every input, curve by curve where curves have levels."""
     known = sorted(
-        (one for one in curves if one.training.any()),
-        key=lambda one: (one.level is not None, one.level),
+        (curve for curve in curves if curve.training.any()),
+        key=lambda curve: (curve.level is not None, curve.level),
     )
-    own = [{name: one.limits(name) for name in inputs if name in one.columns} for one in known]
+    ranges = [
+        {name: curve.limits(name) for name in inputs if name in curve.columns} for curve in known
+    ]
     if level is None:
-        return [CurveRange("all", None, united(own))]
-    return [CurveRange(one.id, one.level, its) for one, its in zip(known, own, strict=True)]
+        return [CurveRange("all", None, united(ranges))]
+    return [
+        CurveRange(curve.id, curve.level, its) for curve, its in zip(known, ranges, strict=True)
+    ]
 
 
 def _axes(region: Region, level: str | None) -> dict[str, Array]:
@@ -122,8 +126,8 @@ def _axes(region: Region, level: str | None) -> dict[str, Array]:
     most = np.clip(round(COMPARED ** (1 / len(region.names))), LEAST_ALONG, MOST_ALONG)
     axes = dict(region.fixed)
     for name, x in zip(region.names, region.places.T, strict=True):
-        own = region.ranges[0].levels if name == level else np.unique(x)
-        axes[name] = own if len(own) <= most else np.linspace(own[0], own[-1], most)
+        places = region.ranges[0].levels if name == level else np.unique(x)
+        axes[name] = places if len(places) <= most else np.linspace(places[0], places[-1], most)
     return axes
 
 
@@ -161,7 +165,7 @@ def _contradiction(
     near = _near(region)
     sigma = _noise(region, near)
     noise = sigma[:, None] * np.random.default_rng(0).normal(size=(len(sigma), RUNS))
-    found, by_noise = list[_Against](), np.zeros(RUNS)
+    contradictions, by_noise = list[_Against](), np.zeros(RUNS)
     for power in range(len(axes[asked.quantity]).bit_length() - 1):
         stencils = stencils_on(axes, asked, inside, 2**power)
         if not len(stencils.nodes):
@@ -177,13 +181,15 @@ def _contradiction(
         for row in np.argsort(-against)[:TRIED].tolist():
             cells = rises.indices[rises.indptr[row] : rises.indptr[row + 1]]
             place = stencils.at(np.array([row]))
-            found.append(
+            contradictions.append(
                 _Against(float(against[row]), float(against[row] * error[row]), place, cells)
             )
     least = max(UNLIKELY, float(np.quantile(by_noise, 1 - LEVEL, method="higher")))
-    for one in sorted(found, key=lambda one: -one.errors):
-        if one.errors > least and _confirmed(region, asked, np.unique(near[one.cells])):
-            return one
+    for contradiction in sorted(contradictions, key=lambda contradiction: -contradiction.errors):
+        if contradiction.errors > least and _confirmed(
+            region, asked, np.unique(near[contradiction.cells])
+        ):
+            return contradiction
     return None
 
 

@@ -54,21 +54,21 @@ def violations(
     model: Model, asked: Sequence[ShapeWord], region: Region, nodes: int = NODES
 ) -> list[Violation]:
     """Return what the model does against each word, on a grid over the region."""
-    axes, found = region.axes(program_of(model).knots, nodes), []
+    axes, result = region.axes(program_of(model).knots, nodes), []
     columns = nodes_of(axes)
     values = settled(model, columns)
     inside = region.holds(columns) & np.isfinite(values)
-    for one in region.asks(asked):
-        stencils = stencils_on(axes, one, inside)
+    for word in region.asks(asked):
+        stencils = stencils_on(axes, word, inside)
         falls = np.maximum(-stencils.of(values), 0.0)
-        lines = np.bincount(stencils.lines, falls) if POINTS[one.word] == 2 else falls
+        lines = np.bincount(stencils.lines, falls) if POINTS[word.word] == 2 else falls
         amount = float(lines.max(initial=0.0))
         if amount <= WRONG * region.span:
-            found.append(Violation(one, 0.0, 0.0, ""))
+            result.append(Violation(word, 0.0, 0.0, ""))
         else:
             worst = stencils.at(np.array([np.argmax(falls)])).told
-            found.append(Violation(one, amount, amount / region.span, worst))
-    return found
+            result.append(Violation(word, amount, amount / region.span, worst))
+    return result
 
 
 def known_shape(kind: str | None, model: Model, curves: Sequence[Curve]) -> list[Violation]:
@@ -78,17 +78,21 @@ def known_shape(kind: str | None, model: Model, curves: Sequence[Curve]) -> list
     words = (
         IMPLIED.get(model.output.name, {}) if kind in KINDS and not runs_over_time(model) else {}
     )
-    asked = [ShapeWord(one.name, words[one.name]) for one in model.inputs if one.name in words]
+    asked = [
+        ShapeWord(quantity.name, words[quantity.name])
+        for quantity in model.inputs
+        if quantity.name in words
+    ]
     fit = Fit()
     if model.shape is not None:
-        asked = [ShapeWord(one.quantity, one.word) for one in model.shape.kept] or asked
+        asked = [ShapeWord(kept.quantity, kept.word) for kept in model.shape.kept] or asked
         fit = Fit(shape={}, slack=model.shape.slack, beyond=model.shape.beyond)
     region = region_of(model, curves, fit) if asked else None
     return [] if region is None else violations(model, asked, region)
 
 
 def with_shape(
-    plain: Model,
+    unshaped: Model,
     model: Model,
     curves: Sequence[Curve],
     region: Region | None,
@@ -99,12 +103,17 @@ def with_shape(
     costs beside the `plain` model.
     """
     kept = tuple(
-        KeptShape(one.asked.quantity, one.asked.word, one.amount, binds.get(one.asked, {}))
-        for one in (violations(plain, asked_of(fit), region) if region else ())
+        KeptShape(
+            violation.asked.quantity,
+            violation.asked.word,
+            violation.amount,
+            binds.get(violation.asked, {}),
+        )
+        for violation in (violations(unshaped, asked_of(fit), region) if region else ())
     )
     with_it, without = (
         [_rms_error(each, curves, training) for training in (True, False)]
-        for each in (model, plain)
+        for each in (model, unshaped)
     )
     notes, unit = model.notes, model.output.unit
     if with_it[0] > CLEARLY * without[0]:
@@ -126,7 +135,7 @@ def _rms_error(model: Model, curves: Sequence[Curve], training: bool) -> float:
         counted = (curve.training if training else curve.held_out)[rows]
         return (predict(model, log) - log[model.output.name])[counted]
 
-    errors = np.concatenate([of_log(one, rows) for one in curves for rows in one.stretches])
+    errors = np.concatenate([of_log(curve, rows) for curve in curves for rows in curve.stretches])
     known = errors[np.isfinite(errors)]
     return float(np.sqrt(np.mean(known**2))) if len(known) else math.nan
 
@@ -135,7 +144,7 @@ def verified(
     model: Model,
     curves: Sequence[Curve],
     fit: Fit,
-    what: str = "formula",
+    kind: str = "formula",
     remedy: str = "give its parameters bounds that imply the shape, or use another formula",
 ) -> Model:
     """Return the model with a note of its shape, which it must keep without constraints, for
@@ -145,9 +154,9 @@ def verified(
     region = region_of(model, curves, fit) if asked else None
     if region is None:
         return model
-    if wrong := [one for one in violations(model, asked, region) if one.amount]:
+    if wrong := [violation for violation in violations(model, asked, region) if violation.amount]:
         raise FitError(
-            f"fit.shape: the fitted {what} violates it by {wrong[0].amount:.3g} "
+            f"fit.shape: the fitted {kind} violates it by {wrong[0].amount:.3g} "
             f"{model.output.unit}, most at {wrong[0].place}",
             remedy,
         )

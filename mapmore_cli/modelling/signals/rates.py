@@ -152,11 +152,11 @@ def signal_values(signal: Signal, columns: Columns) -> Array:
 
 def with_signals(signals: Sequence[Signal], columns: Columns) -> dict[str, Array]:
     """Return the columns of one recording with every signal that they lack."""
-    found = dict(columns)
+    known = dict(columns)
     for signal in signals:
-        if signal.name not in found:
-            found[signal.name] = signal_values(signal, found)
-    return found
+        if signal.name not in known:
+            known[signal.name] = signal_values(signal, known)
+    return known
 
 
 def needed_signals(signals: Sequence[Signal], inputs: Sequence[str]) -> tuple[Signal, ...]:

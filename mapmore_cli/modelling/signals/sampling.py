@@ -147,13 +147,13 @@ def find_repeats(time: Array) -> IntArray:
 
 def steps_where(time: Array, condition: Callable[[Array], BoolArray]) -> IntArray:
     """Return the indices of the samples that are followed by a step of some kind."""
-    found: list[IntArray] = [np.zeros(0, dtype=np.int64)]
+    places: list[IntArray] = [np.zeros(0, dtype=np.int64)]
     start = 0
     for (block,) in in_blocks(time, overlap=1):
         steps = np.diff(block)
-        found.append(start + np.flatnonzero(condition(steps)))
+        places.append(start + np.flatnonzero(condition(steps)))
         start += len(steps)
-    return np.concatenate(found)
+    return np.concatenate(places)
 
 
 def cut_after(n: int, breaks: IntArray) -> list[slice]:

@@ -88,36 +88,36 @@ def find_shift(
         return None
     steps = typical_step(time), typical_step(other_time)
     step = max(min(steps), max(float(np.ptp(time)), float(np.ptp(other_time))) / MOST)
-    one, other = (
+    first_even, second_even = (
         np.interp(np.arange(t[0], t[-1], step), t, y)
         for t, y in ((time, first), (other_time, second))
     )
     offset = float(time[0] - other_time[0])
-    found = [
+    peaks = [
         peak
         for width in WIDTHS
-        if (peak := _peak(one, other, width, offset, step, same_sign)) is not None
+        if (peak := _peak(first_even, second_even, width, offset, step, same_sign)) is not None
     ]
-    if not found:
+    if not peaks:
         return None
-    best = max(found, key=lambda peak: peak.sigmas)
+    best = max(peaks, key=lambda peak: peak.sigmas)
     # beside noise, a jump may lie anywhere between two samples
     half_width = math.hypot(best.half_width, 0.5 * sum(steps))
     return replace(best, half_width=half_width, step=max(steps))
 
 
 def _peak(
-    one: Array,
-    other: Array,
+    first: Array,
+    second: Array,
     width: int,
     offset: float,
     step: float,
     same_sign: bool,
 ) -> Shift | None:
     """Return the best shift by changes over `width` samples; None if there are none."""
-    if min(len(one), len(other)) <= 4 * width:
+    if min(len(first), len(second)) <= 4 * width:
         return None
-    u, v = changes(one, width), changes(other, width)
+    u, v = changes(first, width), changes(second, width)
     r, lags, overlap = correlation_by_lag(u, v)
     shifts = offset + step * lags
     size = r.clip(0.0, None) if same_sign else np.abs(r)
@@ -155,8 +155,8 @@ def changes(y: Array, width: int) -> Array:
     """
     total = np.concatenate([[0.0], np.cumsum(y - y.mean())])
     means = (total[width:] - total[:-width]) / width
-    found: Array = means[width:] - means[:-width]
-    return found
+    differences: Array = means[width:] - means[:-width]
+    return differences
 
 
 def correlation_by_lag(u: Array, v: Array) -> tuple[Array, Array, Array]:

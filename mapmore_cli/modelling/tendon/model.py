@@ -30,10 +30,12 @@ def muscle_columns(columns: Columns, force: Array, stiffness: float, at_zero: fl
     """Return the columns with the muscle's own length and velocity in the place of those of
     both.
     """
-    own = {**columns, "length": columns["length"] - (force - at_zero) / stiffness}
+    of_muscle = {**columns, "length": columns["length"] - (force - at_zero) / stiffness}
     if "velocity" in columns:
-        own["velocity"] = columns["velocity"] + np.gradient(force, columns["time"]) / stiffness
-    return own
+        of_muscle["velocity"] = (
+            columns["velocity"] + np.gradient(force, columns["time"]) / stiffness
+        )
+    return of_muscle
 
 
 def solve(
@@ -46,8 +48,10 @@ def solve(
     length = columns["length"]
     force, further = np.full(len(length), at_zero), NUDGE * (float(np.ptp(length)) or 1.0)
     for _ in range(STEPS):
-        own = muscle_columns(columns, force, stiffness, at_zero)
-        here, there = (muscle({**own, "length": own["length"] + x}) for x in (0.0, further))
+        of_muscle = muscle_columns(columns, force, stiffness, at_zero)
+        here, there = (
+            muscle({**of_muscle, "length": of_muscle["length"] + x}) for x in (0.0, further)
+        )
         slope = (there - here) / further
         force = force + 0.5 * (here - force) / (1.0 + slope / stiffness)
     return force
@@ -63,7 +67,9 @@ def _force(model: Model, columns: Columns) -> Array:
             f"give a column for {' and for '.join(missing)}; the time is in s",
         )
     rows = {name: columns[name] for name in needed}
-    return solve(lambda own: kinds.predict(body.muscle, own), rows, body.stiffness, body.force)
+    return solve(
+        lambda of_muscle: kinds.predict(body.muscle, of_muscle), rows, body.stiffness, body.force
+    )
 
 
 class TendonVerbs(Verbs):
@@ -79,16 +85,16 @@ class TendonVerbs(Verbs):
     def outside_range(self, model: Model, columns: Columns) -> BoolArray:
         """Return True if the muscle itself is beyond its training range, (n,)."""
         body = model.body_of(Tendon)
-        own = muscle_columns(columns, _force(model, columns), body.stiffness, body.force)
-        return kinds.outside_range(body.muscle, own)
+        of_muscle = muscle_columns(columns, _force(model, columns), body.stiffness, body.force)
+        return kinds.outside_range(body.muscle, of_muscle)
 
     def equations(self, model: Model, units: Mapping[str, float]) -> tuple[Equation, ...]:
         """Return what the tendon makes of the length; then the equations of the muscle."""
         body, force = model.body_of(Tendon), model.output.name
         stretched = f"length = length - ({force} - {body.force:g})/{body.stiffness:g}"
         latex = rf"\text{{{tex_text(stretched)}}}"
-        own = kinds.equations(body.muscle, units)
-        return (Equation(f"{body.muscle.name}: tendon", stretched, latex), *own)
+        of_muscle = kinds.equations(body.muscle, units)
+        return (Equation(f"{body.muscle.name}: tendon", stretched, latex), *of_muscle)
 
     def parameters(self, model: Model) -> int:
         """Return those of the muscle: the tendon is given."""

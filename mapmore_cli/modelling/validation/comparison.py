@@ -241,19 +241,27 @@ def common_curves(before: Model, after: Model) -> list[CurvePlace]:
             f"the curves of {before.name} and of {after.name} have levels of different quantities"
         )
     if before.level is None:
-        names = {one.curve for one in second}
-        places = [CurvePlace(one.curve, None) for one in first if one.curve in names]
-    else:
-        own, others = _levels_of(first), _levels_of(second)
-        near = SAME_LEVEL * float(min(np.concatenate([np.diff(own), np.diff(others), [math.inf]])))
-        pairs = product(zip(first, own, strict=True), others)
+        names = {curve_range.curve for curve_range in second}
         places = [
-            CurvePlace(one.curve, (level + other) / 2)
-            for (one, level), other in pairs
+            CurvePlace(curve_range.curve, None)
+            for curve_range in first
+            if curve_range.curve in names
+        ]
+    else:
+        levels, other_levels = _levels_of(first), _levels_of(second)
+        near = SAME_LEVEL * float(
+            min(np.concatenate([np.diff(levels), np.diff(other_levels), [math.inf]]))
+        )
+        pairs = product(zip(first, levels, strict=True), other_levels)
+        places = [
+            CurvePlace(curve_range.curve, (level + other) / 2)
+            for (curve_range, level), other in pairs
             if abs(level - other) <= near
         ]
         if len(places) < FEWEST_CURVES:
-            places = min((_places_inside(first, others), _places_inside(second, own)), key=len)
+            places = min(
+                (_places_inside(first, other_levels), _places_inside(second, levels)), key=len
+            )
     if len(places) < FEWEST_CURVES:
         raise ValueError(
             f"{before.name} and {after.name} have {len(places)} curves in common; a comparison "
@@ -263,14 +271,14 @@ def common_curves(before: Model, after: Model) -> list[CurvePlace]:
 
 
 def _levels_of(ranges: Sequence[CurveRange]) -> list[float]:
-    return [one.level for one in ranges if one.level is not None]
+    return [curve_range.level for curve_range in ranges if curve_range.level is not None]
 
 
 def _places_inside(ranges: Sequence[CurveRange], levels: Sequence[float]) -> list[CurvePlace]:
-    own = zip(ranges, _levels_of(ranges), strict=True)
+    with_levels = zip(ranges, _levels_of(ranges), strict=True)
     return [
-        CurvePlace(one.curve, level, True)
-        for one, level in own
+        CurvePlace(curve_range.curve, level, True)
+        for curve_range, level in with_levels
         if min(levels) <= level <= max(levels)
     ]
 
@@ -318,12 +326,14 @@ def _limits_at(model: Model, place: CurvePlace) -> Ranges:
     """Training range of every input at a place, interpolated between the curves."""
     ranges = _ranges(model)
     if place.level is None:
-        return next(one.limits for one in ranges if one.curve == place.curve)
+        return next(
+            curve_range.limits for curve_range in ranges if curve_range.curve == place.curve
+        )
     return {
-        one.name: (float(low[0]), float(high[0]))
-        for one in limits(ranges, model.level)
-        if one.at is not None
-        for low, high in [one.ends({one.at: np.array([place.level])})]
+        input_range.name: (float(low[0]), float(high[0]))
+        for input_range in limits(ranges, model.level)
+        if input_range.at is not None
+        for low, high in [input_range.ends({input_range.at: np.array([place.level])})]
     }
 
 
@@ -383,17 +393,17 @@ def term_changes(before: Model, after: Model) -> tuple[TermChange, ...]:
     """
     if not isinstance(before.body, Pieces) or not isinstance(after.body, Pieces):
         return ()
-    later = {one.id: one for one in after.body.segments}
+    later = {segment.id: segment for segment in after.body.segments}
     changes = []
-    for one in (one for one in before.body.segments if one.id in later):
-        first, second = _coefficients(one), _coefficients(later[one.id])
-        notes = (later[one.id].errors_note, one.errors_note)
+    for segment in (segment for segment in before.body.segments if segment.id in later):
+        first, second = _coefficients(segment), _coefficients(later[segment.id])
+        notes = (later[segment.id].errors_note, segment.errors_note)
         note = LOWER_BOUND if LOWER_BOUND in notes else notes[0]
         for term in dict.fromkeys((*first, *second)):
             (a, a_error), (b, b_error) = (
                 terms.get(term, (None, math.nan)) for terms in (first, second)
             )
-            changes.append(TermChange(one.id, term, a, b, math.hypot(a_error, b_error), note))
+            changes.append(TermChange(segment.id, term, a, b, math.hypot(a_error, b_error), note))
     return tuple(changes)
 
 

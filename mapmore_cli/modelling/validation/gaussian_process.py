@@ -48,7 +48,7 @@ class GaussianProcess:
         mean = half.T @ solve_triangular(factor, self.y, lower=True)
         return mean, np.sqrt(np.maximum(self.deviation**2 - np.sum(half**2, axis=0), 0.0))
 
-    def joined(self, x: Array, y: float) -> GaussianProcess:
+    def with_point(self, x: Array, y: float) -> GaussianProcess:
         """Return the process with one more point; its lengths and deviations stay as they are."""
         return replace(self, x=np.vstack([self.x, x]), y=np.append(self.y, y))
 

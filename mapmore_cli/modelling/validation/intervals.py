@@ -104,18 +104,18 @@ def left_out_summary(
     Raises FitError if a model of the rest has no prediction for a part, as where its free run
     diverges.
     """
-    joined = {part: np.concatenate(list(arrays)) for part, arrays in residuals.items()}
-    for part, values in joined.items():
+    pooled = {part: np.concatenate(list(arrays)) for part, arrays in residuals.items()}
+    for part, values in pooled.items():
         if not len(values) or not np.isfinite(values).all():
             raise FitError(
                 f"without {part}, the model of the other data has no prediction for it",
                 "leave out `validate.intervals`",
             )
-    parts = list(joined.values())
+    parts = list(pooled.values())
     return LeftOut(
         kind=kind,
         curves=curves,
-        parts=tuple(joined),
+        parts=tuple(pooled),
         samples=np.array([len(r) for r in parts]),
         offset=np.array([r.mean() for r in parts]),
         scatter=np.array([r.std() for r in parts]),
@@ -131,9 +131,11 @@ def with_levels(
     Their root mean square is that of n new samples, `sqrt((n + p)/(n - p))` times as large by p
     parameters (Akaike's final prediction error), where n is more.
     """
-    every = np.concatenate([one for level in training.values() for one in level] or [np.zeros(1)])
+    every = np.concatenate(
+        [recording for level in training.values() for recording in level] or [np.zeros(1)]
+    )
     n, p = len(every), parameters if parameters < len(every) else 0
-    pairs = [one[1:] * one[:-1] for level in training.values() for one in level]
+    pairs = [recording[1:] * recording[:-1] for level in training.values() for recording in level]
     products = np.concatenate([*pairs, np.zeros(0)])
     smooth = max(float(products.mean()), 0.0) if len(products) else 0.0
     residual = float(np.sqrt(np.mean(every**2) * (n + p) / (n - p)))
@@ -162,10 +164,10 @@ def scatter_of_recordings(levels: Sequence[Sequence[Array]]) -> float:
         if len(level) > 1:
             count = BLOCKS if min(map(len, level)) >= BLOCKS else 1
             parts = [np.array_split(recording, count) for recording in level]
-            means = np.array([[part.mean() for part in one] for one in parts])
+            means = np.array([[part.mean() for part in recording] for recording in parts])
             squares += float(np.sum((means - means.mean(axis=0)) ** 2)) / count
             freedom += len(level) - 1
-            noise += [part.var() / len(part) for one in parts for part in one]
+            noise += [part.var() / len(part) for recording in parts for part in recording]
     if not freedom:
         return math.nan
     return math.sqrt(max(squares / freedom - float(np.mean(noise)), 0.0))
@@ -247,9 +249,9 @@ def offsets_of(left_out: LeftOut) -> Offsets | None:
     """Return what differs from curve to curve; None if the data do not tell."""
     n, count = np.array(left_out.repeats), len(left_out.places)
     known = math.isfinite(left_out.apart)
-    own, repeats = (left_out.apart**2, float(np.sum(n - 1))) if known else (0.0, 0.0)
-    noise = max(left_out.residual**2 - own * float(np.mean(1 - 1 / n)), 0.0)
-    smooth = min(max(left_out.smooth**2 - own * float(np.mean(1 - 1 / n)), 0.0), noise)
+    between_curves, repeats = (left_out.apart**2, float(np.sum(n - 1))) if known else (0.0, 0.0)
+    noise = max(left_out.residual**2 - between_curves * float(np.mean(1 - 1 / n)), 0.0)
+    smooth = min(max(left_out.smooth**2 - between_curves * float(np.mean(1 - 1 / n)), 0.0), noise)
     missed, share, others = 0.0, 1.0, 0.0
     if left_out.kind == "levels" and count > 2:
         missed = float(np.mean(left_out.offset**2 + left_out.scatter**2))
@@ -258,8 +260,8 @@ def offsets_of(left_out: LeftOut) -> Offsets | None:
         share = 1 + float(np.mean((1 - t) ** 2 / n[:-2] + t**2 / n[2:]))
         others = NEIGHBOURS * (count - 1)
     if repeats >= max(others, LEAST_FREEDOM):
-        explained = noise + own * share
-        return Offsets(noise, smooth, own, repeats, True, count - 2, missed, explained)
+        explained = noise + between_curves * share
+        return Offsets(noise, smooth, between_curves, repeats, True, count - 2, missed, explained)
     if others < LEAST_FREEDOM:
         return None
     square = max(missed - noise, 0.0) / share
@@ -284,23 +286,23 @@ def of_levels(left_out: LeftOut, at: Array, level: float) -> Array:
     """Return the half widths at the levels `at`, (n,); NaN where the data do not tell them."""
     from scipy.special import stdtrit  # loading it takes a third of an up-to-date run
 
-    found, count = offsets_of(left_out), len(left_out.places)
-    if found is None:
+    offsets, count = offsets_of(left_out), len(left_out.places)
+    if offsets is None:
         return np.full(len(at), np.nan)
     gap, t, _ = gaps(left_out, at)
     n = np.array(left_out.repeats)
     share = 1 + (1 - t) ** 2 / n[gap] + t**2 / n[np.minimum(gap + 1, count - 1)]
-    half, between = found.half_width(share, level), np.minimum(t, 1 - t) >= AT_LEVEL
+    half, between = offsets.half_width(share, level), np.minimum(t, 1 - t) >= AT_LEVEL
     if count == 2:
         return np.where(between, np.nan, half)
     least = np.zeros(len(at))
     if count >= MANY:
         least += np.quantile(left_out.sizes, level)
-        if found.repeated and found.errs_between:
+        if offsets.repeated and offsets.errs_between:
             model = stdtrit(NEIGHBOURS * (count - 1), 0.5 + level / 2) ** 2
-            extra = model * (found.missed - found.explained)
+            extra = model * (offsets.missed - offsets.explained)
             half = np.sqrt(half**2 + np.where(between, extra, 0.0))
-    elif found.errs_between:
+    elif offsets.errs_between:
         least = between_levels(left_out, at, level)
     return np.maximum(half, np.where(between, least, 0.0))
 

@@ -87,12 +87,12 @@ def bands(dataset: Dataset, predictions: Mapping[str, tuple[Array, ...]]) -> tup
     samples, known = np.zeros(count, dtype=int), {model: np.zeros(count) for model in predictions}
     squares = {model: np.zeros(count) for model in predictions}
     for place, (y, mask) in enumerate(zip(measured, masks, strict=True)):
-        said = {model: every[place] for model, every in predictions.items()}
-        for of, wanted, *values in in_blocks(y, mask, *said.values()):
+        predicted = {model: every[place] for model, every in predictions.items()}
+        for of, wanted, *values in in_blocks(y, mask, *predicted.values()):
             inside = np.digitize(np.abs(of), edges[1:-1], right=True)
             samples += np.bincount(inside[wanted], minlength=count)
-            for model, own in zip(said, values, strict=True):
-                error = own - of
+            for model, predicted_y in zip(predicted, values, strict=True):
+                error = predicted_y - of
                 rows = wanted & np.isfinite(error)
                 known[model] += np.bincount(inside[rows], minlength=count)
                 squares[model] += np.bincount(inside[rows], error[rows] ** 2, count)
@@ -145,8 +145,11 @@ def on_common_rows(forecasts: Mapping[str, Sequence[Forecast]]) -> dict[str, tup
         for curve in zip(*forecasts.values(), strict=True)
     ]
     return {
-        name: tuple(replace(one, ready=ready) for one, ready in zip(own, common, strict=True))
-        for name, own in forecasts.items()
+        name: tuple(
+            replace(forecast, ready=ready)
+            for forecast, ready in zip(of_curves, common, strict=True)
+        )
+        for name, of_curves in forecasts.items()
     }
 
 
@@ -172,10 +175,10 @@ def score_rows(
         rows: dict[tuple[int, Any], tuple[str, list[ScoredSamples]]] = {}
         for number, (curve, forecast) in enumerate(zip(dataset.curves, forecasts, strict=True)):
             wanted = curve.held_out == held
-            for place, name, own in _rows_of(
+            for place, name, samples in _rows_of(
                 curve, wanted & forecast.ready if partial else wanted, number, group
             ):
-                part = ScoredSamples(curve, dataset.target, forecast, own)
+                part = ScoredSamples(curve, dataset.target, forecast, samples)
                 rows.setdefault(place, (name, []))[1].append(part)
         whole = [part for (kind, _), (_, parts) in rows.items() if kind == 0 for part in parts]
         for name, parts in [("all", whole), *(rows[place] for place in sorted(rows))]:
@@ -195,13 +198,13 @@ class ScoredSamples:
 
     def blocks(self) -> Iterator[SampleBlock]:
         """Yield its samples."""
-        y, said = self.curve.columns[self.target], self.forecast
+        y, forecast = self.curve.columns[self.target], self.forecast
         sigma = self.curve.columns.get(uncertainty_of(self.target))
-        columns = (y, said.values, said.one_step, said.half, sigma)
+        columns = (y, forecast.values, forecast.one_step, forecast.half, sigma)
         for rows in row_blocks(self.curve.size):
             wanted = self.wanted[rows]
             if wanted.any():
-                ready = wanted & said.ready[rows]
+                ready = wanted & forecast.ready[rows]
                 none = np.full(np.count_nonzero(ready), np.nan)
                 yield SampleBlock(
                     y[rows][wanted],
@@ -209,7 +212,7 @@ class ScoredSamples:
                 )
             if rows.stop % WIDE == 0:
                 give_back(y)
-                give_back(said.values)
+                give_back(forecast.values)
 
 
 def _rows_of(
@@ -245,5 +248,5 @@ def row_of_samples(parts: Sequence[ScoredSamples], scale: Normaliser, free: int 
 
     if sum(part.curve.size for part in parts) > HELD:
         return Compared(blocks, scale, free)
-    arrays = [np.concatenate(own) for own in zip(*blocks(), strict=True)]
+    arrays = [np.concatenate(parts_of_column) for parts_of_column in zip(*blocks(), strict=True)]
     return Compared(lambda: [SampleBlock(*arrays)] if arrays else [], scale, free)

@@ -26,19 +26,22 @@ def outliers(dataset: Dataset, forecasts: Sequence[Forecast], fit: Fit) -> tuple
     median absolute residual of all training samples.
     """
     curves, target = dataset.curves, dataset.target
-    said = np.concatenate(
-        [one.values if one.one_step is None else one.one_step for one in forecasts]
+    predicted = np.concatenate(
+        [
+            forecast.values if forecast.one_step is None else forecast.one_step
+            for forecast in forecasts
+        ]
     )
     y = np.concatenate([curve.columns[target] for curve in curves])
     equal = np.ones(len(y))
     unit = np.concatenate([c.columns.get(uncertainty_of(target), equal[: c.size]) for c in curves])
-    known = np.concatenate([curve.training for curve in curves]) & np.isfinite(said)
-    left = np.where(known, y - said, 0.0) / unit
+    known = np.concatenate([curve.training for curve in curves]) & np.isfinite(predicted)
+    left = np.where(known, y - predicted, 0.0) / unit
     scales = left / (fit.known_scale or scale_of(left[known], (y / unit)[known]))
     far = min(MOST, np.count_nonzero(np.abs(scales) > FAR))
     ranked = np.argsort(-np.abs(scales), kind="stable")[:far]
     return tuple(
-        Outlier(*_found_at(dataset, at), float(y[at] - said[at]), float(scales[at]))
+        Outlier(*_found_at(dataset, at), float(y[at] - predicted[at]), float(scales[at]))
         for at in ranked.tolist()
     )
 
@@ -50,13 +53,13 @@ def _found_at(dataset: Dataset, at: int) -> tuple[str, str, str]:
     curve = dataset.curves[number]
     row = at - int(ends[number]) + curve.size
     name = curve.recordings[0 if curve.origin is None else int(curve.origin[row])]
-    recording = next(one for one in dataset.recordings if one.id == name)
+    recording = next(recording for recording in dataset.recordings if recording.id == name)
     same = [
-        x == curve.columns[one][row]
-        for one, x in recording.columns.items()
-        if one in curve.columns and one not in (dataset.target, dataset.level)
+        x == curve.columns[quantity][row]
+        for quantity, x in recording.columns.items()
+        if quantity in curve.columns and quantity not in (dataset.target, dataset.level)
     ]
-    found = np.flatnonzero(np.logical_and.reduce(same))
-    known = recording.first_row and found.size == 1
-    place = f"row {recording.first_row + int(found[0])}" if known else f"sample {row + 1}"
+    rows = np.flatnonzero(np.logical_and.reduce(same))
+    known = recording.first_row and rows.size == 1
+    place = f"row {recording.first_row + int(rows[0])}" if known else f"sample {row + 1}"
     return recording.source, place, curve.id

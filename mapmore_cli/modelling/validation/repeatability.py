@@ -107,16 +107,16 @@ def _means_of_others(branches: Sequence[_Branch], x: Array) -> Array:
     """
     means = np.full(len(x), np.nan)
     kinds: dict[tuple[bool | float, ...], dict[str, list[_Branch]]] = {}
-    for one in branches:
-        kinds.setdefault(one.kind, {}).setdefault(one.log, []).append(one)
+    for branch in branches:
+        kinds.setdefault(branch.kind, {}).setdefault(branch.log, []).append(branch)
     for logs in kinds.values():
-        rows = [np.concatenate([one.rows for one in own]) for own in logs.values()]
-        every = [one for own in logs.values() for one in own]
+        rows = [np.concatenate([branch.rows for branch in of_log]) for of_log in logs.values()]
+        every = [branch for of_log in logs.values() for branch in of_log]
         whole, count = _sum_of(every, x[np.concatenate(rows)])
         ends = np.cumsum([len(places) for places in rows])[:-1]
         parts = zip(logs.values(), rows, np.split(whole, ends), np.split(count, ends), strict=True)
-        for own, places, of_all, known in parts:
-            of_own, own_known = _sum_of(own, x[places])
+        for of_log, places, of_all, known in parts:
+            of_own, own_known = _sum_of(of_log, x[places])
             others = known - own_known
             mean = (of_all - of_own) / np.maximum(others, 1)
             means[places] = np.where(others > 0, mean, np.nan)
@@ -133,7 +133,7 @@ def _sum_of(branches: Sequence[_Branch], at: Array) -> tuple[Array, Array]:
     """
     lines = [
         (x, np.append(x[1:], np.nextafter(x[-1], np.inf)), y, np.append(np.diff(y) / np.diff(x), 0))
-        for x, y in (one.means for one in branches)
+        for x, y in (branch.means for branch in branches)
     ]
     begin, end, y, slope = map(np.concatenate, zip(*lines, strict=True))
     edges = np.concatenate([begin, end])

@@ -172,7 +172,9 @@ def explained_by_inputs(model: Model, dataset: Dataset) -> Iterator[str]:
     explains: the slope of the model times the uncertainty. Errors of inputs are no noise of the
     output, and nothing is done about them.
     """
-    unsure = [one for one in model.inputs if uncertainty_of(one.name) in dataset.quantities]
+    unsure = [
+        quantity for quantity in model.inputs if uncertainty_of(quantity.name) in dataset.quantities
+    ]
     if not unsure or runs_over_time(model):
         return
     columns = pooled_training(dataset.curves)
@@ -205,34 +207,34 @@ def alarms(
 
     `predictions` are the model's, for every curve of the dataset.
     """
-    told = [
+    sentences = [
         sentence
         for row in scores
         if row.model == OWN and row.curve == "all"
         for sentence in _of_scores(row)
     ]
     others = {model.output.name, dataset.target, "time"}
-    if {*dataset.quantities} - others and not {one.name for one in model.inputs} - others:
-        told.append(
+    if {*dataset.quantities} - others and not {quantity.name for quantity in model.inputs} - others:
+        sentences.append(
             "no input was selected: the model is a constant, or uses its own past output only"
         )
-    told += _bare(model, dataset.curves, predictions)
+    sentences += _bare(model, dataset.curves, predictions)
     every = count = 0
-    for curve in (one for one in dataset.curves if one.held_out.any()):
+    for curve in (curve for curve in dataset.curves if curve.held_out.any()):
         outside = row_by_row(partial(outside_range, model), curve.columns)
         every += int(curve.held_out.sum())
         count += int((outside & curve.held_out).sum())
     if count == every > 0:
-        told.append(
+        sentences.append(
             "all held-out samples lie outside the training range, so that all their scores "
             "are scores of extrapolation"
         )
     elif count > MOSTLY * every:
-        told.append(
+        sentences.append(
             f"{count} of {every} held-out samples lie outside the training range, so that "
             "their scores are mostly scores of extrapolation"
         )
-    return tuple(told)
+    return tuple(sentences)
 
 
 def _of_scores(row: Score) -> Iterator[str]:
@@ -242,8 +244,11 @@ def _of_scores(row: Score) -> Iterator[str]:
         return
     r2 = round(row.r2, 9) + 0.0  # of a constant it is rounding error
     if r2 <= 0:
-        what = "no better than" if r2 == 0 else "worse than"
-        yield f"R² on the {where} is {r2:.3g}: the model is {what} the mean of the measured values"
+        comparison = "no better than" if r2 == 0 else "worse than"
+        yield (
+            f"R² on the {where} is {r2:.3g}: the model is {comparison} the mean of the measured "
+            "values"
+        )
     if row.max_abs_error_fs > 1:
         yield (
             f"the largest error on the {where} is {row.max_abs_error_fs:.3g} times the full "

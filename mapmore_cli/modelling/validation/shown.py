@@ -25,23 +25,28 @@ def for_report(validation: Validation, model: Model, dataset: Dataset) -> Valida
     each of `MANY / 4` runs of samples; of a recording, those of its quantities.
     """
     predictions = validation.predictions
-    own = next(iter(predictions.values()))
+    predicted = next(iter(predictions.values()))
     course = course_quantity(model, dataset)
     order = model.output.name if is_turned(model, dataset) else course
-    tests = residual_tests(model, dataset, own, None if in_time(model, dataset) else order)
+    tests = residual_tests(model, dataset, predicted, None if in_time(model, dataset) else order)
     made = replace(
         validation, along=course, bands=bands(dataset, predictions), residual_tests=tests
     )
     recordings, curves = dataset.recordings, dataset.curves
-    if max([one.rows_kept for one in recordings] + [one.size for one in curves]) <= MANY:
+    if (
+        max([recording.rows_kept for recording in recordings] + [curve.size for curve in curves])
+        <= MANY
+    ):
         return made
     of_curves = [
         _extremes([(curve.columns[dataset.target],), (values, curve.columns[dataset.target])])
-        for curve, values in zip(curves, own, strict=True)
+        for curve, values in zip(curves, predicted, strict=True)
     ]
     shown = replace(
         dataset,
-        recordings=tuple(one.at(_extremes([*zip(one.columns.values())])) for one in recordings),
+        recordings=tuple(
+            recording.at(_extremes([*zip(recording.columns.values())])) for recording in recordings
+        ),
         curves=tuple(curve.at(rows) for curve, rows in zip(curves, of_curves, strict=True)),
     )
     kept = {
@@ -95,7 +100,7 @@ def varying_input(model: Model, ranges: Sequence[Ranges]) -> str:
         return pieces.variables[0]
 
     def covered(name: str) -> float:
-        ends = np.array([one[name] for one in ranges if name in one])
+        ends = np.array([limits[name] for limits in ranges if name in limits])
         whole = float(np.ptp(ends)) if len(ends) else 0.0
         return round(float(np.mean(np.ptp(ends, axis=1))) / whole, 2) if whole > 0 else 0.0
 
