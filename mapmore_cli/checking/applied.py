@@ -67,9 +67,9 @@ def issues_of(
             units,
             loaded.folder,
             target,
-            one if curves else None,
+            each if curves else None,
         )
-        for target, one in zip(loaded.spec.targets, dataset.each, strict=True)
+        for target, each in zip(loaded.spec.targets, dataset.each, strict=True)
     ]
     rules = (
         *OF_RECORDINGS,
@@ -77,7 +77,7 @@ def issues_of(
         *(OF_CHECK if curves and hints else ()),
     )
     issues = (issue for subject in subjects for rule in rules for issue in rule(subject))
-    return [*dict.fromkeys(one for one in issues if hints or one.severity != "hint")]
+    return [*dict.fromkeys(issue for issue in issues if hints or issue.severity != "hint")]
 
 
 def issues_without_curves(loaded: LoadedSpec) -> list[Issue]:

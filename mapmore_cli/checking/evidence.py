@@ -52,10 +52,10 @@ def settling(recordings: Sequence[Recording], unit: str = "s") -> Settling | Non
     None if the pressure does not move, or the time stamps do not let a rate be found.
     """
     records = [
-        (convert(one.columns["time"][part], unit, "s"), one.columns["pressure"][part])
-        for one in recordings
-        for part in even_parts(one.rows_kept)
-        if one.rows_kept
+        (convert(recording.columns["time"][part], unit, "s"), recording.columns["pressure"][part])
+        for recording in recordings
+        for part in even_parts(recording.rows_kept)
+        if recording.rows_kept
     ]
     pressures = np.concatenate([pressure for _, pressure in records])
     steps = np.concatenate([np.diff(time) for time, _ in records])
@@ -98,9 +98,11 @@ def same_signals(columns: Sequence[Array]) -> list[list[int]]:
         if len(column) < FEWEST or not np.ptp(extremes(column)):
             continue
         shares[place] = even_share(column)
-        same = [one for one in families if len(columns[one[0]]) == len(column)]
+        same = [family for family in families if len(columns[family[0]]) == len(column)]
         alike = [
-            one for one in same if abs(correlation(shares[one[0]], shares[place])) >= 1 - ROUNDING
+            family
+            for family in same
+            if abs(correlation(shares[family[0]], shares[place])) >= 1 - ROUNDING
         ]
         alike[0].append(place) if alike else families.append([place])
     return [family for family in families if len(family) > 1]
@@ -161,12 +163,14 @@ def unequal(recordings: Sequence[Recording], inputs: Sequence[str], target: str)
     to the end of the shorter recording, which has half of the samples at least. What stays within
     1 % of its largest value was held. Of more than 200 recordings an even share is compared.
     """
-    usable = [one for one in recordings if one.rows_kept >= FEWEST]
+    usable = [recording for recording in recordings if recording.rows_kept >= FEWEST]
     if not usable:
         return None
     usable = usable[:: -(-len(usable) // COMPARED)]
     names = (*inputs, target)
-    ends = united([{name: extremes(one.columns[name]) for name in names} for one in usable])
+    ends = united(
+        [{name: extremes(recording.columns[name]) for name in names} for recording in usable]
+    )
     ranges = {name: high - low for name, (low, high) in ends.items()}
     moving = {
         name: ranges[name] for name in inputs if ranges[name] > LITTLE * max(map(abs, ends[name]))
@@ -174,10 +178,10 @@ def unequal(recordings: Sequence[Recording], inputs: Sequence[str], target: str)
     if not moving or not ranges[target]:
         return None
     pairs = []
-    for one, other, rows in _with_equal_inputs(usable, moving):
+    for first, other, rows in _with_equal_inputs(usable, moving):
         some = slice(0, rows, 1 + rows // PART)
-        outputs = (each.columns[target][some] / ranges[target] for each in (one, other))
-        pairs.append(Unequal(one, other, tuple(moving), target, *_left(*outputs)))
+        outputs = (each.columns[target][some] / ranges[target] for each in (first, other))
+        pairs.append(Unequal(first, other, tuple(moving), target, *_left(*outputs)))
     telling = (pair for pair in pairs if pair.is_large or (pair.effects and pair.apart > LITTLE))
     return max(telling, key=lambda pair: pair.apart, default=None)
 
@@ -187,24 +191,27 @@ def _with_equal_inputs(
 ) -> Iterator[tuple[Recording, Recording, int]]:
     """Yield all pairs of recordings with equal inputs, and how many samples they have in common."""
     begins = np.array(
-        [[one.columns[x][:FEWEST] / size for x, size in ranges.items()] for one in recordings]
+        [
+            [recording.columns[x][:FEWEST] / size for x, size in ranges.items()]
+            for recording in recordings
+        ]
     )
-    for place, one in enumerate(recordings):
+    for place, first in enumerate(recordings):
         off = np.sqrt(np.mean((begins[place + 1 :] - begins[place]) ** 2, axis=-1)).max(axis=-1)
         for near in np.flatnonzero(off < LITTLE).tolist():
             other = recordings[place + 1 + near]
-            few, many = sorted((one.rows_kept, other.rows_kept))
+            few, many = sorted((first.rows_kept, other.rows_kept))
             some = slice(0, few, 1 + few // PART)
             if few >= MUCH * many and all(
-                _rms(one.columns[x][some] - other.columns[x][some]) < LITTLE * size
+                _rms(first.columns[x][some] - other.columns[x][some]) < LITTLE * size
                 for x, size in ranges.items()
             ):
-                yield one, other, few
+                yield first, other, few
 
 
-def _left(one: Array, other: Array) -> tuple[float, dict[str, float]]:
+def _left(first: Array, second: Array) -> tuple[float, dict[str, float]]:
     """Return how far outputs are apart, and what a gain, an offset and both leave of it."""
-    less, more = sorted((one, other), key=_rms)
+    less, more = sorted((first, second), key=_rms)
     ones, apart = np.ones_like(more), less - more
 
     def left(values: Array, *terms: Array) -> float:

@@ -55,7 +55,9 @@ def read_label(name: str) -> ColumnTitle | None:
     )
     parts = [(match[0].casefold(), match.end()) for match in _WORD.finditer(apart)]
     named = [(word, end) for word, end in parts if word in _OF_WORD]
-    named = [one for one in named if one == parts[0] or one[0] != "v"]  # volts of `y_V`
+    named = [
+        word_and_end for word_and_end in named if word_and_end == parts[0] or word_and_end[0] != "v"
+    ]  # volts of `y_V`
     is_command = any(word in _COMMANDS for word, _ in parts)
     quantity = "input" if is_command else _OF_WORD[named[0][0]] if named else None
     if quantity is None:

@@ -164,10 +164,10 @@ class Contest:
         quantities, target = self.dataset.quantities, self.dataset.target
         differing = [q.name for q in (other.output, *other.inputs) if quantities.get(q.name) != q]
         if target not in (q.name for q in (other.output, *other.inputs)) or differing:
-            what = ", ".join(differing) or other.output.name
+            quantities_named = ", ".join(differing) or other.output.name
             raise SpecError(
                 f"validate.against: the model of {other.name} has other quantities or units "
-                f"({what})",
+                f"({quantities_named})",
                 "compare runs with the same quantities and units",
             )
         return forecast_each(other, self.dataset.curves, target)
@@ -194,8 +194,10 @@ class Contest:
         if competitor.static == OWN:
             held = [forecast(static.model(), curve).values for curve in curves]
         else:
-            own, how = static.dataset(), (competitor.method, self.lengths)
-            fits["static"] = fit_formula(competitor.static, own.curves, own.target, *how)
+            training_data, how = static.dataset(), (competitor.method, self.lengths)
+            fits["static"] = fit_formula(
+                competitor.static, training_data.curves, training_data.target, *how
+            )
             held = _formula_says(fits["static"], curves)
         force = static.model().output.name
         leaving = [
@@ -248,8 +250,10 @@ def _at_levels(dataset: Dataset) -> list[Curve]:
     """Return the curves with the quantity that was held at its nominal value."""
     name = dataset.level
     return [
-        replace(one, columns={**one.columns, name: np.full(one.size, one.level)}) if name else one
-        for one in dataset.curves
+        replace(curve, columns={**curve.columns, name: np.full(curve.size, curve.level)})
+        if name
+        else curve
+        for curve in dataset.curves
     ]
 
 

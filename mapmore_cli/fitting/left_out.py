@@ -116,8 +116,8 @@ def left_out(
         outputs, fold_warnings = compare(
             replace(contest, dataset=fold, model=model, refit=refit_run)
         )
-        own = tuple(forecast(model, curve, fold.target) for curve in fold.curves)
-        parts.append({OWN: own, **outputs})
+        forecasts = tuple(forecast(model, curve, fold.target) for curve in fold.curves)
+        parts.append({OWN: forecasts, **outputs})
         warnings += fold_warnings
         what = f"{'levels' if group is None else 'groups'} left out"
         workspace.progress(what, len(parts), len(folds))
@@ -163,9 +163,11 @@ def _by_fold(parts: Sequence[Forecasts], folds: Sequence[Masks]) -> Forecasts:
     """Return of each sample the forecast of the fold that it was left out of."""
     pooled = []
     for of_curve, outs in zip(zip(*parts, strict=True), zip(*folds, strict=True), strict=True):
-        whole = next((one for one, out in zip(of_curve, outs, strict=True) if out.all()), None)
-        values = np.select(list(outs), [one.values for one in of_curve])
-        ready = np.select(list(outs), [one.ready for one in of_curve])
+        whole = next(
+            (forecast for forecast, out in zip(of_curve, outs, strict=True) if out.all()), None
+        )
+        values = np.select(list(outs), [forecast.values for forecast in of_curve])
+        ready = np.select(list(outs), [forecast.ready for forecast in of_curve])
         pooled.append(whole or Forecast.of(np.where(ready, values, np.nan)))
     return tuple(pooled)
 
@@ -361,13 +363,13 @@ def _summand_without(run_dir: Path, dataset: Dataset) -> Model:
             "fitted with a part of the data left out",
             "remove `intervals`, or add up all runs in one spec",
         )
-    own = RunFiles(run_dir).dataset()
+    of_summand = RunFiles(run_dir).dataset()
     out = {_level_or_id(curve) for curve in dataset.curves if not curve.training.any()}
     masks = [
         np.ones(curve.size, dtype=np.bool_) if _level_or_id(curve) in out else curve.held_out
-        for curve in own.curves
+        for curve in of_summand.curves
     ]
-    rest = _held_out(own, masks)
+    rest = _held_out(of_summand, masks)
     again = _searching_again(run_dir)
     return refit(again(rest) if again else choices, rest)
 

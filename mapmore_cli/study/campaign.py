@@ -124,5 +124,5 @@ def expanded(
             campaign, runs = load_campaign(config)
             jobs = range(len(entries), len(entries) + len(runs))
             campaigns.append(Expanded(campaign, tuple(jobs)))
-        entries += [replace(one, overrides=(*one.overrides, *overrides)) for one in runs]
+        entries += [replace(run, overrides=(*run.overrides, *overrides)) for run in runs]
     return campaigns, entries

@@ -123,14 +123,14 @@ def expression_findings(text: str, loc: Loc, have: Sequence[str]) -> Iterator[Fi
     """Yield what is wrong with an expression of the quantities of a study, as they are at the same
     moment.
     """
-    for one in (yield from _states_in(text, loc, have)):
-        if one.name != one.quantity and one.quantity in have:
+    for part in (yield from _states_in(text, loc, have)):
+        if part.name != part.quantity and part.quantity in have:
             remedy = "use the state in the `dictionary` instead, or derive rates by `rate_of`"
             what = (
-                f"`{one.name}` has memory, and derived quantities must depend on the present "
+                f"`{part.name}` has memory, and derived quantities must depend on the present "
                 "sample only"
             )
-            yield Finding(loc, what, remedy, _word(one.quantity, text))
+            yield Finding(loc, what, remedy, _word(part.quantity, text))
 
 
 def _states_in(
@@ -144,12 +144,12 @@ def _states_in(
         what = "the name of a quantity or a state"
         remedy = "name a quantity, or a state with memory, for example `play(pressure, 0.16)`"
     try:
-        states = [state(one) for one in (sorted(parse(text).names) if is_expression else [text])]
+        states = [state(name) for name in (sorted(parse(text).names) if is_expression else [text])]
     except ExpressionError as error:
         yield Finding(loc, f"not {what}: {error.message}", remedy, error.position)
         return []
-    for one in states:
-        yield from unknown_quantity(one.quantity, have, loc, _word(one.quantity, text))
+    for part in states:
+        yield from unknown_quantity(part.quantity, have, loc, _word(part.quantity, text))
     return states
 
 
@@ -193,8 +193,8 @@ def terms(spec: ExperimentSpec) -> Iterator[Finding]:
             states = yield from _states_in(text, at, spec.quantities, is_expression)
             if is_expression:
                 yield from _term(text, states, at, spec)
-            for one in () if is_expression else states:
-                yield from _state(one, text, at, spec, name, family)
+            for part in () if is_expression else states:
+                yield from _state(part, text, at, spec, name, family)
         if isinstance(family, Lags) and target in family.of and 0 in family.steps:
             yield Finding(
                 (*loc, "steps", family.steps.index(0)),
@@ -207,9 +207,9 @@ def terms(spec: ExperimentSpec) -> Iterator[Finding]:
 
 def _term(text: str, states: Sequence[State], loc: Loc, spec: ExperimentSpec) -> Iterator[Finding]:
     """Require that what a term has of the target is a factor of its own, of the past."""
-    wrong = [fault for one in states for fault in _of_target(one, text, loc, spec)]
+    wrong = [fault for part in states for fault in _of_target(part, text, loc, spec)]
     yield from wrong
-    fed_back = [one.name for one in states if one.quantity == spec.target_quantity]
+    fed_back = [part.name for part in states if part.quantity == spec.target_quantity]
     if fed_back and not wrong:
         # takes long to load, and few specs need it
         from mapmore_cli.modelling.memory.feedback import parted

@@ -104,11 +104,11 @@ def leaving_out(spec: ExperimentSpec) -> Iterator[Finding]:
     them.
     """
     data, whole = spec.data, spec.has_memory or spec.model.type == "sum"
-    for one, example, there in (
+    for way, example, there in (
         ("level", "pressure", data.levels is not None),
         ("group", "specimen", data.groups is not None),
     ):
-        asked = getattr(data.split, f"leave_one_{one}_out")
+        asked = getattr(data.split, f"leave_one_{way}_out")
         yield from applying(
             (
                 asked and not there,
@@ -122,7 +122,7 @@ def leaving_out(spec: ExperimentSpec) -> Iterator[Finding]:
                 "a model with memory or a sum cannot be fitted with one of the {one}s left out",
                 "hold out the end of recordings instead: `validate: {{last: 0.5}}`",
             ),
-            one=one,
+            one=way,
             example=example,
         )
 
@@ -414,11 +414,11 @@ def formula_called(spec: ExperimentSpec, name: str | None) -> Formula | None:
     return literature.get(name) if name in literature.names() else None
 
 
-def _defined(spec: ExperimentSpec, one: OwnFormula) -> Formula:
+def _defined(spec: ExperimentSpec, formula: OwnFormula) -> Formula:
     units = {
         name: default_unit(name, spec.units) for name in (*spec.quantities, spec.target_quantity)
     }
-    return formula_of(one.definition(units))
+    return formula_of(formula.definition(units))
 
 
 def unknown_formula(
@@ -434,10 +434,10 @@ def unknown_formula(
 def rivals_of(spec: ExperimentSpec) -> list[tuple[Loc, Competitor]]:
     """Return the competitors with their places; a name alone is that of a model."""
     against = (
-        Competitor.model_construct(model=one) if isinstance(one, str) else one
-        for one in spec.validation.against
+        Competitor.model_construct(model=rival) if isinstance(rival, str) else rival
+        for rival in spec.validation.against
     )
-    return [(("validate", "against", i), one) for i, one in enumerate(against)]
+    return [(("validate", "against", i), rival) for i, rival in enumerate(against)]
 
 
 def formulas(spec: ExperimentSpec) -> Iterator[Finding]:
@@ -591,18 +591,18 @@ def own_formulas(spec: ExperimentSpec) -> Iterator[Finding]:
     linear in what has no bounds.
     """
     names = {*literature.names(), *LEARNERS, *SIMPLE, OWN, REPEATABILITY, AUTO}
-    for i, one in enumerate(spec.formulas):
-        if isinstance(one, str):
+    for i, formula in enumerate(spec.formulas):
+        if isinstance(formula, str):
             what, remedy = "this is not a formula", "write `formulas: [my_formula.yaml]`"
             yield Finding(f"formulas.{i}", what, f"{remedy}, or write the formula itself here")
             continue
-        if one.name in names:
-            what = f"there is already a model `{one.name}`"
+        if formula.name in names:
+            what = f"there is already a model `{formula.name}`"
             yield Finding(f"formulas.{i}.name", what, "give this one another name")
-        names.add(one.name)
+        names.add(formula.name)
         place, inputs = f"formulas.{i}.expression", None
         try:
-            inputs = _defined(spec, one).inputs
+            inputs = _defined(spec, formula).inputs
         except ExpressionError as error:
             yield Finding(place, f"not a valid expression: {error.message}", offset=error.position)
         except SpecError as error:
@@ -653,10 +653,10 @@ def shapes(spec: ExperimentSpec) -> Iterator[Finding]:
     for name, words in (fit.shape or {}).items():
         loc: Loc = ("fit", "shape", name)
         yield from unknown_quantity(name, (*spec.quantities, target), loc, on_key=True)
-        own = {words} if isinstance(words, str) else {*words}
+        given_words = {words} if isinstance(words, str) else {*words}
         yield from applying(
             (
-                (name == target) != (own == {"positive"}),
+                (name == target) != (given_words == {"positive"}),
                 loc,
                 "`positive` applies to the target, and all other words apply to inputs",
                 "write `{target}: positive`, or use another word for the input",
@@ -671,7 +671,7 @@ def shapes(spec: ExperimentSpec) -> Iterator[Finding]:
                 REMOVE,
             ),
             (
-                spec.has_memory and not own <= {"increasing", "decreasing"},
+                spec.has_memory and not given_words <= {"increasing", "decreasing"},
                 loc,
                 "a model with memory can keep only the sign of its static gain",
                 "write `increasing` or `decreasing`",
@@ -692,7 +692,7 @@ def shapes(spec: ExperimentSpec) -> Iterator[Finding]:
                 "remove them",
             ),
             (
-                any(isinstance(one, DictionaryEntry) and one.bounded for one in inner),
+                any(isinstance(entry, DictionaryEntry) and entry.bounded for entry in inner),
                 f"dictionary.{i}",
                 "`sign` and `bounds` have no effect within products",
                 "write them beside `products`",

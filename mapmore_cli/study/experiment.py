@@ -456,7 +456,9 @@ class ExperimentSpec(Section):
     @property
     def own_formulas(self) -> dict[str, OwnFormula]:
         """The formulas that the spec defines, by name; the loader has read their files."""
-        return {one.name: one for one in self.formulas if isinstance(one, OwnFormula)}
+        return {
+            formula.name: formula for formula in self.formulas if isinstance(formula, OwnFormula)
+        }
 
     @property
     def target_quantity(self) -> str:
@@ -477,7 +479,7 @@ class ExperimentSpec(Section):
     def each(self) -> tuple[ExperimentSpec, ...]:
         """The study of each target alone; itself where there is one."""
         alone = [{"target": TargetColumn(column=name)} for name in self.targets if self.also]
-        return tuple(self.model_copy(update=one) for one in alone) or (self,)
+        return tuple(self.model_copy(update=update) for update in alone) or (self,)
 
     @property
     def quantities(self) -> tuple[str, ...]:

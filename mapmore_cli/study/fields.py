@@ -67,7 +67,7 @@ class Section(BaseModel):
     def _noted(cls, given: object, info: ValidationInfo) -> object:
         """Declare to the loader which keys a mapping may have."""
         if isinstance(info.context, Context) and isinstance(given, dict):
-            keys = [one.alias or name for name, one in cls.model_fields.items()]
+            keys = [field.alias or name for name, field in cls.model_fields.items()]
             info.context.note(given, keys)
         return given
 

@@ -53,9 +53,9 @@ from mapmore_cli.study.yaml_loader import VARIABLES, dump, escaped, expand, pars
 def findings(spec: ExperimentSpec) -> Iterator[Finding]:
     """Return every mistake of an experiment whose form is right."""
     mistakes = list[Finding]()
-    for one in spec.each:
+    for each in spec.each:
         for check in (*check_names.CHECKS, *check_study.CHECKS):
-            mistakes += [finding for finding in check(one) if finding not in mistakes]
+            mistakes += [finding for finding in check(each) if finding not in mistakes]
     yield from (*check_study.several(spec), *check_study.metrics(spec), *mistakes)
 
 

@@ -269,7 +269,7 @@ FINE = [{"set": {"segment.strain.count": 30}, "as": "fine"}]
             "warning",
             at(300, lambda _, c: {**c, "F": 0.5 - np.abs(c["F"])}),
             {"segment": {}},
-            ["level_300.csv: the force", "unlike in "],
+            ["level_300.csv: the force", "while that of other"],
         ),
         ("cycles-of-nothing", "error", jittered(0.3), cycles("pressure"), ["`cycles: {over: str"]),
         ("cycles-of-nothing", "error", rippled, cycles("pressure"), ["level_100.csv and 3 more"]),

@@ -60,7 +60,11 @@ class Subject:
 
     def span(self, name: str) -> tuple[float, float]:
         """Return the least and the largest value of a quantity that every recording has."""
-        ends = [extremes(one.columns[name]) for one in self.recordings if one.rows_kept]
+        ends = [
+            extremes(recording.columns[name])
+            for recording in self.recordings
+            if recording.rows_kept
+        ]
         return min(low for low, _ in ends), max(high for _, high in ends)
 
     def largest(self, name: str, unit: str | None = None) -> float:

@@ -50,7 +50,9 @@ def short_segments(subject: Subject) -> Issues:
     for curve in cut:
         short = [piece for piece in curve.segments if len(piece.rows) <= least]
         if short:
-            sizes = ", ".join(f"{one.id} has {_samples(len(one.rows))}" for one in short)
+            sizes = ", ".join(
+                f"{segment.id} has {_samples(len(segment.rows))}" for segment in short
+            )
             yield _short(subject, f"{sizes}: too few for {least} term{'s' * (least > 1)}")
 
 
@@ -86,8 +88,8 @@ def few_for_formula(subject: Subject) -> Issues:
     """
     spec, dataset = subject.spec, subject.dataset
     count = sum(int(np.count_nonzero(curve.training)) for curve in dataset.curves)
-    own = ((("model", key), getattr(spec.model, key, None)) for key in ("name", "backbone"))
-    for loc, name in (*own, *((loc, rival.model) for loc, rival in rivals_of(spec))):
+    keys = ((("model", key), getattr(spec.model, key, None)) for key in ("name", "backbone"))
+    for loc, name in (*keys, *((loc, rival.model) for loc, rival in rivals_of(spec))):
         formula = formula_called(spec, name)
         if formula is not None and 0 < count < len(formula.fitted):
             yield Issue(

@@ -20,7 +20,9 @@ WITH_ROWS = ("csv", "xlsx")  # readers of files with rows
 def spikes_in(subject: Subject) -> Issues:
     """Find single samples far from their neighbours: a dropout, or a digit too many."""
     for name in (name for name in subject.spec.data.columns if name != "time"):
-        for recording in (one for one in subject.recordings if name in one.columns):
+        for recording in (
+            recording for recording in subject.recordings if name in recording.columns
+        ):
             values = recording.columns[name]
             # block by block: a long record may change its ways
             blocks = enumerate(in_blocks(values, rows=WIDE))

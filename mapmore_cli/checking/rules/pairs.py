@@ -21,11 +21,12 @@ def computed_from(subject: Subject) -> Issues:
     if target not in subject.spec.data.columns or not subject.has(target):
         return
     others = [name for name in subject.spec.data.columns if name not in (target, "time")]
-    for name in (one for one in others if subject.has(one)):
+    for name in (quantity for quantity in others if subject.has(quantity)):
         if same_signals([subject.pooled(name), subject.pooled(target)]):
             continue  # told as an error
         slopes = [
-            _slope_of_line(one.columns[name], one.columns[target]) for one in subject.recordings
+            _slope_of_line(recording.columns[name], recording.columns[target])
+            for recording in subject.recordings
         ]
         known = np.array([slope for slope in slopes if slope is not None])
         if None not in slopes and np.ptp(known) <= ROUNDING * np.abs(known).max():

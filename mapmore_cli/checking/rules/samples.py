@@ -25,7 +25,7 @@ def constant(subject: Subject) -> Issues:
     """
     for name in subject.spec.data.columns:
         low, high = subject.span(name)
-        if low == high and sum(one.rows_kept for one in subject.recordings) > 1:
+        if low == high and sum(recording.rows_kept for recording in subject.recordings) > 1:
             target = name in subject.spec.targets
             yield Issue(
                 "error" if target else "warning",
@@ -48,7 +48,7 @@ def offset(subject: Subject) -> Issues:
     ):
         return
     low, high = subject.span(name)
-    blocks = [x for one in subject.recordings for (x,) in in_blocks(one.columns[name])]
+    blocks = [x for recording in subject.recordings for (x,) in in_blocks(recording.columns[name])]
     mean = sum(float(x.sum()) for x in blocks) / sum(map(len, blocks))
     if abs(mean) > FAR_FROM_ZERO * (high - low) > 0:
         ends = f"{low:.6g} to {high:.6g} {subject.units[name]}"
@@ -90,7 +90,7 @@ def clipped(subject: Subject) -> Issues:
     held = ("time", None if levels is None else levels.of)
     for name in (name for name in subject.spec.data.columns if name not in held):
         largest = subject.largest(name)
-        for recording in (one for one in subject.recordings if one.rows_kept):
+        for recording in (recording for recording in subject.recordings if recording.rows_kept):
             values = recording.columns.get(name, np.zeros(0))
             ends = zip(("above", "below"), extremes(values), strict=True) if values.size else ()
             some = values if len(values) <= PART else even_share(values)
@@ -138,20 +138,19 @@ def force_never_pulls(subject: Subject) -> Issues:
     if not subject.has("force"):
         return
     low, high = subject.span("force")
-    kept = [one for one in subject.recordings if one.rows_kept]
-    turned = [one for one in kept if _pull(one) < PULL]
+    kept = [recording for recording in subject.recordings if recording.rows_kept]
+    turned = [recording for recording in kept if _pull(recording) < PULL]
     if turned and len(turned) == len(kept):
         ends = f"it goes from {low:.4g} to {high:.4g}"
         yield _turned(subject, f"the force is almost never positive ({ends})", "")
         return
     largest = max(-low, high)
-    for one in turned:
-        least = extremes(one.columns["force"])[0]
+    for recording in turned:
+        least = extremes(recording.columns["force"])[0]
         if -least > NOISE * largest:
-            what = (
-                f"{one.name}: the force is almost never positive (down to {least:.4g}), unlike in "
-            )
-            yield _turned(subject, f"{what}other recording", " in a study of its own")
+            force = f"{recording.name}: the force is almost never positive (down to {least:.4g})"
+            others = "while that of other recordings is"
+            yield _turned(subject, f"{force}, {others}", " in a study of its own")
 
 
 def _pull(recording: Recording) -> float:
@@ -187,12 +186,14 @@ def still_cycles(subject: Subject) -> Issues:
     low, high = subject.span(cycles.over)
     # less than what tells one recording from another, as the pressure of levels does
     least = max(STILL * (high - low), LITTLE * max(abs(low), abs(high)))
-    kept = [one for one in subject.recordings if one.rows_kept]
-    columns = [one.columns[cycles.over] for one in kept]
+    kept = [recording for recording in subject.recordings if recording.rows_kept]
+    columns = [recording.columns[cycles.over] for recording in kept]
     noisy = [_is_noise(values) for values in columns]
     spans = [ends[1] - ends[0] for ends in map(extremes, columns)]
     everywhere = all(noise or span <= least for noise, span in zip(noisy, spans, strict=True))
-    held = [one.name for one, noise in zip(kept, noisy, strict=True) if noise or everywhere]
+    held = [
+        recording.name for recording, noise in zip(kept, noisy, strict=True) if noise or everywhere
+    ]
     if held:
         others = f" and {len(held) - 1} more" if len(held) > 1 else ""
         yield Issue(

@@ -113,7 +113,7 @@ def fit(part: ModelChoices, given: Given) -> FitResult:
     maker = maker_of(part.kind)
     if not given.dataset.also:
         return maker.fit(part, given)
-    names = [one.target for one in given.dataset.each]
+    names = [dataset.target for dataset in given.dataset.each]
     fits = maker.fit_together(part, given)
     return FitResult(OutputsFit(dict(zip(names, fits, strict=True))))
 
@@ -126,8 +126,12 @@ def build(part: ModelChoices, given: Given, result: FitResult) -> Model:
     return outputs_model(
         part.name,
         [
-            build(replace(part, name=f"{part.name}_{one.target}"), replace(given, dataset=one), own)
-            for one, own in outputs
+            build(
+                replace(part, name=f"{part.name}_{dataset.target}"),
+                replace(given, dataset=dataset),
+                fit_of_output,
+            )
+            for dataset, fit_of_output in outputs
         ],
     )
 

@@ -62,7 +62,7 @@ def with_definitions(spec: ExperimentSpec) -> ExperimentSpec:
     units = units_of(spec)
     family = spec.model.family
     relative = None if family is None else family.definition(metres_of(units[family.of]))
-    definitions = {name: one.definition(units) for name, one in spec.own_formulas.items()}
+    definitions = {name: formula.definition(units) for name, formula in spec.own_formulas.items()}
 
     def put(name: str | None) -> str | None:
         return name if name is None else definitions.get(name, name)
@@ -72,22 +72,24 @@ def with_definitions(spec: ExperimentSpec) -> ExperimentSpec:
             None if parts is None else [replace(part, formula=put(part.formula)) for part in parts]
         )
 
-    def rival(one: str | Competitor) -> str | Competitor:
-        if isinstance(one, str):
+    def rival(competitor: str | Competitor) -> str | Competitor:
+        if isinstance(competitor, str):
             return (
-                one
-                if one not in definitions
-                else Competitor.model_validate({"model": definitions[one], "as": one})
+                competitor
+                if competitor not in definitions
+                else Competitor.model_validate({"model": definitions[competitor], "as": competitor})
             )
-        changed = {key: put(getattr(one, key)) for key in ("model", "static", "damping")}
-        return one.model_copy(update={**changed, "sum": summed(one.sum), "as_": one.label})
+        changed = {key: put(getattr(competitor, key)) for key in ("model", "static", "damping")}
+        return competitor.model_copy(
+            update={**changed, "sum": summed(competitor.sum), "as_": competitor.label}
+        )
 
     model = spec.model
     named = replace(
         model, backbone=put(model.backbone), name=relative or put(model.name), sum=summed(model.sum)
     )
     validation = spec.validation.model_copy(
-        update={"against": [rival(one) for one in spec.validation.against]}
+        update={"against": [rival(competitor) for competitor in spec.validation.against]}
     )
     return spec.model_copy(update={"model": named, "validation": validation})
 

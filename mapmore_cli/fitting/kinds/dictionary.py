@@ -138,7 +138,9 @@ def _along_range(family: AlongRange, *, constant: bool) -> list[str]:
     window = getattr(family, "window", None)
     windows = window if isinstance(window, list) else [window]
     changes = [
-        f"({family.of} - {family.of}[k-{one}]){power}" for one in windows for power in ("", "^2")
+        f"({family.of} - {family.of}[k-{steps}]){power}"
+        for steps in windows
+        for power in ("", "^2")
     ]
     factors = [
         text
@@ -146,9 +148,9 @@ def _along_range(family: AlongRange, *, constant: bool) -> list[str]:
         for text in (changes if window and name == "change" else [name])
     ]
     texts = [
-        to_text(candidate(f"({factor})*{one}"))
+        to_text(candidate(f"({factor})*{function}"))
         for factor in ["1", *factors]
-        for one in family.functions
+        for function in family.functions
     ]
     return texts if constant else [text for text in texts if text != "1"]
 

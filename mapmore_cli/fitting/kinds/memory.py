@@ -56,7 +56,7 @@ def _asked(
     step, uneven, pieces = sampled(dataset.curves, goes_by_order(part.dictionary))
     longest = max(int(record.training.sum()) for record in pieces)
     terms = terms_of(part.dictionary, Clock(step, step * longest))
-    outputs = [one.target for one in dataset.each]
+    outputs = [output.target for output in dataset.each]
     names = {name for text in terms for name in candidate(text).names}
     lag = max((state(name).lag for name in names if state(name).quantity in outputs), default=0)
     records = records_of(
@@ -105,8 +105,8 @@ class MemoryMaker(Maker):
         raises as `fit`.
         """
         records, recipe = _asked(part, given.dataset, None)
-        recipes = [replace(recipe, target=one.target) for one in given.dataset.each]
-        return tuple(FitResult(one) for one in fit_outputs(records, recipes))
+        recipes = [replace(recipe, target=output.target) for output in given.dataset.each]
+        return tuple(FitResult(fit) for fit in fit_outputs(records, recipes))
 
     def build(self, part: ModelChoices, given: Given, result: FitResult) -> Model:
         """Return the model, with the training range of its inputs; with coefficients that keep the
