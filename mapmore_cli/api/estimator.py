@@ -97,22 +97,22 @@ class FROLS:
             for name, centre in zip(columns, self._centre.tolist(), strict=True)
             if centre
         }
-        found = frols(
+        selection = frols(
             self._dictionary(candidates, values),
             target,
             max(FEWEST, len(values) // 2) if self.max_terms is None else self.max_terms,
             TOLERANCE if self.tolerance is None else self.tolerance,
             stop=self.stop or ("ebic" if self.tolerance is None else "tolerance"),
-            names=tuple(to_text(substitute(one, centred)) for one in candidates),
+            names=tuple(to_text(substitute(candidate, centred)) for candidate in candidates),
         )
         self.n_features_in_ = values.shape[1]
         self.__dict__.pop("feature_names_in_", None)
         if names is not None:
             self.feature_names_in_ = np.array(names, dtype=object)
-        self._terms, self.selection_ = tuple(candidates[i] for i in found.chosen), found
-        self.terms_, self.coef_, self.err_ = found.names, found.theta, found.err
+        self._terms, self.selection_ = tuple(candidates[i] for i in selection.chosen), selection
+        self.terms_, self.coef_, self.err_ = selection.names, selection.theta, selection.err
         if centred:
-            self.terms_, self.coef_, self.err_ = self._in_columns(candidates, found)
+            self.terms_, self.coef_, self.err_ = self._in_columns(candidates, selection)
         return self
 
     def _centre_of(self, values: Array) -> Array:
@@ -128,30 +128,30 @@ class FROLS:
         return dictionary_matrix(terms, dict(zip(self._columns, centred, strict=True)), len(values))
 
     def _in_columns(
-        self, candidates: Sequence[Expression], found: Selection
+        self, candidates: Sequence[Expression], selection: Selection
     ) -> tuple[tuple[str, ...], Array, Array]:
         """Return the model in the columns themselves: terms, coefficients and error reduction
         ratios, (k,) each. Powers of differences are multiplied out in exact fractions.
         """
-        m, own = len(self._columns), dict.fromkeys(found.chosen.tolist(), Fraction(0))
+        m, total = len(self._columns), dict.fromkeys(selection.chosen.tolist(), Fraction(0))
         twos = dict(zip(self._columns, 1 + np.eye(m), strict=True))
         powers = np.log2(dictionary_matrix(candidates, twos, m)).round().astype(int).T.tolist()
         place = {tuple(power): number for number, power in enumerate(powers)}
-        size, centre = dict.fromkeys(own, 0.0), list(map(Fraction, self._centre.tolist()))
-        for chosen, theta in zip(found.chosen.tolist(), found.theta.tolist(), strict=True):
+        size, centre = dict.fromkeys(total, 0.0), list(map(Fraction, self._centre.tolist()))
+        for chosen, theta in zip(selection.chosen.tolist(), selection.theta.tolist(), strict=True):
             for power in product(*(range(highest + 1) for highest in powers[chosen])):
                 part = Fraction(theta)
                 for most, least, c in zip(powers[chosen], power, centre, strict=True):
                     part *= comb(most, least) * (-c) ** (most - least)
                 if part:
                     number = place[power]
-                    own[number] = own.get(number, Fraction(0)) + part
+                    total[number] = total.get(number, Fraction(0)) + part
                     size[number] = size.get(number, 0.0) + abs(float(part))
-        kept = [number for number in own if abs(float(own[number])) > ROUNDING * size[number]]
-        ratio = dict(zip(found.chosen.tolist(), found.err.tolist(), strict=True))
+        kept = [number for number in total if abs(float(total[number])) > ROUNDING * size[number]]
+        ratio = dict(zip(selection.chosen.tolist(), selection.err.tolist(), strict=True))
         return (
             tuple(to_text(candidates[number]) for number in kept),
-            np.array([float(own[number]) for number in kept]),
+            np.array([float(total[number]) for number in kept]),
             np.array([ratio.get(number, 0.0) for number in kept]),
         )
 
@@ -210,7 +210,7 @@ class FROLS:
 
     def get_params(self, deep: bool = True) -> dict[str, Any]:  # noqa: ARG002
         """Return the parameters by name."""
-        return {one.name: getattr(self, one.name) for one in fields(self)}
+        return {field.name: getattr(self, field.name) for field in fields(self)}
 
     def set_params(self, **given: object) -> Self:
         """Set parameters; raises `ValueError` for one that there is not."""
@@ -226,9 +226,9 @@ class FROLS:
 
     def __repr__(self) -> str:
         changed = [
-            f"{one.name}={value!r}"
-            for one in fields(self)
-            if (value := getattr(self, one.name)) != one.default
+            f"{field.name}={value!r}"
+            for field in fields(self)
+            if (value := getattr(self, field.name)) != field.default
         ]
         return f"FROLS({', '.join(changed)})"
 

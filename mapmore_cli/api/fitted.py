@@ -73,13 +73,16 @@ class Scores(tuple[Mapping[str, Any], ...]):
 
     @property
     def _shown(self) -> list[Table]:
-        return [score_table(one.scores, one.units, failed=one.failed) for one in self.table.each]
+        return [
+            score_table(output.scores, output.units, failed=output.failed)
+            for output in self.table.each
+        ]
 
     def __repr__(self) -> str:
         return "\n\n".join(map(repr, self._shown))
 
     def _repr_html_(self) -> str:
-        return "".join(one._repr_html_() for one in self._shown)
+        return "".join(table._repr_html_() for table in self._shown)
 
     def of_model(
         self, model: str = "mapmore", split: str = "validate", target: str | None = None
@@ -254,7 +257,8 @@ class Fitted(LoadedModel):
 
     def _repr_html_(self) -> str:
         equations = [
-            f"<li><code>{escape(one.id)} = {escape(one.text)}</code></li>" for one in self.equations
+            f"<li><code>{escape(equation.id)} = {escape(equation.text)}</code></li>"
+            for equation in self.equations
         ]
         more = f"<p>... {len(equations)} equations in all</p>" if len(equations) > _SHOWN else ""
         warnings = "".join(f"<p>warning: {escape(warning)}</p>" for warning in self.warnings)

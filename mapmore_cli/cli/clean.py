@@ -87,7 +87,7 @@ def _view(
     gone: dict[Path, tuple[str, ...]], kept: dict[Path, tuple[str, ...]], yes: bool, where: str
 ) -> View:
     """Return what was removed, or would be, and what keeps other runs."""
-    files = [str(folder / one) for folder, own in gone.items() for one in own]
+    files = [str(folder / path) for folder, paths in gone.items() for path in paths]
     count = f"{len(files)} files of {len(gone)} runs"
     done = f"{count} {'moved' if where else 'removed'}{where}"
     end = done if yes else f"{count} would be removed; add --yes"

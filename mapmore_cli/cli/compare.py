@@ -96,7 +96,7 @@ def compare(
                 f"{', '.join(models)}: campaigns are compared two at a time, and without a figure",
                 "name two campaigns, for example `mapmore compare muscles@spring muscles`",
             )
-        before, after = (one or {} for one in campaigns)
+        before, after = (known or {} for known in campaigns)
         results = {
             name: compared(before[name], after[name], margin, other_settings)
             for name in before
@@ -109,10 +109,10 @@ def compare(
         if figure is not None:
             _draw(models, paths, figure)
     print_view(view, as_json)
-    for name, one in results.items():
-        if one.changed if limit is None and fail_on else one.moved(limit):
+    for name, result in results.items():
+        if result.changed if limit is None and fail_on else result.moved(limit):
             raise LimitMissed(
-                f"{name}: force is {one.ratio:.4g} times that of {models[0]}",
+                f"{name}: force is {result.ratio:.4g} times that of {models[0]}",
                 "the tables show where; --fail-on sets the limit",
             )
 
@@ -128,9 +128,9 @@ def _of_models(
     from mapmore_cli.pipeline.archive import compared
     from mapmore_cli.storage.artefacts import read_model
 
-    outputs = [one.name for one in read_model(paths[0]).outputs]
+    outputs = [output.name for output in read_model(paths[0]).outputs]
     if len(outputs) == 1:
-        later = [compared(paths[0], one, margin, other_settings) for one in paths[1:]]
+        later = [compared(paths[0], path, margin, other_settings) for path in paths[1:]]
         return {names[-1]: later[-1]}, of_comparisons(names, later)
     if len(paths) > 2:
         raise UsageError(
@@ -201,5 +201,5 @@ def freeze(
             if settings:
                 reporter.warn(
                     f"{place.name}: the spec alone makes a different model, because this "
-                    f"one was made with {' '.join(f'--set {one}' for one in settings)}"
+                    f"one was made with {' '.join(f'--set {setting}' for setting in settings)}"
                 )

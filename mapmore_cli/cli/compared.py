@@ -37,7 +37,9 @@ def of_comparisons(names: Sequence[str], results: Sequence[Comparison]) -> View:
     tables = [changes_table(last)]
     if len(results) > 1:
         later = zip(names[1:], results, strict=True)
-        document["campaigns"] = [{"after": name, **members(one, *ANSWER)} for name, one in later]
+        document["campaigns"] = [
+            {"after": name, **members(comparison, *ANSWER)} for name, comparison in later
+        ]
         tables.append(drift_table(names, results))
     return View(document, tuple(tables), (_verdict(names[0], names[-1], last), *_cautions(last)))
 
@@ -54,10 +56,10 @@ def of_campaigns(
     """Return every run of two campaigns, or every output of two models, against its earlier
     self.
     """
-    runs = [{"run": run, **members(one, *ANSWER)} for run, one in results.items()]
-    counts = Counter(one.answer for one in results.values())
+    runs = [{"run": run, **members(result, *ANSWER)} for run, result in results.items()]
+    counts = Counter(result.answer for result in results.values())
     tally = ", ".join(f"{count} {answer}" for answer, count in sorted(counts.items()))
-    lines = [f"{run}: {line}" for run, one in results.items() for line in _of_settings(one)]
+    lines = [f"{run}: {line}" for run, result in results.items() for line in _of_settings(result)]
     table = drift_table([names[0], *results], [*results.values()])
     document = {"before": names[0], "after": names[1], "runs": runs}
     return View(document, (table,), (f"{len(results)} {what}: {tally}.", *lines))
@@ -125,7 +127,8 @@ def search_document(search: Search) -> Document:
     keys = ("family", "structure=words", "sections", "parameters", "error")
     errors = ("standard_error=spread", "above_best=excess", "parts_error=parts", "seconds")
     tried = [
-        {**members(one, *keys, *errors), "failure": one.failure or None} for one in search.tried
+        {**members(candidate, *keys, *errors), "failure": candidate.failure or None}
+        for candidate in search.tried
     ]
     return {
         **members(search, "target", "left_out", "parts_left_out=parts", "scale", "cut", "notes"),

@@ -162,7 +162,7 @@ def _as_json(value: object) -> object:
     non-finite numbers None.
     """
     if is_dataclass(value):
-        value = {one.name: getattr(value, one.name) for one in fields(value)}
+        value = {field.name: getattr(value, field.name) for field in fields(value)}
     if isinstance(value, Mapping):
         return {str(key): _as_json(item) for key, item in value.items()}
     if hasattr(value, "tolist"):  # of NumPy, which is not imported for documents without arrays

@@ -164,7 +164,7 @@ def figure(
     )
     if data is not None and curve is None:
         raise UsageError("--data needs one panel", "name the panel with --curve")
-    wanted = [one.strip() for one in (models or "").split(",") if one.strip()]
+    wanted = [model.strip() for model in (models or "").split(",") if model.strip()]
     folder = folder_of(run, runs)
     with Reporter(quiet) as reporter:
         drawn, numbers = drawn_figure(folder, name, curve, suffix, reporter.warn, looks, wanted)

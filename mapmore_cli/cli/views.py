@@ -117,8 +117,15 @@ def verdict_lines(run_dir: Path) -> tuple[str, ...]:
     table, data, body = files.scores(), files.dataset(), files.model().body
     outputs = zip(table.each, data.each, strict=True)
     verdicts = [
-        verdict_sentence(one.scores, OWN, scored(one, own), one.failed, one.alert, one.warnings)
-        for one, own in outputs
+        verdict_sentence(
+            output.scores,
+            OWN,
+            scored(output, formula),
+            output.failed,
+            output.alert,
+            output.warnings,
+        )
+        for output, formula in outputs
     ]
     formula = body.backbone if isinstance(body, Pieces) else None
     pieces = "" if formula is None else pieces_sentence(table.scores, OWN, formula.name)
@@ -174,7 +181,9 @@ def of_scores(table: ScoreTable, published: Published | None = None) -> View:
     what a publication reports.
     """
     rows = [score_row(score) for score in table.scores]
-    pooled = (score_table(one.scores, one.units, published, one.failed) for one in table.each)
+    pooled = (
+        score_table(output.scores, output.units, published, output.failed) for output in table.each
+    )
     return View({"scores": rows, "units": table.units}, tuple(pooled))
 
 
@@ -182,7 +191,9 @@ def _of_validation(validation: Validation) -> View:
     """Return the scores pooled and by curve, and the formulas that were fitted as competitors."""
     if validation.others:
         views = map(_of_validation, validation.each)
-        return View(*_of_outputs([next(iter(one.units), "") for one in validation.each], views))
+        return View(
+            *_of_outputs([next(iter(output.units), "") for output in validation.each], views)
+        )
     pooled = of_scores(validation.table)
     lines = [f"warning: {warning}" for warning in validation.warnings]
     for name, formula in validation.formulas.items():
@@ -214,7 +225,7 @@ def of_dataset(dataset: Dataset) -> View:
     document = {
         **members(dataset, "target", "level", "notes"),
         "units": {name: quantity.unit for name, quantity in dataset.quantities.items()},
-        "recordings": [members(one, *keys) for one in dataset.recordings],
+        "recordings": [members(recording, *keys) for recording in dataset.recordings],
         "curves": curves,
     }
     return View(document, (recordings_table(dataset), levels_table(dataset)), dataset.notes)
@@ -233,7 +244,10 @@ def _of_segmentation(curves: Sequence[SegmentedCurve]) -> View:
         boundaries = dict(zip(curve.variables, curve.boundaries, strict=True))
         head = members(curve, "id=curve", "level", "limits")
         documents.append({**head, "boundaries": boundaries, "segments": segments})
-        rows += [(one.id, len(one.rows), *segment_ends(curve, one)) for one in curve.segments]
+        rows += [
+            (segment.id, len(segment.rows), *segment_ends(curve, segment))
+            for segment in curve.segments
+        ]
     table = Table.of("segments", "Segments", columns, rows)
     return View({"curves": documents}, (table,))
 
@@ -339,7 +353,7 @@ def _of_model(model: Model) -> View:
     lines = equations(model)
     names = [f"{quantity.name} [{quantity.unit}]" for quantity in model.inputs]
     inputs = ", ".join(names) or "its own past"
-    outputs = ", ".join(f"{one.name} [{one.unit}]" for one in model.outputs)
+    outputs = ", ".join(f"{output.name} [{output.unit}]" for output in model.outputs)
     title = f"{model.name}: {outputs} from {inputs}"
     view = _view_of(model)
     document = {**view.document, "equations": lines, "rules": rules(model)}
@@ -378,7 +392,7 @@ def _view_of(model: Model) -> View:
             document = members(body, "memory=model", "backbone")
             tables = _memory_tables(body.model)
         case Outputs():
-            names = [one.name for one in model.outputs]
+            names = [output.name for output in model.outputs]
             document, tables = _of_outputs(names, map(_view_of, body.parts))
         case _ if isinstance(kind, Shown):
             view = kind.show(model, _view_of)
@@ -386,7 +400,7 @@ def _view_of(model: Model) -> View:
         case _:
             document = asdict(body)  # type: ignore[call-overload]
     if ranges := getattr(body, "ranges", None):
-        document["limits"] = {one.curve: one.limits for one in ranges}
+        document["limits"] = {curve_range.curve: curve_range.limits for curve_range in ranges}
     head = {"kind": kind.name, **members(model, "name", "output", "inputs", "notes")}
     return View({**head, **document}, tuple(tables), tuple(lines))
 

@@ -25,8 +25,8 @@ _Shape = tuple[Any, ...]
 Array = np.ndarray[_Shape, np.dtype[np.float64]]  # written out: NumPy 2.5 made NDArray an alias
 """Measured or computed values; shapes are given where the array is used."""
 
-FINITE = Checked("is not finite", lambda found: np.isfinite(found).all())
-ASCENDING = Checked("does not ascend", lambda found: (np.diff(found) >= 0).all())
+FINITE = Checked("is not finite", lambda values: np.isfinite(values).all())
+ASCENDING = Checked("does not ascend", lambda values: (np.diff(values) >= 0).all())
 Number = Annotated[float, FINITE]
 Span = Annotated[tuple[Number, Number], ASCENDING]
 
@@ -145,7 +145,7 @@ def _in_files(blocks: Iterable[Sequence[Any]], kinds: Sequence[Any]) -> list[Any
         for file in files:
             file.flush()
         contents = [mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) for file in files]
-    _mapped.update((one, {}) for one in contents)
+    _mapped.update((content, {}) for content in contents)
     return list(map(np.frombuffer, contents, kinds))
 
 
@@ -199,8 +199,8 @@ def rows_where(mask: BoolArray) -> Rows:
     first, count = int(mask.argmax()), int(np.count_nonzero(mask))
     if mask[first : first + count].all():
         return range(first, first + count)
-    found: IntArray = picked(range(len(mask)), mask)
-    return found
+    rows: IntArray = picked(range(len(mask)), mask)
+    return rows
 
 
 def give_back(column: object) -> None:

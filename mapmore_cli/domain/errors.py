@@ -53,8 +53,10 @@ def explained(error: BaseException) -> BaseException:
     """
     if isinstance(error, SystemError) and isinstance(error.__cause__, KeyboardInterrupt):
         return error.__cause__
-    said = [str(one) for one in (error, error.__cause__) if isinstance(one, OSError | ImportError)]
-    if isinstance(error, MemoryError) or any(sign in text for sign in _NO_MEMORY for text in said):
+    texts = [
+        str(fault) for fault in (error, error.__cause__) if isinstance(fault, OSError | ImportError)
+    ]
+    if isinstance(error, MemoryError) or any(sign in text for sign in _NO_MEMORY for text in texts):
         return MapmoreError(
             "there is not enough memory for this",
             "close other programs, or use fewer or shorter recordings",

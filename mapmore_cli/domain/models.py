@@ -252,8 +252,8 @@ class Shape:
     def promise(self) -> str:
         """What the model keeps, in one line, as headers of exports say it."""
         words = ", ".join(
-            one.word if one.word == "positive" else f"{one.word} in {one.quantity}"
-            for one in self.kept
+            kept.word if kept.word == "positive" else f"{kept.word} in {kept.quantity}"
+            for kept in self.kept
         )
         where = f"where the training output stands {self.slack:.3g} of its range above its least"
         return f"{words} over the training range, {where}"
@@ -291,13 +291,13 @@ class Model:
     @property
     def outputs(self) -> tuple[Quantity, ...]:
         """What it predicts."""
-        return tuple(one.output for one in self.each)
+        return tuple(model.output for model in self.each)
 
     def of(self, output: str) -> Model:
         """Return the model of one of several outputs; itself where there is one, or none of the
         name.
         """
-        return next((one for one in self.each if one.output.name == output), self)
+        return next((model for model in self.each if model.output.name == output), self)
 
     @property
     def pieces(self) -> Pieces | None:
@@ -317,12 +317,12 @@ class Model:
     @property
     def every(self) -> tuple[Model, ...]:
         """The model, and all that it is made of."""
-        return (self, *(inner for one in self.body.models for inner in one.every))
+        return (self, *(inner for model in self.body.models for inner in model.every))
 
     @property
     def memories(self) -> tuple[MemoryModel, ...]:
         """Every part that has memory: its own, and those of the models that it is made of."""
-        return tuple(memory for one in self.every for memory in one.body.memories)
+        return tuple(memory for model in self.every for memory in model.body.memories)
 
 
 @dataclass(frozen=True)

@@ -130,12 +130,12 @@ def _installed() -> tuple[EntryPoint, ...]:
     found, packages = list[EntryPoint](), set[str]()
     for package in [distribution(OURS)] if os.environ.get(NONE_OF_OTHERS) else distributions():
         try:
-            ours = [one for one in package.entry_points if one.group.startswith("mapmore.")]
+            ours = [point for point in package.entry_points if point.group.startswith("mapmore.")]
             # the first on Python's path is the one that is imported
             if not ours or package.name in packages:
                 continue
             packages.add(package.name)
-            _ = [one.module for one in ours]  # asks for the form of the value
+            _ = [point.module for point in ours]  # asks for the form of the value
         except Exception as fault:  # whatever is wrong there, the rest goes on without it
             what = f"the plug-ins of {_name_of(package)} are left out"
             why = f"its entry_points.txt cannot be read ({type(fault).__name__}: {fault})"
@@ -159,7 +159,7 @@ def entry_points(group: str) -> dict[str, EntryPoint]:
     """
     found = dict[str, EntryPoint]()
     of_group = (point for point in _installed() if point.group == f"mapmore.{group}")
-    for point in sorted(of_group, key=lambda one: (_owner(one) != OURS, one.value)):
+    for point in sorted(of_group, key=lambda point: (_owner(point) != OURS, point.value)):
         if point.name not in found:
             found[point.name] = point
         elif point.value != found[point.name].value:

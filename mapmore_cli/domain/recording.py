@@ -193,8 +193,8 @@ class Curve:
 def united(ranges: Iterable[Ranges]) -> dict[str, tuple[float, float]]:
     """Return the least range of each quantity that holds all given ones."""
     whole: dict[str, tuple[float, float]] = {}
-    for one in ranges:
-        for name, (low, high) in one.items():
+    for limits in ranges:
+        for name, (low, high) in limits.items():
             least, greatest = whole.get(name, (low, high))
             whole[name] = min(least, low), max(greatest, high)
     return whole

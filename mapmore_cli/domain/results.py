@@ -186,7 +186,7 @@ class Validation:
     @property
     def alert(self) -> str:
         """What residual tests found in the errors of the run's own model; empty if they pass."""
-        failing = [one.words for one in self.residual_tests if one.fails]
+        failing = [test.words for test in self.residual_tests if test.fails]
         if not failing:
             return ""
         return f"the errors are not noise alone ({', '.join(failing)} are outside)"
@@ -195,14 +195,17 @@ class Validation:
     def table(self) -> ScoreTable:
         """The numbers alone, of all outputs."""
         failed = [
-            name for one in self.each for name, formula in one.formulas.items() if formula.failed
+            name
+            for output in self.each
+            for name, formula in output.formulas.items()
+            if formula.failed
         ]
         return ScoreTable(
-            tuple(score for one in self.each for score in one.scores),
-            {name: unit for one in self.each for name, unit in one.units.items()},
+            tuple(score for output in self.each for score in output.scores),
+            {name: unit for output in self.each for name, unit in output.units.items()},
             tuple(dict.fromkeys(failed)),
-            tuple(dict.fromkeys(told for one in self.each for told in one.warnings)),
-            {name: one.alert for one in self.each for name in one.units if one.alert},
+            tuple(dict.fromkeys(warning for output in self.each for warning in output.warnings)),
+            {name: output.alert for output in self.each for name in output.units if output.alert},
         )
 
 

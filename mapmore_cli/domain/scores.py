@@ -173,7 +173,7 @@ class Score:
     @classmethod
     def of(cls, model: str, target: str, split: str, curve: str, row: Compared) -> Score:
         """Compute a row from its samples."""
-        numbers: dict[str, Any] = {name: one.of(row) for name, one in MEASURES.items()}
+        numbers: dict[str, Any] = {name: measure.of(row) for name, measure in MEASURES.items()}
         return cls(model, target, split, curve, normaliser_name=row.scale.name, **numbers)
 
     @property
@@ -199,7 +199,7 @@ _NUMBERS = {
 }
 MEASURES: Mapping[str, Measure] = {name: marks[-1] for name, marks in _NUMBERS.items()}
 """The numbers of a score row."""
-assert all(isinstance(one, Measure) for one in MEASURES.values()), "a score has no formula"
+assert all(isinstance(measure, Measure) for measure in MEASURES.values()), "a score has no formula"
 METRICS: Mapping[str, str] = {name: marks[0] for name, marks in _NUMBERS.items()}
 """What they mean."""
 OF_TARGET = frozenset(name for name, marks in _NUMBERS.items() if "[target]" in marks)

@@ -126,7 +126,7 @@ def _check_finished(run_dir: Path) -> None:
     if missing := [kept for kept in KEPT if not (run_dir / kept).is_file()]:
         raise DataError(f"{run_dir}: is not a finished run ({', '.join(missing)} missing)", remedy)
     outputs = [record.outputs for record in known_records(run_dir).values()]
-    written = {path: stamp.sha256 for one in outputs for path, stamp in one.items()}
+    written = {path: stamp.sha256 for stamps in outputs for path, stamp in stamps.items()}
     for kept in KEPT[:3]:
         if take_stamp(run_dir / kept).sha256 != written.get(kept):
             raise DataError(f"{run_dir / kept}: was changed after the run wrote it", remedy)
@@ -190,7 +190,7 @@ def find_campaign(text: str, runs: Path, archive: Path) -> dict[str, Path] | Non
     names = runs_of(runs / name)
     if names is None:
         return None
-    return {one: find_model(f"{one}{at}{tag}", runs, archive) for one in names}
+    return {name: find_model(f"{name}{at}{tag}", runs, archive) for name in names}
 
 
 def made_from(run_dir: Path) -> tuple[str, list[str]]:
@@ -220,8 +220,8 @@ def compared(
             "make both with the same settings, or add --allow-other-settings",
         )
     hashes = [
-        {stamp.sha256 for stage in one.values() for stamp in stage.inputs.values()}
-        for one in records
+        {stamp.sha256 for stage in stages.values() for stamp in stage.inputs.values()}
+        for stages in records
     ]
     try:
         one, other = (alone(read_model(model).of(output)) for model in (before, after))

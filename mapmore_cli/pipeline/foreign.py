@@ -55,15 +55,15 @@ def columns_of(model: Model, solved_for: str | None = None) -> Sequence[Sequence
     the output in the place of an input that is `solved_for`.
     """
     if solved_for is not None:
-        inputs = (one.name for one in model.inputs if one.name != solved_for)
+        inputs = (quantity.name for quantity in model.inputs if quantity.name != solved_for)
         return [[model.output.name, *inputs]]
-    readings = (reading_of(model, [one.name for one in model.signals]), reading_of(model, []))
+    readings = (reading_of(model, [signal.name for signal in model.signals]), reading_of(model, []))
     return [reading.columns + reading.outputs for reading in readings]
 
 
 def units_of(model: Model, ways: Sequence[Sequence[str]]) -> dict[str, str]:
     """Return the units of the columns that a table may have."""
-    known = {one.name: one.unit for one in (*model.inputs, *model.outputs)}
+    known = {quantity.name: quantity.unit for quantity in (*model.inputs, *model.outputs)}
     return {name: known.get(name) or default_unit(name) for way in ways for name in way}
 
 

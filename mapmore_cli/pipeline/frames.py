@@ -48,8 +48,8 @@ class Door:
         try:
             return np.asarray(self._read(values, what, axis), dtype=np.float64)
         except (MapmoreError, TypeError, ValueError) as fault:
-            told = str(getattr(fault, "message", fault))
-            said = told if told.startswith(what) else f"{what}: {told}"
+            reason = str(getattr(fault, "message", fault))
+            said = reason if reason.startswith(what) else f"{what}: {reason}"
             raise DataError(
                 said, getattr(fault, "remedy", "use numbers, and None for a missing value")
             ) from fault
@@ -61,8 +61,10 @@ class Door:
             plain = (int, float)  # at once: they are many
             numbered = enumerate(values)
             return [
-                one if type(one) in plain else self.numbers(one, f"{what}, {axis} {i}", "column")
-                for i, one in numbered
+                value
+                if type(value) in plain
+                else self.numbers(value, f"{what}, {axis} {i}", "column")
+                for i, value in numbered
             ]
         if self.clock and isinstance(values, datetime):
             values = (values if values.tzinfo else values.replace(tzinfo=UTC)) - EPOCH
@@ -108,8 +110,8 @@ def in_unit(values: object) -> tuple[str | None, Any]:
     for unit, bare in (("units", "magnitude"), ("unit", "value"), ("units", "value")):
         if hasattr(type(values), unit) and hasattr(type(values), bare):
             return str(getattr(values, unit)).replace(" ** ", "**"), getattr(values, bare)
-    told = getattr(values, "attrs", {}).get("units")
-    return (None, values) if told is None else (str(told), np.asarray(values))
+    unit_of_attrs = getattr(values, "attrs", {}).get("units")
+    return (None, values) if unit_of_attrs is None else (str(unit_of_attrs), np.asarray(values))
 
 
 def labels_of(table: object) -> tuple[Hashable, ...] | None:

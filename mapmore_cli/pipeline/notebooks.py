@@ -67,12 +67,12 @@ class LoadedModel:
             ", ".join(f"{quantity.name} [{quantity.unit}]" for quantity in self.inputs)
             or "its own past"
         )
-        outputs = ", ".join(f"{one.name} [{one.unit}]" for one in self.model.outputs)
+        outputs = ", ".join(f"{output.name} [{output.unit}]" for output in self.model.outputs)
         return f"<model {self.model.name}: {outputs} of {inputs}>"
 
     def of(self, output: str) -> Self:
         """Return the model of one of several outputs. Raises `TypeError` if there is none."""
-        if output not in (names := [one.name for one in self.model.outputs]):
+        if output not in (names := [output.name for output in self.model.outputs]):
             raise TypeError(f"this model has the outputs {', '.join(names)}; got {output!r}")
         return replace(self, model=self.model.of(output))
 
@@ -113,7 +113,9 @@ class LoadedModel:
                 f"{self.model.name}",
                 stacklevel=2,
             )
-        outputs = {one.output.name: predict(one, flat).reshape(shape) for one in self.model.each}
+        outputs = {
+            model.output.name: predict(model, flat).reshape(shape) for model in self.model.each
+        }
         return outputs if len(outputs) > 1 else outputs[self.output.name]
 
     def predict(self, frame: object, columns: Mapping[str, Any] | None = None) -> Any:
@@ -134,7 +136,7 @@ class LoadedModel:
             sources = _SOURCES.validate_python(
                 {name: {**entry, "column": source_of(entry)} for name, entry in columns.items()}
             )
-        known = {name for name, one in sources.items() if columns_in(frame, one.column)}
+        known = {name for name, source in sources.items() if columns_in(frame, source.column)}
         known |= {*map(str, labels_of(frame) or ())}
         signals = {signal.name for signal in self.model.signals}
         reading = reading_of(self.model, known if "time" in known else known | signals)
@@ -238,7 +240,9 @@ class LoadedModel:
         signals = self.model.signals
         # what given rates and directions follow from
         spare = {"time", *(signal.of for signal in signals)} if signals else set[str]()
-        known = {*columns} if "time" in columns else {*columns, *(one.name for one in signals)}
+        known = (
+            {*columns} if "time" in columns else {*columns, *(signal.name for signal in signals)}
+        )
         reading = reading_of(self.model, known)
         needed = list(dict.fromkeys(reading.columns + reading.outputs))
         if not {*needed} <= {*columns} <= {*needed, *spare}:
@@ -355,7 +359,9 @@ def given_numbers(
     """
     clock = name == "time"
     read = CellReader(clock=clock, format=layout, second=convert(1.0, "s", unit) if clock else 1.0)
-    return Door(lambda numbers, own: convert(numbers, own, unit), read, clock).numbers(values, what)
+    return Door(
+        lambda numbers, unit_of_column: convert(numbers, unit_of_column, unit), read, clock
+    ).numbers(values, what)
 
 
 def tables_of(

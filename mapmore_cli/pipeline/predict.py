@@ -58,7 +58,7 @@ class Predictor:
     @property
     def names(self) -> list[str]:
         """The columns, (m,)."""
-        outputs = [one.name for one in self.model.outputs]
+        outputs = [output.name for output in self.model.outputs]
         turned = self.reading.turned_for
         names = [f"{name}_predicted" for name in ([turned] if turned else outputs)] + [FLAG]
         by = self.model.inputs if self.derivatives else ()
@@ -70,8 +70,8 @@ class Predictor:
     def runs(self, in_parts: bool) -> list[Callable[[Columns], SimulatedRun]]:
         """Return what tells the rows of a recording, of every output."""
         return [
-            (running(one) if in_parts else None) or partial(simulate, one)
-            for one in self.model.each
+            (running(part) if in_parts else None) or partial(simulate, part)
+            for part in self.model.each
         ]
 
     def numbers(
@@ -100,15 +100,15 @@ class Predictor:
             with np.errstate(all="ignore"), numbered(rows[part]):
                 outcomes = [run(inputs) for run in runs]
                 beyond = outside[part] = outside_range(model, inputs)
-                results = [own.values for own in outcomes]
-                for one, own in zip(model.each, outcomes, strict=True):
+                results = [outcome.values for outcome in outcomes]
+                for of_output, outcome in zip(model.each, outcomes, strict=True):
                     if self.level is not None:
-                        widths = half_widths_of(one, inputs, self.level)
-                        results += ends(own.values, beyond, widths)
+                        widths = half_widths_of(of_output, inputs, self.level)
+                        results += ends(outcome.values, beyond, widths)
                     if self.derivatives:
-                        results += slopes(one, inputs).values()
+                        results += slopes(of_output, inputs).values()
             numbers[part] = np.column_stack(results)
-            lost = {row for own in outcomes for row in own.diverged}
+            lost = {row for outcome in outcomes for row in outcome.diverged}
             diverged += rows[part][sorted(lost)].tolist()
         return numbers, outside, diverged
 
@@ -207,8 +207,8 @@ def predicted_lines(
                 f"{label}:row {block[start].line}: the free run diverges, so that there is "
                 "no prediction until it is started again"
             )
-        predicted += sum(not own.startswith(",") for own in cells)
-        beyond += sum("true" in own.split(",") for own in cells)
+        predicted += sum(not cell.startswith(",") for cell in cells)
+        beyond += sum("true" in cell.split(",") for cell in cells)
         yield from table.extended(block, cells)
     if predicted and beyond == predicted:
         warn(
@@ -268,12 +268,16 @@ def _reading_turned(model: Model, name: str) -> Reading:
         raise UsageError(
             "--as: this model has memory, so that it cannot be inverted", "leave --as out"
         )
-    return Reading((model.output.name, *(one for one in inputs if one != name)), turned_for=name)
+    return Reading(
+        (model.output.name, *(quantity for quantity in inputs if quantity != name)), turned_for=name
+    )
 
 
 def _column_names(model: Model) -> str:
     reading = reading_of(model, [signal.name for signal in model.signals])
-    units = {one.name: one.unit for one in (*model.inputs, model.output)} | {"time": "s"}
+    units = {quantity.name: quantity.unit for quantity in (*model.inputs, model.output)} | {
+        "time": "s"
+    }
     names = reading.columns + reading.outputs
     return ", ".join(f"{name} [{units.get(name, model.output.unit)}]" for name in names)
 
@@ -318,8 +322,11 @@ def adapt(
     target = columns.pop(model.output.name)
     fit = adapted(model.body.fit, columns, target, constants[of])
     ranges = tuple(
-        replace(one, limits={name: ends for name, ends in one.limits.items() if name != of})
-        for one in model.body.ranges
+        replace(
+            curve_range,
+            limits={name: ends for name, ends in curve_range.limits.items() if name != of},
+        )
+        for curve_range in model.body.ranges
     )
     inputs = tuple(quantity for quantity in model.inputs if quantity.name != of)
     notes = [*fit.notes]

@@ -109,10 +109,11 @@ def collected(part: ReportSlice, run_dir: Path, spec_text: str = "") -> tuple[Re
     """
     files = RunFiles(run_dir)
     results = (files.dataset(), files.model(), files.fit(), files.validation())
-    outputs = list(zip(*(one.each for one in results), strict=True))
+    outputs = list(zip(*(result.each for result in results), strict=True))
     inputs = [_collected(part, run_dir, files.segmentation(), *own) for own in outputs]
     first, *others = [
-        replace(one, prefix=f"{one.target.name}." if len(outputs) > 1 else "") for one in inputs
+        replace(output, prefix=f"{output.target.name}." if len(outputs) > 1 else "")
+        for output in inputs
     ]
     return (replace(first, spec_text=spec_text), *others)
 
@@ -231,16 +232,16 @@ def drawn_figure(
             f"{run_dir}: does not contain a finished run",
             "give a folder that `mapmore run` wrote, for example runs/NAME",
         )
-    if other := next((one for one in looks if not one.startswith(LOOKS)), None):
+    if other := next((look for look in looks if not look.startswith(LOOKS)), None):
         raise UsageError(
             f"--set {other}: this key changes more than the look of a figure",
             f"set a key of {LOOKS.rstrip('.')}, or change the spec and repeat the run",
         )
     every = collected(report_slice(load(run_dir / "experiment.yaml", looks).spec), run_dir)
     prefix, name = name[: name.rfind(".") + 1], name.rpartition(".")[2]
-    inputs = next((one for one in every if one.prefix == prefix), None)
+    inputs = next((output for output in every if output.prefix == prefix), None)
     if inputs is None:
-        known = ", ".join(f"{one.prefix}{name}" for one in every)
+        known = ", ".join(f"{output.prefix}{name}" for output in every)
         raise UsageError(f"{run_dir}: has no figure {prefix}{name}", f"choose one of {known}")
     for warning in faults_of(inputs.style):
         warn(warning)
@@ -256,7 +257,7 @@ def drawn_figure(
                 f"{run_dir}: its results contain nothing to draw as {name!r}",
                 "choose another figure",
             )
-        as_wide = any(one.startswith(f"{LOOKS}width=") for one in looks)
+        as_wide = any(look.startswith(f"{LOOKS}width=") for look in looks)
         figure = compose(drawing, inputs.style, panel, inputs.style.width if as_wide else None)
         written = to_bytes(figure, suffix, drawing.name, drawing.alt)
         return written, None if panel is None else data_csv(panel.data)
@@ -272,14 +273,16 @@ def _in_units(model: Model, units: Mapping[str, str]) -> dict[str, tuple[Equatio
     if not units:
         return {}
     rates = {signal.name: signal.of for signal in model.signals if signal.kind == "rate"}
-    known = {one.name: one.unit for one in model.inputs if one.name not in rates}
+    known = {
+        quantity.name: quantity.unit for quantity in model.inputs if quantity.name not in rates
+    }
     known |= units
     factors, words = dict[str, float](), list[str]()
-    for one in model.inputs:
-        unit = default_unit(one.name, known, rates)
-        if unit != one.unit:
-            factors[one.name] = convert(1.0, unit, one.unit)
-            words.append(f"{one.name} in {unit}")
+    for quantity in model.inputs:
+        unit = default_unit(quantity.name, known, rates)
+        if unit != quantity.unit:
+            factors[quantity.name] = convert(1.0, unit, quantity.unit)
+            words.append(f"{quantity.name} in {unit}")
     return {", ".join(words): model_equations(model, factors)} if factors else {}
 
 

@@ -228,7 +228,7 @@ class _Run:
         plans = list(self.planned(until, records))
         whole = (
             plans[-1].stage.name == until
-            and all(one.reason is None and one.now == records[one.stage.name] for one in plans)
+            and all(plan.reason is None and plan.now == records[plan.stage.name] for plan in plans)
             and not any(self.checks(p, until) and self.known_findings(p) is None for p in plans)
             and load_origin(self.run_dir) == self.origin
             and not self.unwritten(until)

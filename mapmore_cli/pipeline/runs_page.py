@@ -48,30 +48,30 @@ def write_runs_page(
         of_run: dict[str, list[Row]] = {}
         for row in known:
             of_run.setdefault(row.run, []).append(row)
-        of_run |= {one.name: _rows(one, of_run.get(one.name, ())) for one in finished}
+        of_run |= {run.name: _rows(run, of_run.get(run.name, ())) for run in finished}
         there = {entry.name for entry in os.scandir(runs)}
-        rows = [row for run, own in of_run.items() if run in there for row in own]
+        rows = [row for run, of_one in of_run.items() if run in there for row in of_one]
         rows.sort(key=lambda row: (-row.ended, row.run, row.target))
         if rows != known:
             write_text(place, _page(runs, rows))
 
 
-def _rows(one: Finished, known: Iterable[Row]) -> list[Row]:
+def _rows(run: Finished, known: Iterable[Row]) -> list[Row]:
     """Return the rows of a run, those that are known where its scores have not changed since."""
-    ended = (one.run_dir / "scores.json").stat().st_mtime
+    ended = (run.run_dir / "scores.json").stat().st_mtime
     if same := [row for row in known if row.ended == ended]:
         return same
-    record = json.loads((one.run_dir / RUN_RECORD).read_bytes())
+    record = json.loads((run.run_dir / RUN_RECORD).read_bytes())
     muscle, data = "", list[str]()
     with suppress(LookupError, TypeError):
         muscle = record["stages"]["report"]["slice"]["muscle"]["name"]
     with suppress(LookupError, TypeError):
         data = [str(path) for path in record["stages"]["ingest"]["slice"]["data"]["files"]]
-    files = RunFiles(one.run_dir)
-    scored = zip(one.table.each, files.validation().each, files.dataset().each, strict=True)
+    files = RunFiles(run.run_dir)
+    scored = zip(run.table.each, files.validation().each, files.dataset().each, strict=True)
     return [
         Row(
-            run=one.name,
+            run=run.name,
             muscle=str(muscle or ""),
             campaign=str(record.get("origin", {}).get("campaign", "")),
             data=f"{data[0]} and {len(data) - 1} more" if data[1:] else "".join(data),
@@ -84,7 +84,7 @@ def _rows(one: Finished, known: Iterable[Row]) -> list[Row]:
             },
             alerts=tuple(
                 alert
-                for alert in one.alerts
+                for alert in run.alerts
                 if alert.target in ("", table.scores[0].target if table.scores else "")
             ),
             ended=ended,

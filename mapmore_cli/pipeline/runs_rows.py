@@ -45,7 +45,7 @@ class Row:
     def best_other(self) -> tuple[str, float] | None:
         """Name and NRMSE of the competitor that errs least."""
         others = [(name, error) for name, error in self.nrmse.items() if name != OWN]
-        return min(others, key=lambda one: one[1], default=None)
+        return min(others, key=lambda pair: pair[1], default=None)
 
     @property
     def day(self) -> str:
@@ -66,7 +66,7 @@ def rows_of(place: Path) -> list[Row] | None:
                 Row(
                     **row
                     | {
-                        "alerts": tuple(Alert(**one) for one in row["alerts"]),
+                        "alerts": tuple(Alert(**alert) for alert in row["alerts"]),
                         "picture": tuple(row["picture"]),
                     }
                 )
@@ -82,5 +82,5 @@ def known_alerts(run_dir: Path) -> tuple[Alert, ...] | None:
     scores = run_dir / "scores.json"
     ended = scores.stat().st_mtime if scores.is_file() else None
     rows = rows_of(run_dir.parent / PAGE) or ()
-    own = [row for row in rows if (row.run, row.ended) == (run_dir.name, ended)]
-    return tuple(dict.fromkeys(one for row in own for one in row.alerts)) if own else None
+    known = [row for row in rows if (row.run, row.ended) == (run_dir.name, ended)]
+    return tuple(dict.fromkeys(alert for row in known for alert in row.alerts)) if known else None

@@ -75,7 +75,9 @@ def _scored(part: ScoresSlice, workspace: Workspace, measured: Dataset, model: M
     else:
         scores += _rows(part, model, *in_turn, scale)
     scores += _repeatability_scores(part, model, dataset, scale)
-    predictions = {name: tuple(one.values for one in every) for name, every in forecasts.items()}
+    predictions = {
+        name: tuple(forecast.values for forecast in every) for name, every in forecasts.items()
+    }
     warnings = alarms(model, dataset, predictions[OWN], scores)
     if part.structure_seen and not (part.folds and was_searched(workspace.run_dir)):
         chosen = (
@@ -91,7 +93,11 @@ def _scored(part: ScoresSlice, workspace: Workspace, measured: Dataset, model: M
         formulas,
         tuple(scores),
         {part.target: dataset.unit(dataset.target)},
-        {one.name: one.own_fit for one in rivals if one.own_fit and shown_by(one.own_fit)},
+        {
+            rival.name: rival.own_fit
+            for rival in rivals
+            if rival.own_fit and shown_by(rival.own_fit)
+        },
         warnings,
         outliers=far,
     )
@@ -111,7 +117,9 @@ def _rows(
 
 def _with_seen(scores: list[Score], rivals: list[Rival], dataset: Dataset) -> list[Score]:
     """Return the rows, of which those of runs that were trained on held-out samples are `seen`."""
-    saw = {one.name for one in rivals if one.run is not None and trained_on(one.run, dataset)}
+    saw = {
+        rival.name for rival in rivals if rival.run is not None and trained_on(rival.run, dataset)
+    }
     return [
         replace(row, split="seen") if row.model in saw and row.split == "validate" else row
         for row in scores
@@ -184,16 +192,19 @@ def scored_as(name: str, dataset: Dataset, model: Model) -> Dataset:
 
 def _fit_rivals(contest: Contest, part: ScoresSlice, progress: Progress, warn: Warn) -> list[Rival]:
     """Return every competitor, fitted to the training samples of the contest."""
-    named = {one if isinstance(one, str) else one.label for one in part.against}
+    named = {
+        competitor if isinstance(competitor, str) else competitor.label
+        for competitor in part.against
+    }
     wanted = [*part.against, *(contest.simple_beside(named) if part.simple else ())]
     rivals = []
     for competitor in wanted:
         rivals.append(contest.rival(competitor))
         progress("competitors", len(rivals), len(wanted))
-    for one in rivals:
-        if one.failed:
-            reasons = "; ".join(note for fit in one.formulas.values() for note in fit.notes)
-            warn(f"{one.name}: the fit failed, so that its rows are left out: {reasons}")
+    for rival in rivals:
+        if rival.failed:
+            reasons = "; ".join(note for fit in rival.formulas.values() for note in fit.notes)
+            warn(f"{rival.name}: the fit failed, so that its rows are left out: {reasons}")
     return rivals
 
 
@@ -207,7 +218,7 @@ def _left_out(
     def compare(fold: Contest) -> tuple[Said, list[str]]:
         warnings: list[str] = []
         rivals = _fit_rivals(fold, part, lambda _what, _done, _total: None, warnings.append)
-        return {one.name: one.forecasts for one in rivals if not one.failed}, warnings
+        return {rival.name: rival.forecasts for rival in rivals if not rival.failed}, warnings
 
     group = part.groups if part.without_groups else None
     whole, outputs, warnings = left_out(choices, contest, compare, workspace, fitted_to, group)

@@ -136,14 +136,14 @@ def fit(part: ModelChoices, workspace: Workspace) -> None:
     dataset = workspace.files.dataset()
     given = Given(dataset, workspace.files.segmentation(), progress=workspace.progress)
     result = kinds.fit(part, given)
-    alone = dict.fromkeys(note for one in result.each for note in constant_alone(one))
+    alone = dict.fromkeys(note for fit in result.each for note in constant_alone(fit))
     for note in alone:
         workspace.warn(note)
-    pieces = [piece for one in result.each for piece in one.pieces]
+    pieces = [piece for fit in result.each for piece in fit.pieces]
     for note in far_from_zero(pieces, pooled_training(dataset.curves)) if pieces else ():
         workspace.warn(note)
     result = replace(result, notes=(*alone, *result.notes))
-    tied = (piece.id for one in result.each for piece in one.pieces if piece.selection.tied.any())
+    tied = (piece.id for fit in result.each for piece in fit.pieces if piece.selection.tied.any())
     for id_ in dict.fromkeys(tied):
         workspace.warn(
             f"segment {id_}: several candidates are equally good (within 1e-9), and the "
@@ -175,7 +175,7 @@ def fuse(part: ModelChoices, workspace: Workspace) -> None:
     )
     model = kinds.build(part, given, result)
     outputs = zip(model.each, dataset.each, strict=True)
-    finished = [_finished(part, one, data) for one, data in outputs]
+    finished = [_finished(part, model, data) for model, data in outputs]
     model = outputs_model(model.name, finished) if dataset.also else finished[0]
     for note in model.notes:
         workspace.warn(note)

@@ -102,11 +102,15 @@ def refuse_circle(loaded: LoadedSpec, heirs: tuple[Path, ...] = ()) -> None:
     spec, chain = loaded.spec, (*heirs, loaded.path.resolve())
     paths = {spec.needs.static, spec.needs.damping, *(part.model for part in spec.model.sum or ())}
     if not heirs:
-        paths |= {one.run for one in spec.validation.against if isinstance(one, Competitor)}
+        paths |= {
+            competitor.run
+            for competitor in spec.validation.against
+            if isinstance(competitor, Competitor)
+        }
     for path in sorted(path for path in paths if path is not None):
         other = loaded.folder / path
         if other.resolve() in chain:
-            circle = " -> ".join(one.name for one in (*chain, other))
+            circle = " -> ".join(step.name for step in (*chain, other))
             raise SpecError(
                 f"{loaded.name}: these runs need each other in a circle: {circle}",
                 "remove one of them",
@@ -118,13 +122,13 @@ def _varied(loaded: LoadedSpec, variation: Need) -> LoadedSpec:
     """Return the spec with other settings, and without competitors: it is one, and those of the
     spec may not suit it.
     """
-    own = {
+    overrides = {
         "name": f"{loaded.spec.name}.{variation.key}",
         "validate.against": [],
         "validate.intervals": False,
     }
     try:
-        return changed(loaded, (*variation.overrides, *as_overrides(own)))
+        return changed(loaded, (*variation.overrides, *as_overrides(overrides)))
     except SpecError as error:
         raise SpecError(
             f"{loaded.name}: as the competitor `{variation.key}`, with other settings: "

@@ -56,7 +56,7 @@ def contents_of(run_dir: Path, rehash: bool = False) -> Contents:
     copy of a folder.
     """
     known = written_files(run_dir)
-    folders = {one.as_posix() for path in known for one in PurePosixPath(path).parents}
+    folders = {parent.as_posix() for path in known for parent in PurePosixPath(path).parents}
     named = run_dir.parent / (recorded_name(run_dir) or "")
     own, others = list[str](), list[str]()
 
@@ -141,22 +141,22 @@ def put_back(run_dir: Path, output: str, known: Mapping[str, Stamp]) -> list[str
     """Clear the folder that stepped aside for a new `output`: its own files go, and everything else
     comes into the new folder; the paths of those whose place is taken, which are in the trash.
     """
-    aside, taken = run_dir / f"{ASIDE}{output}", list[str]()
+    aside, moved = run_dir / f"{ASIDE}{output}", list[str]()
     for old in list(_below(aside)):
         path = f"{output}/{old.relative_to(aside).as_posix()}"
         place = run_dir / path
         if is_as_written(old, known.get(path)) or is_same(old, place):
             old.unlink()
-        elif os.path.lexists(place) or any(one.is_file() for one in place.parents):
-            taken.append(old.relative_to(run_dir).as_posix())
+        elif os.path.lexists(place) or any(parent.is_file() for parent in place.parents):
+            moved.append(old.relative_to(run_dir).as_posix())
         else:
             place.parent.mkdir(parents=True, exist_ok=True)
             old.rename(place)
-    if taken:
-        to_trash(run_dir, taken, ASIDE)
+    if moved:
+        to_trash(run_dir, moved, ASIDE)
     for folder, _, _ in os.walk(aside, topdown=False):
         Path(folder).rmdir()
-    return [path.removeprefix(ASIDE) for path in taken]
+    return [path.removeprefix(ASIDE) for path in moved]
 
 
 def _below(folder: Path) -> Iterator[Path]:

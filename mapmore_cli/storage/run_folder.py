@@ -260,11 +260,11 @@ def swap_in(
     for output in outputs:
         for new in (folder / output, *(folder / output).rglob("*")):
             refuse_link(run_dir / new.relative_to(folder))
-    taken = list[str]()
+    moved = list[str]()
     for output in outputs:
         new, place = folder / output, run_dir / output
         if not (new.is_dir() and place.exists()):
-            taken += [] if is_same(new, place) else make_way(run_dir, output, known)
+            moved += [] if is_same(new, place) else make_way(run_dir, output, known)
             new.replace(place)
             continue
         aside = run_dir / f"{ASIDE}{output}"
@@ -274,6 +274,6 @@ def swap_in(
         except BaseException:
             aside.rename(place)
             raise
-        taken += put_back(run_dir, output, known)
+        moved += put_back(run_dir, output, known)
     sync_folder(run_dir)
-    return taken
+    return moved

@@ -171,12 +171,12 @@ def stale_stages(records: Mapping[str, StageRecord]) -> dict[str, str]:
     """Return committed stages whose results follow from others than lie before them now, by the
     earlier stage that was done since.
     """
-    found: dict[str, str] = {}
+    reasons: dict[str, str] = {}
     done = [name for name in STAGES if name in records]
     for before, name in pairwise(done):
-        if records[name].before != records[before].fingerprint or before in found:
-            found[name] = found.get(before, before)
-    return found
+        if records[name].before != records[before].fingerprint or before in reasons:
+            reasons[name] = reasons.get(before, before)
+    return reasons
 
 
 def load_origin(run_dir: Path) -> Origin | None:

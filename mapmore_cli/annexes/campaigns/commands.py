@@ -118,8 +118,8 @@ def batch(
         if (known := known_by_seal(todo[number], entry.called)) is not None
     }
     names = run_names(entries, campaigns, {number: entries[number].called for number in results})
-    for one in campaigns:  # better before its runs are done
-        refuse_foreign(runs / one.campaign.campaign, CAMPAIGN_RECORD)
+    for campaign in campaigns:  # better before its runs are done
+        refuse_foreign(runs / campaign.campaign.campaign, CAMPAIGN_RECORD)
     waiting = {number: job for number, job in todo.items() if number not in results}
     scheduler = cluster or cluster_file
     with Reporter(quiet) as reporter, workers.stoppable():
@@ -145,16 +145,16 @@ def batch(
         ordered = {name: results[number] for number, name in enumerate(names)}
         pages = [
             write_page(
-                one.campaign,
-                {names[number]: results[number] for number in one.jobs},
+                campaign.campaign,
+                {names[number]: results[number] for number in campaign.jobs},
                 runs,
                 reporter.warn,
             )
-            for one in campaigns
+            for campaign in campaigns
         ]
-        done = [one for one in results.values() if not isinstance(one, BaseException)]
+        done = [result for result in results.values() if not isinstance(result, BaseException)]
         write_runs_page(runs, done, reporter.warn)
-    in_campaigns = {names[number] for one in campaigns for number in one.jobs}
+    in_campaigns = {names[number] for campaign in campaigns for number in campaign.jobs}
     alone = {name: result for name, result in ordered.items() if name not in in_campaigns}
     tables = [table for _, of_page in pages for table in of_page]
     if alone:
@@ -194,7 +194,7 @@ def _ends(name: str, result: Result) -> list[str]:
     if isinstance(result, BaseException):
         first, *_ = message(result).splitlines()
         return [f"{name}: failed: {first}"]
-    return [f"{name}: {short_verdict(one, OWN)}" for one in result.table.each]
+    return [f"{name}: {short_verdict(output, OWN)}" for output in result.table.each]
 
 
 def _code(result: Result) -> int:

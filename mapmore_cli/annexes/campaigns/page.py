@@ -47,15 +47,17 @@ def write_page(
     scores = scores_of(results, campaign)
     tables = campaign_tables(scores)
     figures = [render_figure(drawing) for drawing in campaign_figures(scores)]
-    failed = {n: error_text(one) for n, one in results.items() if isinstance(one, BaseException)}
+    failed = {
+        n: error_text(result) for n, result in results.items() if isinstance(result, BaseException)
+    }
     pages = {
-        name: f"../{one.name}/{RUN_PAGE}"
-        for name, one in results.items()
-        if not isinstance(one, BaseException) and "report" in one.stages
+        name: f"../{result.name}/{RUN_PAGE}"
+        for name, result in results.items()
+        if not isinstance(result, BaseException) and "report" in result.stages
     }
     title = campaign.title or campaign.campaign
     folder = runs / campaign.campaign
-    runs_of = [one.name for one in results.values() if not isinstance(one, BaseException)]
+    runs_of = [result.name for result in results.values() if not isinstance(result, BaseException)]
     record = {"creator": "mapmore", "campaign": campaign.campaign, "runs": runs_of}
     texts = {
         **{f"tables/{table.name}.csv": to_csv(table) for table in tables},
@@ -110,13 +112,13 @@ def scores_of(
     finished = {name: run for name, run in results.items() if not isinstance(run, BaseException)}
     runs = finished.values()
     tables = {
-        f"{run.name} ({one.scores[0].target})" if len(run.table.each) > 1 else run.name: one
+        f"{run.name} ({table.scores[0].target})" if len(run.table.each) > 1 else run.name: table
         for run in runs
-        for one in run.table.each
+        for table in run.table.each
     }
     scores = CampaignScores(
-        {name: one.scores for name, one in tables.items()},
-        units={name: unit for name, one in tables.items() for unit in one.units.values()},
+        {name: table.scores for name, table in tables.items()},
+        units={name: unit for name, table in tables.items() for unit in table.units.values()},
         published={run.name: run.published for run in runs if run.published is not None},
         failed=tuple(name for name in results if name not in finished),
     )
@@ -166,7 +168,7 @@ def run_names(
     because they would be written into the same folder.
     """
     names: list[str] = []
-    named = (one.campaign.campaign for one in campaigns)
+    named = (campaign.campaign.campaign for campaign in campaigns)
     claims = [(name, f"the campaign '{name}'") for name in named]
     for number, entry in enumerate(entries):
         if number in known:

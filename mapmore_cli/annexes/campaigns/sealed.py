@@ -115,17 +115,19 @@ def _sealed(
     folder = os.path.relpath(loaded.folder, run_dir)
     records = known_records(run_dir).values()
     recorded = {
-        **{f"{folder}/{path}": stamp for one in records for path, stamp in one.inputs.items()},
+        **{
+            f"{folder}/{path}": stamp for record in records for path, stamp in record.inputs.items()
+        },
         **written_files(run_dir),
     }
     files = states_of(run_dir, [*recorded, RUN_RECORD])
     for path, stamp in recorded.items():
         if take_stamp(file_at(run_dir, path), stamp).sha256 != stamp.sha256:
             return None
-    entries = [*spec.data.files, *(one for join in spec.data.join for one in join.files)]
+    entries = [*spec.data.files, *(path for join in spec.data.join for path in join.files)]
     patterns = [entry if isinstance(entry, str) else entry.path for entry in entries]
     recordings = _named_by(patterns, loaded.folder)
-    read = {path for one in records for path in one.inputs}
+    read = {path for record in records for path in record.inputs}
     if not read.issuperset(recordings):
         return None
     sealed: Sealed = {

@@ -81,18 +81,18 @@ def _separate(
 ) -> Expression:
     """Write the output of the section that holds; every section runs on the whole input."""
     outputs = []
-    for one in motion.sections:
+    for section in motion.sections:
         origin, now, later = (m.number(stem) for stem in ("origin", "now", "later"))
-        drive = m.let("driven", _driven(one, drives))
+        drive = m.let("driven", _driven(section, drives))
         began = m.choose("began", [(first, drive)], origin) if motion.start == REST else ZERO
         x1, z = (
             m.choose(stem, [(first, ZERO)], name)
             for stem, name in (("moved", now), ("ahead", later))
         )
-        outputs.append(m.let("output", x1 + began / (1.0 - one.p1 - one.p2)))
+        outputs.append(m.let("output", x1 + began / (1.0 - section.p1 - section.p2)))
         following, ahead = (
-            m.let("following", z + one.p2 * x1),
-            m.let("coming", (drive - began) + one.p1 * x1),
+            m.let("following", z + section.p2 * x1),
+            m.let("coming", (drive - began) + section.p1 * x1),
         )
         for name, value in ((origin, began), (now, following), (later, ahead)):
             m.keep(name, value)
@@ -107,15 +107,18 @@ def _shared(
     """
     now, later = m.number("now"), m.number("later")
     resting = [
-        lambda one=one: _driven(one, drives) / (1.0 - one.p1 - one.p2) for one in motion.sections
+        lambda section=section: _driven(section, drives) / (1.0 - section.p1 - section.p2)
+        for section in motion.sections
     ]
     rest = of_section("rest", resting) if motion.start == REST else ZERO
     x1, x2 = (
         m.choose(stem, [(first, rest)], name) for stem, name in (("output", now), ("ahead", later))
     )
     coming = [
-        lambda one=one: total([_driven(one, drives), total([one.p2 * x2, one.p1 * x1])])
-        for one in motion.sections
+        lambda section=section: total(
+            [_driven(section, drives), total([section.p2 * x2, section.p1 * x1])]
+        )
+        for section in motion.sections
     ]
     after = of_section("following", coming)
     m.keep(now, x2)
@@ -200,7 +203,7 @@ class MotionVerbs(Verbs):
         m.kept.steps.append(motion.step)
         seen = m.number("seen")
         first = Condition(seen, "==", ZERO)
-        drives = [m.let("drive", one) for one in renamed_all(map(parse, motion.drives), inputs)]
+        drives = [m.let("drive", drive) for drive in renamed_all(map(parse, motion.drives), inputs)]
         u = inputs[motion.input]
         section = m.choose(
             "place",

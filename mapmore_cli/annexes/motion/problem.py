@@ -185,8 +185,8 @@ class Problem:
         self.evaluations += 1
         return np.concatenate(
             [
-                response(p1, p2, piece.drives, self.start)[own]
-                for piece, own in zip(self.pieces, self.own, strict=True)
+                response(p1, p2, piece.drives, self.start)[rows]
+                for piece, rows in zip(self.pieces, self.own, strict=True)
             ]
         )
 

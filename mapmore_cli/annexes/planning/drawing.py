@@ -98,9 +98,9 @@ def _draw_widths(ax: Axes, plan: Plan, name: str) -> None:
     ax.plot(x, plan.picture.after, color=style.ORANGE, zorder=1)
     measured = plan.picture.measured[name]
     ax.plot(measured, np.zeros(len(measured)), color=style.GREY, clip_on=False, **MARK)
-    for number, one in enumerate(plan.candidates[:3], 1):
-        height = one.half_width if np.isfinite(one.half_width) else 0.0
-        _draw_number(ax, one.at[name], height, number)
+    for number, candidate in enumerate(plan.candidates[:3], 1):
+        height = candidate.half_width if np.isfinite(candidate.half_width) else 0.0
+        _draw_number(ax, candidate.at[name], height, number)
     ax.set_ylim(bottom=0)
 
 
@@ -111,8 +111,8 @@ def _draw_map(ax: Axes, plan: Plan, names: Sequence[str], label: str) -> None:
     ax.figure.colorbar(colours, ax=ax, label=label, use_gridspec=False)
     dots = MARK | {"markersize": 2, "color": style.LIGHT, "markerfacecolor": style.GREY}
     ax.plot(*(plan.picture.measured[name] for name in names), **dots)
-    for number, one in enumerate(plan.candidates, 1):
-        _draw_number(ax, one.at[names[0]], one.at[names[1]], number)
+    for number, candidate in enumerate(plan.candidates, 1):
+        _draw_number(ax, candidate.at[names[0]], candidate.at[names[1]], number)
 
 
 def _draw_number(ax: Axes, x: float, y: float, number: int) -> None:

@@ -90,16 +90,19 @@ def of_plan(plan: Plan) -> View:
         ]
     columns += ["cost .3g"] if costs else []
     documents, rows = list[Document](), list[tuple[Cell, ...]]()
-    for number, one in enumerate(plan.candidates, 1):
+    for number, candidate in enumerate(plan.candidates, 1):
         keys = ("kind", "gap", "half_width", "after", "error", "cost")
-        documents.append({**one.at, **members(one, *keys)})
-        sizes = (one.gap,) if levels else (one.half_width, one.after, one.error)
-        cost = (one.cost,) if costs else ()
-        rows.append((number, *map(one.at.get, quantities), one.kind, *sizes, *cost))
+        documents.append({**candidate.at, **members(candidate, *keys)})
+        sizes = (
+            (candidate.gap,) if levels else (candidate.half_width, candidate.after, candidate.error)
+        )
+        cost = (candidate.cost,) if costs else ()
+        rows.append((number, *map(candidate.at.get, quantities), candidate.kind, *sizes, *cost))
     document = {
         **members(plan, "name", "widest", "until", "notes"),
         "target": plan.target.name,
-        "units": {plan.target.name: unit} | {name: one.unit for name, one in quantities.items()},
+        "units": {plan.target.name: unit}
+        | {name: quantity.unit for name, quantity in quantities.items()},
         "next": documents,
     }
     title = f"What to measure next for {plan.name}, the best first"

@@ -36,7 +36,7 @@ def behind_tendon(muscle: Model, tendon: TendonSettings | None) -> Model:
     """
     if tendon is None:
         return muscle
-    length = next((one for one in muscle.inputs if one.name == "length"), None)
+    length = next((quantity for quantity in muscle.inputs if quantity.name == "length"), None)
     if length is None:
         raise SpecError(
             f"{muscle.name} does not depend on `length`, which a tendon changes",
@@ -52,15 +52,16 @@ def formula_parts(summands: Sequence[Summand], joint: FormulaFit, dataset: Datas
     these.
     """
     training, parts = pooled_training(dataset.curves), []
-    for number, (one, fit) in enumerate(zip(summands, split(joint, summands), strict=True), 1):
-        inputs = own_inputs(one, training)
+    for number, (summand, fit) in enumerate(zip(summands, split(joint, summands), strict=True), 1):
+        inputs = own_inputs(summand, training)
         limits = {name: extremes(x) for name, x in inputs.items()}
         quantities = tuple(
-            Quantity(name, _unit(one.inputs.get(name, name), dataset)) for name in sorted(inputs)
+            Quantity(name, _unit(summand.inputs.get(name, name), dataset))
+            for name in sorted(inputs)
         )
         body = Formula(fit, None, (CurveRange("all", None, limits),))
         model = Model(f"{fit.name}_{number}", dataset.quantities[dataset.target], quantities, body)
-        parts.append(Part(model, float(one.sign), dict(one.inputs)))
+        parts.append(Part(model, float(summand.sign), dict(summand.inputs)))
     return parts
 
 
@@ -106,14 +107,17 @@ class SumMaker(Maker):
         else:
             parts = [
                 Part(
-                    behind_tendon(model_of(str(one.model)), one.tendon),
-                    float(one.sign),
-                    dict(one.inputs),
+                    behind_tendon(model_of(str(summand.model)), summand.tendon),
+                    float(summand.sign),
+                    dict(summand.inputs),
                 )
-                for one in summands
+                for summand in summands
             ]
             refuse_shared_names(
-                [(one.model.name, [q.name for q in one.model.inputs], one.inputs) for one in parts]
+                [
+                    (part.model.name, [q.name for q in part.model.inputs], part.inputs)
+                    for part in parts
+                ]
             )
         return sum_of(part.name, parts, output, quantities)
 

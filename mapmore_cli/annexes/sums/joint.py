@@ -106,7 +106,9 @@ def actuator(force: Model, pressure: Model) -> Model:
         )
     quantities = tuple({**inputs, **needed}.values())
     signals = tuple(dict.fromkeys((*pressure.signals, *force.signals)))
-    notes = tuple(f"{one.name}: {note}" for one in (force, pressure) for note in one.notes)
+    notes = tuple(
+        f"{formula.name}: {note}" for formula in (force, pressure) for note in formula.notes
+    )
     return Model(
         f"{force.name}-actuator",
         force.output,
@@ -155,8 +157,8 @@ def fit_jointly(
     """
     inputs = {
         f"{name}_{i}": x
-        for i, one in enumerate(summands, 1)
-        for name, x in own_inputs(one, columns).items()
+        for i, summand in enumerate(summands, 1)
+        for name, x in own_inputs(summand, columns).items()
     }
     return joint_formula(summands).fit(inputs, y, method)
 
@@ -165,13 +167,15 @@ def joint_formula(summands: Sequence[Summand]) -> Formula:
     """Return the sum as one formula, of the summands' inputs and parameters with their numbers
     behind their names.
     """
-    parts = [_numbered(literature.get(str(one.formula)), i) for i, one in enumerate(summands, 1)]
+    parts = [
+        _numbered(literature.get(str(summand.formula)), i) for i, summand in enumerate(summands, 1)
+    ]
     forms = [part.form or LinearForm(part.text, part.linear, {}) for part in parts]
-    signs = [float(one.sign) for one in summands]
+    signs = [float(summand.sign) for summand in summands]
     form = LinearForm(
-        _sum(signs, [one.text for one in forms]),
-        tuple(name for one in forms for name in one.linear),
-        {name: text for one in forms for name, text in one.printed.items()},
+        _sum(signs, [form.text for form in forms]),
+        tuple(name for form in forms for name in form.linear),
+        {name: text for form in forms for name, text in form.printed.items()},
     )
     names = [
         f"{'-' if sign < 0 else '+'} {part.name}" for sign, part in zip(signs, parts, strict=True)
@@ -182,7 +186,7 @@ def joint_formula(summands: Sequence[Summand]) -> Formula:
         inputs=tuple(name for part in parts for name in part.inputs),
         parameters=tuple(name for part in parts for name in part.parameters),
         text=_sum(signs, [part.text for part in parts]),
-        nonlinear=tuple(one for part in parts for one in part.nonlinear),
+        nonlinear=tuple(parameter for part in parts for parameter in part.nonlinear),
         form=form if any(part.form for part in parts) else None,
     )
 
@@ -200,7 +204,7 @@ def _numbered(formula: Formula, number: int) -> Formula:
 
     def renamed(text: str) -> str:
         expression = parse(text)
-        return to_text(substitute(expression, {one: Name(own(one)) for one in expression.names}))
+        return to_text(substitute(expression, {name: Name(own(name)) for name in expression.names}))
 
     form = formula.form
     return replace(
@@ -210,9 +214,12 @@ def _numbered(formula: Formula, number: int) -> Formula:
         text=renamed(formula.text),
         nonlinear=tuple(
             replace(
-                one, name=own(one.name), per=one.per and own(one.per), of=one.of and own(one.of)
+                parameter,
+                name=own(parameter.name),
+                per=parameter.per and own(parameter.per),
+                of=parameter.of and own(parameter.of),
             )
-            for one in formula.nonlinear
+            for parameter in formula.nonlinear
         ),
         form=form
         and LinearForm(
@@ -233,8 +240,8 @@ def split(fit: FormulaFit, summands: Sequence[Summand]) -> list[FormulaFit]:
     names.
     """
     parts = []
-    for i, one in enumerate(summands, 1):
-        formula = literature.get(str(one.formula))
+    for i, summand in enumerate(summands, 1):
+        formula = literature.get(str(summand.formula))
         parameters, errors = (
             {name: numbers[f"{name}_{i}"] for name in formula.parameters}
             for numbers in (fit.parameters, fit.errors)
@@ -247,7 +254,7 @@ def split(fit: FormulaFit, summands: Sequence[Summand]) -> list[FormulaFit]:
 def predict(fit: FormulaFit, summands: Sequence[Summand], columns: Columns) -> Array:
     """Return the sum at every row, `(n,)`; NaN with the parameters of a failed fit."""
     values = np.zeros(row_count(columns))
-    for one, part in zip(summands, split(fit, summands), strict=True):
+    for summand, part in zip(summands, split(fit, summands), strict=True):
         formula = literature.of(part)
-        values += one.sign * formula.predict(part.parameters, own_inputs(one, columns))
+        values += summand.sign * formula.predict(part.parameters, own_inputs(summand, columns))
     return values

@@ -47,7 +47,7 @@ def _whole(model: Model) -> Equation:
         sources: dict[str, Expression] = {
             q.name: parse(part.inputs.get(q.name, q.name)) for q in part.model.inputs
         }
-        sources |= {one.model.output.name: Name(one.model.name) for one in part.fed}
+        sources |= {inner.model.output.name: Name(inner.model.name) for inner in part.fed}
         listed = ", ".join(f"{name} = {to_text(source)}" for name, source in sources.items())
         terms.append(f"{sign} {part.model.name}({listed})")
         arguments = ", ".join(
@@ -66,8 +66,8 @@ def _parts(parts: Sequence[Part], columns: Columns) -> Iterator[tuple[Part, Colu
             for name, text in part.inputs.items()
         }
         fed = {
-            one.model.output.name: kinds.simulate(one.model, inputs).values
-            for one, inputs in _parts(part.fed, columns)
+            inner.model.output.name: kinds.simulate(inner.model, inputs).values
+            for inner, inputs in _parts(part.fed, columns)
         }
         yield part, {**columns, **renamed, **fed}
 
@@ -85,9 +85,9 @@ def _value(m: Writer, part: Part, inputs: Inputs) -> Expression:
         name: m.let("input", substitute(parse(text), inputs)) for name, text in part.inputs.items()
     }
     waits: list[Expression] = []
-    for one in part.fed:
+    for inner in part.fed:
         queues = len(m.kept.queues)
-        renamed[one.model.output.name] = fed = m.let("fed", _value(m, one, inputs))
+        renamed[inner.model.output.name] = fed = m.let("fed", _value(m, inner, inputs))
         waits += [fed] * (len(m.kept.queues) > queues)
     waited = m.let("fed", total(waits)) if waits else None
     limits, knots, m.limits, m.knots = m.limits, m.knots, [], {}
@@ -109,8 +109,8 @@ def _value(m: Writer, part: Part, inputs: Inputs) -> Expression:
 def _own(part: Part, names: Iterable[str]) -> frozenset[str]:
     """Return the inputs of the sum that those of a part are made of."""
     fed = {
-        one.model.output.name: _own(one, (quantity.name for quantity in one.model.inputs))
-        for one in part.fed
+        inner.model.output.name: _own(inner, (quantity.name for quantity in inner.model.inputs))
+        for inner in part.fed
     }
     return frozenset().union(
         *(fed[name] if name in fed else parse(part.inputs.get(name, name)).names for name in names)
@@ -151,16 +151,20 @@ class SumVerbs(Verbs):
             if all(part.sign == 1.0 and not part.inputs and not part.fed for part in parts)
             else (_whole(model),)
         )
-        named = [(one.name, kinds.equations(one, units)) for part in parts for one in part.models]
+        named = [
+            (model.name, kinds.equations(model, units)) for part in parts for model in part.models
+        ]
         return whole + tuple(
-            replace(one, id=f"{name}: {one.id}") for name, of_part in named for one in of_part
+            replace(equation, id=f"{name}: {equation.id}")
+            for name, of_part in named
+            for equation in of_part
         )
 
     def rules(self, model: Model) -> Iterator[str]:
         """Yield how the parts are put together, each by its name."""
         for part in _body(model).parts:
-            for one in part.models:
-                yield from (f"{one.name}: {rule}" for rule in kinds.rules(one))
+            for inner in part.models:
+                yield from (f"{inner.name}: {rule}" for rule in kinds.rules(inner))
 
     def faults(self, model: Model) -> Iterator[str]:
         """Yield why a stored sum is refused."""
@@ -169,7 +173,7 @@ class SumVerbs(Verbs):
 
     def parameters(self, model: Model) -> int:
         """Return the parameters of all parts."""
-        return sum(kinds.parameters(one) for part in _body(model).parts for one in part.models)
+        return sum(kinds.parameters(inner) for part in _body(model).parts for inner in part.models)
 
     def fed_back(self, model: Model) -> tuple[str, ...]:
         """Return the measured outputs that any part begins from."""
@@ -177,8 +181,8 @@ class SumVerbs(Verbs):
             dict.fromkeys(
                 name
                 for part in _body(model).parts
-                for one in part.models
-                for name in kinds.fed_back(one)
+                for inner in part.models
+                for name in kinds.fed_back(inner)
             )
         )
 

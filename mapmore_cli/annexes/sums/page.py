@@ -12,7 +12,7 @@ from mapmore_cli.domain.models import Model
 def show(model: Model, show_other: Callable[[Model], View]) -> View:
     """Return what `mapmore show` has of a sum: its parts, with their tables and lines."""
     assert isinstance(model.body, Sum)
-    shown = [(one.name, show_other(one)) for one in model.body.models]
+    shown = [(part.name, show_other(part)) for part in model.body.models]
     tables = tuple(table for _, view in shown for table in view.tables)
     lines = tuple(f"{name}: {line}" for name, view in shown for line in view.lines)
     parts = [_part(part, show_other) for part in model.body.parts]
@@ -20,6 +20,6 @@ def show(model: Model, show_other: Callable[[Model], View]) -> View:
 
 
 def _part(part: Part, show_other: Callable[[Model], View]) -> dict[str, object]:
-    fed = {"fed": [_part(one, show_other) for one in part.fed]} if part.fed else {}
+    fed = {"fed": [_part(inner, show_other) for inner in part.fed]} if part.fed else {}
     head = {"sign": part.sign, "renamed": part.inputs}
     return {**head, **fed, **show_other(part.model).document}

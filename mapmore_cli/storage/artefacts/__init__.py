@@ -132,7 +132,7 @@ class FileKind(Generic[T]):
         mark = _mark(path)
         _as_written[mark] = digest.hexdigest()
         # a reader's arrays are contiguous, on which the last digit of a sum may depend
-        if mark[-1] < ROOM and all(one.value.flags.c_contiguous for one in arrays):
+        if mark[-1] < ROOM and all(array.value.flags.c_contiguous for array in arrays):
             _keep(mark, record)
 
     def read(self, path: Path, warn: Warn = lambda _message: None, unverified: bool = False) -> T:

@@ -97,19 +97,22 @@ def put_arrays(file: h5py.File, arrays: Sequence[Waiting], digest: Digest) -> No
     """
     datasets: dict[str, list[Waiting]] = {}
     once: dict[tuple[int, str], str] = {}
-    for one in arrays:
-        path = one.reference[ARRAY]
-        members = datasets.setdefault(path if one.value.size >= LONG else shared_path(path), [])
-        if members and (one.value.dtype, one.label) != (members[0].value.dtype, members[0].label):
+    for array in arrays:
+        path = array.reference[ARRAY]
+        members = datasets.setdefault(path if array.value.size >= LONG else shared_path(path), [])
+        if members and (array.value.dtype, array.label) != (
+            members[0].value.dtype,
+            members[0].label,
+        ):
             members = datasets.setdefault(path, [])
-        members.append(one)
+        members.append(array)
     for path, members in datasets.items():
         value, start = members[0].value, 0
         if path != members[0].reference[ARRAY]:
-            value = np.concatenate([one.value.ravel() for one in members])
-            for one in members:
-                one.reference.update({ARRAY: path, FROM: start, SHAPE: [*one.value.shape]})
-                start += one.value.size
+            value = np.concatenate([member.value.ravel() for member in members])
+            for member in members:
+                member.reference.update({ARRAY: path, FROM: start, SHAPE: [*member.value.shape]})
+                start += member.value.size
         elif value.size >= LONG:
             _, unit = members[0].label
             if other := once.pop((id(value), unit), None):
@@ -205,10 +208,10 @@ def take_document(file: h5py.File) -> tuple[str, Any]:
 
 
 def _without_repeated_keys(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    found = dict(pairs)
-    if len(found) < len(pairs):
+    members = dict(pairs)
+    if len(members) < len(pairs):
         raise ValueError("a key stands twice")
-    return found
+    return members
 
 
 def look_over(file: h5py.File, size: int, ratio: int = RATIO) -> None:
@@ -255,14 +258,14 @@ def _check_attributes(found: h5g.GroupID | h5d.DatasetID, where: str) -> None:
         if count > MOST_ATTRIBUTES:
             raise Invalid(where, f"has {count} attributes")
         for place in range(count):
-            one = h5a.open(found, index=place)
-            kind, width = one.get_type().get_class(), one.get_type().get_size()
-            text = kind == h5t.STRING and one.shape == ()
+            attribute = h5a.open(found, index=place)
+            kind, width = attribute.get_type().get_class(), attribute.get_type().get_size()
+            text = kind == h5t.STRING and attribute.shape == ()
             if (
                 not (text or kind in (h5t.FLOAT, h5t.INTEGER))
-                or width * math.prod(one.shape or ()) > LONGEST_WORD
+                or width * math.prod(attribute.shape or ()) > LONGEST_WORD
             ):
-                name = one.name.decode(errors="replace")[:60]
+                name = attribute.name.decode(errors="replace")[:60]
                 raise Invalid(
                     where,
                     f"has the attribute {name!r}, which is neither numbers nor one short text",

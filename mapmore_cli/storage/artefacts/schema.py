@@ -126,10 +126,10 @@ def taken_apart(hint: Any) -> Hint:
 def stored_fields(type_: Any) -> dict[str, tuple[Any, Any]]:
     """Return hint and default of every stored field, by name."""
     hints, found = get_type_hints(type_, include_extras=True), {}
-    for one in fields(type_):
-        if one.metadata.get("stored", True):
-            made = one.default if one.default_factory is MISSING else one.default_factory()
-            found[one.name] = hints[one.name], made
+    for field in fields(type_):
+        if field.metadata.get("stored", True):
+            made = field.default if field.default_factory is MISSING else field.default_factory()
+            found[field.name] = hints[field.name], made
     return found
 
 
@@ -138,7 +138,11 @@ def bodies(kind: object) -> dict[str, type]:
     """Return what a model consists of (`Body`), or what was fitted (`Fit`), by its kind."""
     if kind not in (Body, Fit):
         return {}
-    return {one.name: type_ for one in kinds() if (type_ := one.body if kind is Body else one.fit)}
+    return {
+        model_kind.name: type_
+        for model_kind in kinds()
+        if (type_ := model_kind.body if kind is Body else model_kind.fit)
+    }
 
 
 def step_to(key: object, place: int) -> str:
@@ -173,11 +177,11 @@ def units_of(record: object) -> Units:
     """Return the units that an object knows, by the names that stand in brackets."""
     match record:
         case Dataset():
-            units = {name: one.unit for name, one in record.quantities.items()}
+            units = {name: quantity.unit for name, quantity in record.quantities.items()}
             return {**units, "target": units.get(record.target, "1")}
         case Model():
             return {"target": record.output.unit} | {
-                one.name: one.unit for one in (*record.inputs, record.output)
+                quantity.name: quantity.unit for quantity in (*record.inputs, record.output)
             }
         case SegmentedCurve() | Pieces():
             return {f"variables.{i}": f"[{name}]" for i, name in enumerate(record.variables)}
