@@ -24,14 +24,29 @@ from importlib.metadata import version
 from itertools import pairwise
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any
+from typing import Annotated, Any
 
-from pydantic import TypeAdapter
+from pydantic import AfterValidator, TypeAdapter
 
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.foreign import csv_cell
 from mapmore_cli.domain.scores import Score, ScoreTable
 from mapmore_cli.storage.atomic import write_text
+
+LONGEST_NAME = 255  # bytes of a file's name, which file systems take
+
+
+def _as_path(text: str) -> str:
+    """Return a recorded path; raises ValueError for one that no file can have, since asking for
+    such a file is an error of its own.
+    """
+    names = [os.fsencode(name) for name in text.split("/")]
+    if b"\0" in b"".join(names) or max(map(len, names)) > LONGEST_NAME:
+        raise ValueError(f"no file can be called {text[:40]!r}")
+    return text
+
+
+RecordedPath = Annotated[str, AfterValidator(_as_path)]
 
 
 @dataclass(frozen=True)
@@ -116,8 +131,8 @@ class StageRecord:
     revision: int
     before: str
     slice: Any
-    inputs: Mapping[str, Stamp]
-    outputs: Mapping[str, Stamp]
+    inputs: Mapping[RecordedPath, Stamp]
+    outputs: Mapping[RecordedPath, Stamp]
     tools: Mapping[str, str]
     seconds: float
     why: str
@@ -129,8 +144,8 @@ class Origin:
     empty), and the settings of the campaign or of the command line.
     """
 
-    spec: str
-    campaign: str = ""
+    spec: RecordedPath
+    campaign: RecordedPath = ""
     settings: tuple[str, ...] = ()
 
     def rival_of(self, other: Origin, run_dir: Path) -> str | None:
@@ -150,7 +165,7 @@ class Origin:
 
 
 _ORIGIN, _STAGES = TypeAdapter(Origin), TypeAdapter(dict[str, StageRecord])
-_FILES = TypeAdapter(dict[str, Stamp])
+_FILES = TypeAdapter(dict[RecordedPath, Stamp])
 _DAMAGE = (OSError, ValueError, TypeError, KeyError, AttributeError, OverflowError, RecursionError)
 """What reading a document of JSON that is none of ours may raise."""
 
@@ -229,7 +244,7 @@ def recorded_name(run_dir: Path) -> str | None:
     """Return the name of the run that the record in a folder is of; None where it is not known."""
     try:
         document = _read_json(run_dir / RUN_RECORD)
-        return str(document["name"]) if document["creator"] == "mapmore" else None
+        return _as_path(str(document["name"])) if document["creator"] == "mapmore" else None
     except _DAMAGE:
         return None
 

@@ -13,6 +13,7 @@ from fake_study import contents, fake_stages, make_data, study
 
 from mapmore_cli.domain.errors import DataError, FitError, WriteError
 from mapmore_cli.pipeline.runner import Options, bring_up_to_date, explain
+from mapmore_cli.storage.ownership import contents_of
 
 ALL = ["ingest", "fit", "fuse", "report"]
 
@@ -330,6 +331,18 @@ def test_damaged_record_counts_as_absent(text, folder):
     assert len(warnings) == 1
     assert "run.json" in warnings[0]
     assert_settled(folder)
+
+
+@pytest.mark.parametrize("name", ["a" * 5000, "sub/" + "é" * 200, "a\0b"])
+def test_a_record_of_files_that_cannot_be_is_damaged(name, folder):
+    run_dir = run(study(folder)).run_dir
+    document = record(folder)
+    document["stages"]["fit"]["outputs"][name] = document["stages"]["fit"]["outputs"]["fit.h5"]
+    (run_dir / "run.json").write_text(json.dumps(document | {"name": name}))
+    warnings = []
+    assert len(reasons(study(folder), warn=warnings.append)) == len(ALL)
+    assert "is damaged" in warnings[0]
+    assert contents_of(run_dir).own == ()
 
 
 def test_edited_record_is_noticed(folder):

@@ -233,6 +233,7 @@ def _million_links(file):
             ),
             "holds neither numbers nor texts",
         ),
+        (put(THETA, data=h5py.Empty("f8")), "has no values"),
         (
             put("document", data="x" * 10, dtype=h5py.string_dtype()),
             "nor texts of a declared length",

@@ -287,6 +287,8 @@ def _bytes_of(dataset: h5d.DatasetID, where: str) -> int:
         raise Invalid(where, "is packed by a filter other than gzip and byte shuffle")
     if not text and kind.get_class() not in (h5t.FLOAT, h5t.INTEGER):
         raise Invalid(where, "holds neither numbers nor texts of a declared length")
+    if shape is None:
+        raise Invalid(where, "has no values")
     if chunk > ROOM:
         raise Invalid(where, f"is cut into chunks of more than {ROOM // 10**6} MB")
     return width * math.prod(shape)  # type: ignore[no-any-return]

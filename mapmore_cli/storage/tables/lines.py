@@ -188,6 +188,9 @@ class Lines(Iterator[str]):
             text = self._decoder.decode(data, final=self._ended)
             data = text.encode("utf-8", TEXT_ERRORS)
         self._held, self._at = rest + self._without_tail(data), 0
+        if self._ended and self._held[-1:] not in (b"", b"\n", b"\r") and LINE.match(self._tail):
+            # a NUL before the end of a line is a damaged cell, and fills nothing
+            self._held, self._tail, self.padding = self._held + self._tail, b"", 0
         self._size += len(data)
         if self._packed is not None:
             refuse_bombs(f"{self._label}: the file", self._size, self._packed, PACKED_TEXT)

@@ -51,6 +51,13 @@ def test_a_line_with_nul_in_it_is_lost_whatever_columns_are_wanted(tmp_path, lin
     np.testing.assert_array_equal(kept.columns["P"], [3, np.nan, 6])
 
 
+@pytest.mark.parametrize("end", [b"\0\n", b"\0\0\r\n", b"\0 \n\0\0"])
+def test_a_nul_in_the_last_cell_is_no_padding(tmp_path, end):
+    content = b"t,P\n1,2\n2," + end
+    with refused("a.csv:row 3: bytes of NUL stand in this line", "`missing: drop`"):
+        csv_table(tmp_path / "a", content, "P")
+
+
 def test_comments_are_left_out_and_counted(tmp_path):
     content = b'# head\nt,P\n1,2\n# valve "open,3\n  #4,5\n3,4\n#end'
     table = csv_table(tmp_path / "a", content, "t", "P", comment="#")
