@@ -31,7 +31,8 @@ OF_RECORDINGS: tuple[Rule, ...] = (
     *(samples.recorded_twice, odd_values.spikes_in, odd_values.below_vacuum),
     *(pairs.computed_from, pairs.untold_difference),
 )
-"""Rules that need the recordings alone, so that they can say why no curves could be made of them.
+"""Rules that need the recordings alone, so that they can say why no curves could be made of
+them.
 """
 
 OF_CURVES: tuple[Rule, ...] = (

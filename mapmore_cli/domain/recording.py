@@ -26,7 +26,8 @@ STATIC_FORCE, DAMPING = "static_force", "damping"
 """What a static model says of a step response, and what it leaves (M2 eq 1)."""
 
 DIRECTION = "direction"
-"""The quantity that tells rise (+1) from fall (-1), by the name that formulas and segments know it.
+"""The quantity that tells rise (+1) from fall (-1), by the name that formulas and segments know
+it.
 """
 
 

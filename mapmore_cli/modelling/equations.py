@@ -40,7 +40,8 @@ TOLERANCE = 5e-4
 
 
 FAR, FARTHEST = 7.0, 600.0
-"""How far from zero the greatest exponent of an exponential may lie; beyond the second, floats end.
+"""How far from zero the greatest exponent of an exponential may lie; beyond the second, floats
+end.
 """
 
 

@@ -188,7 +188,8 @@ def condensed(columns: Columns, y: Array) -> tuple[Columns, Array, Array]:
 
 
 SCATTER = 0.1
-"""Of the smallest distance between two levels: how far values may lie apart that are nominally one.
+"""Of the smallest distance between two levels: how far values may lie apart that are nominally
+one.
 """
 
 VALUES_A_LEVEL = 5
